@@ -1,0 +1,241 @@
+"""The records that pass between the packages: small, frozen, named fields, arrays batch first.
+
+**Time.** `states[t]` precedes `controls[t]`; `controls[t]` acts on the interval `[t, t + 1)` of
+length `dt`. A trajectory of T controls therefore has T + 1 observations and states.
+
+**Shapes.** `...` is any number of leading batch axes, T control steps, P tracked points (end caps),
+W winches (one control each), nq/nv/na MuJoCo's sizes. **Units** are SI, world z is up.
+**Missing** measurements are NaN.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flywheel.errors import DataError
+
+Floats = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class State:
+    """The full mechanical state of a plant.
+
+    Attributes:
+      qpos: (..., nq) generalised positions [m, unit wxyz quaternions].
+      qvel: (..., nv) generalised velocities [m/s, rad/s].
+      act: (..., na) actuator activations; a winch's is its rest length [m].
+    """
+
+    qpos: Floats
+    qvel: Floats
+    act: Floats
+
+    def __getitem__(self, index: Any) -> State:
+        """Index the leading (batch or time) axes of every field."""
+        return State(self.qpos[index], self.qvel[index], self.act[index])
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the robot's sensors give.
+
+    Attributes:
+      points: (..., P, 3) positions of the tracked points [m]; NaN where missing.
+      winch: (..., W) winch positions, as rest length paid out [m]; NaN where not measured.
+    """
+
+    points: Floats
+    winch: Floats
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """(..., P) whether each point was measured."""
+        return np.isfinite(self.points).all(axis=-1)
+
+    def __getitem__(self, index: Any) -> Observation:
+        """Index the leading (batch or time) axes of every field."""
+        return Observation(self.points[index], self.winch[index])
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Observations, controls and, where a plant made them, full states over time.
+
+    Attributes:
+      observations: T + 1 along the last leading axis.
+      controls: (..., T, W) commands within the MJCF's ctrlrange.
+      dt: control step [s].
+      states: T + 1 full states, or None where there is no plant (a recording).
+    """
+
+    observations: Observation
+    controls: Floats
+    dt: float
+    states: State | None = None
+
+    @property
+    def steps(self) -> int:
+        """T, the number of control steps."""
+        return self.controls.shape[-2]
+
+    def __post_init__(self) -> None:
+        got = self.observations.points.shape[-3]
+        if got != self.steps + 1:
+            raise DataError(
+                f"A trajectory of {self.steps} controls has {self.steps + 1} observations, got {got}."
+            )
+        if not np.isfinite(self.controls).all():
+            raise DataError("A trajectory's controls must be finite; got NaN or infinity.")
+        if not self.dt > 0:
+            raise DataError(f"dt must be positive seconds, got {self.dt!r}.")
+
+
+Source = Literal["sim", "recording"]
+Split = Literal["train", "validation", "test"]
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where an episode came from; everything needed to make it again.
+
+    Attributes:
+      robot: digest of the robot (`Robot.digest`).
+      source: "sim" or "recording".
+      dataset: name of the data set for the network's one-hot ("nominal", "friction_low", "recording").
+      controller: name of what chose the controls ("gait:roll", "random", "mppi", ...).
+      model: digest of the weights the controller planned with, or "" without one.
+      task: name of the task, or "".
+      seed: of the episode.
+      iteration: turn of the flywheel that collected it; -1 outside of one.
+      config: digest of the resolved run configuration, or "".
+      code: version of the code.
+      plant: parameters of the plant that differ from the MJCF, e.g. {"friction": 0.6}.
+      effects: name -> parameters of effects added to the plant.
+      conditions: free words of a recording ("new cables").
+    """
+
+    robot: str
+    source: Source = "sim"
+    dataset: str = "nominal"
+    controller: str = ""
+    model: str = ""
+    task: str = ""
+    seed: int = 0
+    iteration: int = -1
+    config: str = ""
+    code: str = ""
+    plant: dict[str, float] = field(default_factory=dict)
+    effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    conditions: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a task ended.
+
+    Attributes:
+      success: the goal was reached in time.
+      seconds: simulated time to the goal, or to the end of the episode [s].
+      distance: CoM distance to the goal at the end [m].
+    """
+
+    success: bool
+    seconds: float
+    distance: float
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One recorded trajectory with identity and provenance. Immutable once committed.
+
+    Attributes:
+      id: unique name, [a-z0-9._-]+ ("i0001-mppi-0003").
+      trajectory: unbatched (no leading axes before time).
+      split: "train", "validation" or "test"; fixed at commit.
+      outcome: of the task, if there was one.
+      timing: side numbers that no digest covers, e.g. {"plan_seconds": (plans,)}.
+    """
+
+    id: str
+    trajectory: Trajectory
+    provenance: Provenance
+    split: Split
+    outcome: Outcome | None = None
+    timing: dict[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Past:
+    """What is known at the present moment, the last entry of `observations`.
+
+    Attributes:
+      observations: (B, h + 1) of them, oldest first.
+      controls: (B, h, W) the commands between them.
+      winch: (B, h + 1, W) best knowledge of the winch positions: measured where there is a channel,
+        else dead-reckoned from the commands by the robot's nominal winch [m].
+      dataset: index of the data set (the network's one-hot).
+      state: (B,) the plant's full state at the present. Only the oracle may look at it.
+    """
+
+    observations: Observation
+    controls: Floats
+    winch: Floats
+    dataset: int = 0
+    state: State | None = None
+
+    @property
+    def history(self) -> int:
+        """h, the number of past control steps."""
+        return self.controls.shape[-2]
+
+    def latest(self, history: int, hold: Floats) -> Past:
+        """The same present with exactly the last `history` steps.
+
+        A past shorter than that (the start of an episode) is padded in front by a robot at rest: the
+        first observation repeated, under the command that holds the winches still.
+
+        Args:
+          history: number of past steps wanted.
+          hold: (B, W) command that holds the oldest winch position (`Robot.holding`).
+        """
+        have = self.history
+        if have < history:
+            return self._padded(history - have, hold)
+        keep = slice(have - history, None)
+        return dataclasses.replace(
+            self,
+            observations=self.observations[:, keep],
+            controls=self.controls[:, keep],
+            winch=self.winch[:, keep],
+        )
+
+    def _padded(self, missing: int, hold: Floats) -> Past:
+        def front(array: Floats) -> Floats:
+            return np.concatenate([np.repeat(array[:, :1], missing, axis=1), array], axis=1)
+
+        held = np.repeat(np.asarray(hold, self.controls.dtype)[:, None], missing, axis=1)
+        return dataclasses.replace(
+            self,
+            observations=Observation(front(self.observations.points), front(self.observations.winch)),
+            controls=np.concatenate([held, self.controls], axis=1),
+            winch=front(self.winch),
+        )
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """A trajectory predicted by a model.
+
+    Attributes:
+      points: (B, H + 1, P, 3) predicted points [m]; entry 0 is the model's present.
+      winch: (B, H + 1, W) predicted winch positions [m].
+    """
+
+    points: Floats
+    winch: Floats

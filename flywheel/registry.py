@@ -1,0 +1,29 @@
+"""Looking a name up in one of the literal registries."""
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import TypeVar
+
+from flywheel.errors import UnknownNameError
+
+T = TypeVar("T")
+
+
+def lookup(table: Mapping[str, T], name: str, kind: str) -> T:
+    """Return `table[name]`.
+
+    Args:
+      table: a registry, e.g. `flywheel.robots.ROBOTS`.
+      name: the entry wanted.
+      kind: what the table holds, in the singular, for the message ("robot").
+
+    Raises:
+      UnknownNameError: no such entry; the message lists the names and the nearest one.
+    """
+    if name in table:
+        return table[name]
+    nearest = get_close_matches(name, table, n=1)
+    hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+    raise UnknownNameError(
+        f"There is no {kind} {name!r}. Known: {', '.join(sorted(table))}.{hint}"
+    )

@@ -1,0 +1,48 @@
+"""Robots: what an MJCF says, and the ones that are shipped."""
+
+from importlib.resources import files
+
+from flywheel.registry import lookup
+from flywheel.robots.robot import (
+    Attachment,
+    Body,
+    Cable,
+    Primitive,
+    Robot,
+    TrackedPoint,
+    Winch,
+)
+from flywheel.robots.world import Box
+
+ROBOTS = {
+    "prism3": "prism3.xml",
+    "icosa6": "icosa6.xml",
+    "platform4": "platform4.xml",
+}
+
+
+def load_robot(name: str) -> Robot:
+    """Load a shipped robot by name, or a user's own by the path of its MJCF (ending in .xml).
+
+    Raises:
+      UnknownNameError: no such robot.
+      RobotError: the MJCF cannot be used.
+    """
+    if name.endswith(".xml"):
+        return Robot.from_mjcf(name)
+    file = lookup(ROBOTS, name, "robot")
+    return Robot.from_mjcf(files(__name__).joinpath("mjcf", file).read_text())
+
+
+__all__ = [
+    "ROBOTS",
+    "Attachment",
+    "Body",
+    "Box",
+    "Cable",
+    "Primitive",
+    "Robot",
+    "TrackedPoint",
+    "Winch",
+    "load_robot",
+]

@@ -1,0 +1,231 @@
+"""The robot as the rest of the project sees it: bodies, tracked points, cables and winches.
+
+Everything here is read off one MJCF (`Robot.from_mjcf`); no number stands anywhere else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from flywheel.records import Floats, State
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """One geometric piece of a rigid body.
+
+    Attributes:
+      name: the geom's name, or one made from its body and number.
+      shape: MuJoCo's geom type in lower case ("sphere", "cylinder", "capsule", "box", ...).
+      size: (3,) half-sizes as in MJCF [m].
+      offset: (3,) centre in the body frame [m].
+      axis: (3,) unit z-axis of the geom in the body frame.
+      mass: [kg].
+      inertia: (3,) principal moments about its centre in the geom frame [kg m^2].
+      collides: takes part in contact with the ground.
+    """
+
+    name: str
+    shape: str
+    size: Floats
+    offset: Floats
+    axis: Floats
+    mass: float
+    inertia: Floats
+    collides: bool
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body that can move.
+
+    Attributes:
+      name: as in the MJCF.
+      mass: [kg].
+      inertia: (3,) principal moments about the centre of mass [kg m^2].
+      com: (3,) centre of mass in the body frame [m].
+      primitives: its geometric pieces.
+      points: indices into `Robot.points` of the tracked points on it.
+    """
+
+    name: str
+    mass: float
+    inertia: Floats
+    com: Floats
+    primitives: tuple[Primitive, ...]
+    points: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TrackedPoint:
+    """A point whose position the robot's sensors give: an end cap, or a marker.
+
+    Attributes:
+      name: the sensor's name; recordings' columns are `<name>.x/.y/.z`.
+      body: index into `Robot.bodies`.
+      offset: (3,) in the body frame [m].
+      radius: of the sphere around it that touches the ground [m]; 0 where nothing does.
+    """
+
+    name: str
+    body: int
+    offset: Floats
+    radius: float
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Where a cable ends: `offset` [m] in the frame of body `body`, or of the world if body is -1.
+
+    Attributes:
+      body: index into `Robot.bodies`, -1 for the world.
+      offset: (3,) [m].
+      point: index of the nearest tracked point on the same body, -1 for the world. The learner,
+        which cannot see the twist, takes the cable to end there.
+    """
+
+    body: int
+    offset: Floats
+    point: int
+
+
+@dataclass(frozen=True)
+class Cable:
+    """A tension-only element between two attachments.
+
+    Attributes:
+      name: the tendon's name.
+      ends: its two attachments.
+      stiffness: [N/m].
+      damping: [N s/m].
+      rest_length: at the keyframe [m].
+      winch: index into `Robot.winches` of the winch that drives it, -1 if passive.
+    """
+
+    name: str
+    ends: tuple[Attachment, Attachment]
+    stiffness: float
+    damping: float
+    rest_length: float
+    winch: int
+
+
+@dataclass(frozen=True)
+class Winch:
+    """A motor that changes the rest length of one or several cables by the same amount.
+
+    Attributes:
+      name: of the control: the (first) actuator's name; recordings' column is `ctrl.<name>`.
+      kind: "rate" (control = rate of the rest length [m/s], positive pays out) or "position"
+        (control = rest length wanted [m], reached with a first-order lag).
+      cables: indices into `Robot.cables`.
+      actuators: indices of the MJCF's actuators that this control drives.
+      control_range: (low, high) of the control [m/s or m].
+      rest_range: (low, high) of the rest length of its first cable [m].
+      time_constant: of the lag of a position winch [s]; 0 for a rate winch.
+      measured: the MJCF has a sensor for its position.
+    """
+
+    name: str
+    kind: Literal["rate", "position"]
+    cables: tuple[int, ...]
+    actuators: tuple[int, ...]
+    control_range: tuple[float, float]
+    rest_range: tuple[float, float]
+    time_constant: float
+    measured: bool
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A cable-driven robot, read off its MJCF.
+
+    Attributes:
+      name: the MJCF's model name.
+      xml: the whole MJCF, self-contained.
+      digest: sha256 of the canonical MJCF; two robots with one digest are the same robot.
+      bodies, points, cables, winches: in the MJCF's order.
+      keyframe: (unbatched) state of the MJCF's first keyframe, where every reset starts.
+      timestep: MuJoCo's step [s].
+      length: characteristic length L, for errors and noise: the longest distance between two tracked
+        points of one body [m].
+      grounded: the MJCF has a ground plane.
+    """
+
+    name: str
+    xml: str
+    digest: str
+    bodies: tuple[Body, ...]
+    points: tuple[TrackedPoint, ...]
+    cables: tuple[Cable, ...]
+    winches: tuple[Winch, ...]
+    keyframe: State
+    timestep: float
+    length: float
+    grounded: bool
+
+    @classmethod
+    def from_mjcf(cls, source: str | Path) -> Robot:
+        """Read a robot from an MJCF file, or from its text.
+
+        Raises:
+          RobotError: the MJCF cannot be used; the message says which element and what is allowed.
+        """
+        from flywheel.robots.mjcf_reader import read_robot  # the reader imports this module
+
+        return read_robot(source)
+
+    @cached_property
+    def control_low(self) -> Floats:
+        """(W,) lowest command of each winch."""
+        return np.array([w.control_range[0] for w in self.winches])
+
+    @cached_property
+    def control_high(self) -> Floats:
+        """(W,) highest command of each winch."""
+        return np.array([w.control_range[1] for w in self.winches])
+
+    @cached_property
+    def rest_low(self) -> Floats:
+        """(W,) shortest rest length each winch can reach [m]."""
+        return np.array([w.rest_range[0] for w in self.winches])
+
+    @cached_property
+    def rest_high(self) -> Floats:
+        """(W,) longest rest length each winch can reach [m]."""
+        return np.array([w.rest_range[1] for w in self.winches])
+
+    @cached_property
+    def rate_driven(self) -> np.ndarray:
+        """(W,) bool: which winches take a rate; the others take a position."""
+        return np.array([w.kind == "rate" for w in self.winches])
+
+    def holding(self, winch: Floats) -> Floats:
+        """The command (..., W) that keeps the winches at the positions `winch` (..., W) [m]."""
+        return np.where(self.rate_driven, 0.0, winch)
+
+    def dead_reckon(self, start: Floats, controls: Floats, dt: float) -> Floats:
+        """Winch positions that nominal winches would have under `controls`.
+
+        Args:
+          start: (..., W) positions before the first control [m].
+          controls: (..., T, W) commands.
+          dt: control step [s].
+
+        Returns:
+          (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
+        """
+        lag = np.array([w.time_constant for w in self.winches])
+        share = np.where(self.rate_driven, 0.0, -np.expm1(-dt / np.maximum(lag, 1e-9)))
+        command = np.clip(controls, self.control_low, self.control_high)
+        positions = [np.asarray(start)]
+        for t in range(controls.shape[-2]):
+            now, wanted = positions[-1], command[..., t, :]
+            step = np.where(self.rate_driven, wanted * dt, share * (wanted - now))
+            positions.append(np.clip(now + step, self.rest_low, self.rest_high))
+        return np.stack(positions, axis=-2)

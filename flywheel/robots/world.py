@@ -1,0 +1,19 @@
+"""What stands around a robot: box obstacles that its plant collides with and its tasks plan around."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Box(BaseModel):
+    """An axis-aligned box obstacle.
+
+    Attributes:
+      center: (x, y, z) [m].
+      half_size: (x, y, z) [m].
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    center: tuple[float, float, float]
+    half_size: tuple[float, float, float]
