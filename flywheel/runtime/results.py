@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.errors import DataError
+from flywheel.evaluation.errors import ErrorTable
+from flywheel.evaluation.intervals import success_interval
 
 Arm = Literal["mppi", "control"]
 RESULT_FILE = "result.json"
@@ -37,15 +38,11 @@ class Success(_Record):
         """Share in 0..1; NaN without a task."""
         return self.reached / self.total if self.total else math.nan
 
-    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Wilson's score interval of the rate; (0, 1) without a task."""
-        if not self.total:
-            return (0.0, 1.0)
-        z = NormalDist().inv_cdf(0.5 + confidence / 2)
-        n, p = self.total, self.rate
-        middle = (p + z * z / (2 * n)) / (1 + z * z / n)
-        half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-        return (max(0.0, middle - half), min(1.0, middle + half))
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the rate; (0, 1) without a task."""
+        interval = success_interval(self.reached, self.total)
+        return (interval.low, interval.high)
 
     def __add__(self, other: Success) -> Success:
         return Success(reached=self.reached + other.reached, total=self.total + other.total)
@@ -59,6 +56,16 @@ class ErrorNumbers(_Record):
     e_rot: float  # [deg]
     windows: int = 0
 
+    @classmethod
+    def of(cls, table: ErrorTable) -> Self:
+        """The totals of a table."""
+        return cls(
+            e_pos_mse=table.e_pos_mse,
+            e_pos_rmse=table.e_pos_rmse,
+            e_rot=table.e_rot,
+            windows=table.windows,
+        )
+
 
 class LeadTimes(_Record):
     """Short-horizon errors by lead time; all tuples are equally long."""
@@ -68,6 +75,19 @@ class LeadTimes(_Record):
     e_pos_rmse: tuple[float, ...]
     e_rot: tuple[float, ...]
 
+    @classmethod
+    def of(cls, table: ErrorTable, every_seconds: float = 0.1) -> Self:
+        """A table's rows, thinned to one per `every_seconds`; the last row is always kept."""
+        lead = table.by_lead_time()
+        stride = max(1, round(every_seconds / table.dt))
+        rows = np.arange(len(lead.seconds))[::-1][::stride][::-1]
+        return cls(
+            seconds=tuple(lead.seconds[rows].tolist()),
+            e_pos_mse=tuple(lead.e_pos_mse[rows].tolist()),
+            e_pos_rmse=tuple(lead.e_pos_rmse[rows].tolist()),
+            e_rot=tuple(lead.e_rot[rows].tolist()),
+        )
+
 
 class Errors(_Record):
     """A dynamics model's errors on one set of episodes. `full` is None where it was not run."""
@@ -75,6 +95,15 @@ class Errors(_Record):
     short: ErrorNumbers
     full: ErrorNumbers | None = None
     by_lead_time: LeadTimes | None = None
+
+    @classmethod
+    def of(cls, short: ErrorTable, full: ErrorTable | None = None) -> Self:
+        """From the tables of `evaluation.score` and `evaluation.score_full`."""
+        return cls(
+            short=ErrorNumbers.of(short),
+            full=None if full is None else ErrorNumbers.of(full),
+            by_lead_time=LeadTimes.of(short),
+        )
 
 
 class Walk(_Record):
