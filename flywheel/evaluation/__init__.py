@@ -1,0 +1,48 @@
+"""Evaluation: statistics per sample, summed into errors by lead time and body, and their intervals."""
+
+from flywheel.evaluation.errors import ErrorTable, LeadTimeErrors
+from flywheel.evaluation.intervals import Interval, median_interval, success_interval
+from flywheel.evaluation.pasts import known_winch, past_at
+from flywheel.evaluation.scoring import (
+    BINS,
+    Window,
+    score,
+    score_by,
+    score_full,
+    score_windows,
+)
+from flywheel.evaluation.statistics import (
+    com_weights,
+    rotation_error,
+    squared_point_error,
+    squared_position_error,
+)
+from flywheel.evaluation.sums import ExactSum
+
+STATISTICS = {
+    "squared_position_error": squared_position_error,
+    "rotation_error": rotation_error,
+    "squared_point_error": squared_point_error,
+}
+
+__all__ = [
+    "BINS",
+    "STATISTICS",
+    "ErrorTable",
+    "ExactSum",
+    "Interval",
+    "LeadTimeErrors",
+    "Window",
+    "com_weights",
+    "known_winch",
+    "median_interval",
+    "past_at",
+    "rotation_error",
+    "score",
+    "score_by",
+    "score_full",
+    "score_windows",
+    "squared_point_error",
+    "squared_position_error",
+    "success_interval",
+]

@@ -1,0 +1,60 @@
+"""Intervals: how sure one can be of a success rate or of a median time, from few episodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from flywheel.errors import DataError
+from flywheel.records import Floats
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with the ends of its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def success_interval(
+    successes: int,
+    trials: int,
+    confidence: float = 0.95,
+    method: Literal["wilson", "exact"] = "wilson",
+) -> Interval:
+    """Success rate with its binomial interval (Wilson's score, or Clopper and Pearson's exact one).
+
+    Without a trial nothing is known: the value is NaN and the interval is [0, 1].
+
+    Raises:
+      DataError: more successes than trials, or negative numbers.
+    """
+    if not 0 <= successes <= trials:
+        raise DataError(f"Of {trials} trials between 0 and {trials} can succeed, got {successes}.")
+    if trials == 0:
+        return Interval(float("nan"), 0.0, 1.0)
+    ends = stats.binomtest(successes, trials).proportion_ci(confidence, method=method)
+    return Interval(successes / trials, float(ends.low), float(ends.high))
+
+
+def median_interval(
+    values: Floats, seed: int, confidence: float = 0.95, resamples: int = 2000
+) -> Interval:
+    """Median with its percentile bootstrap interval; NaN for no values, a point for one.
+
+    Args:
+      values: (N,) e.g. seconds to the goal of the episodes that reached it.
+      seed: of the resampling.
+    """
+    values = np.asarray(values, np.float64)
+    if len(values) == 0:
+        return Interval(*(float("nan"),) * 3)
+    rng = np.random.default_rng(seed)
+    medians = np.median(rng.choice(values, (resamples, len(values))), axis=1)
+    low, high = np.quantile(medians, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return Interval(float(np.median(values)), float(low), float(high))

@@ -1,0 +1,80 @@
+"""What was known at a step of a recorded episode: the past that a dynamics model starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flywheel.records import Episode, Floats, Observation, Past, State
+from flywheel.robots import Robot
+
+
+def known_winch(robot: Robot, observed: Floats, controls: Floats, dt: float) -> Floats:
+    """Best knowledge of the winch positions (..., T + 1, W) [m] over an episode.
+
+    Measured where a winch's channel is complete, else dead-reckoned from the commands, from the first
+    measured position if there is one, else from the keyframe's.
+
+    Args:
+      observed: (..., T + 1, W) measured positions, NaN where not measured [m].
+      controls: (..., T, W) commands.
+      dt: control step [s].
+    """
+    measured = np.isfinite(observed).all(axis=-2, keepdims=True)
+    if measured.all():
+        return np.asarray(observed)
+    nominal = np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches])
+    first = observed[..., 0, :]
+    start = np.where(np.isfinite(first), first, nominal)
+    return np.where(measured, observed, robot.dead_reckon(start, controls, dt))
+
+
+def past_at(
+    episode: Episode, robot: Robot, start: int, history: int, winch: Floats, dataset: int = 0
+) -> Past:
+    """What was known at step `start` of an episode: a batch of one, `history` steps long.
+
+    Args:
+      episode: recorded.
+      robot: it was recorded on.
+      start: index of the present observation.
+      history: past steps wanted; a start earlier than that is padded by a robot at rest.
+      winch: (T + 1, W) of the episode, from `known_winch` [m].
+      dataset: index of the data set.
+    """
+    trajectory = episode.trajectory
+    first = max(0, start - history)
+    seen, between = slice(first, start + 1), slice(first, start)
+    states = trajectory.states
+    past = Past(
+        observations=trajectory.observations[seen][None],
+        controls=trajectory.controls[between][None],
+        winch=winch[seen][None],
+        dataset=dataset,
+        state=None if states is None else states[start : start + 1],
+    )
+    return past.latest(history, robot.holding(winch[first])[None])
+
+
+def stacked(pasts: Sequence[Past]) -> Past:
+    """One batch of pasts of equal history and data set."""
+    states = [past.state for past in pasts if past.state is not None]
+    return Past(
+        observations=Observation(
+            np.concatenate([past.observations.points for past in pasts]),
+            np.concatenate([past.observations.winch for past in pasts]),
+        ),
+        controls=np.concatenate([past.controls for past in pasts]),
+        winch=np.concatenate([past.winch for past in pasts]),
+        dataset=pasts[0].dataset,
+        state=_stacked_states(states) if len(states) == len(pasts) else None,
+    )
+
+
+def _stacked_states(states: Sequence[State]) -> State:
+    return State(
+        np.concatenate([s.qpos for s in states]),
+        np.concatenate([s.qvel for s in states]),
+        np.concatenate([s.act for s in states]),
+    )

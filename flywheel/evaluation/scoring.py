@@ -1,0 +1,214 @@
+"""Scoring a dynamics model on recorded episodes: short horizons from random starts, and whole episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.errors import DataError, ModelError
+from flywheel.evaluation.errors import ErrorTable
+from flywheel.evaluation.pasts import known_winch, past_at, stacked
+from flywheel.records import Episode, Floats
+
+Truth = Callable[[Episode], Floats]
+
+BINS: dict[str, Callable[[Episode], str]] = {
+    "all": lambda episode: "all",
+    "controller": lambda episode: episode.provenance.controller,
+    "dataset": lambda episode: episode.provenance.dataset,
+    "iteration": lambda episode: str(episode.provenance.iteration),
+    "source": lambda episode: episode.provenance.source,
+}
+
+
+@dataclass(frozen=True)
+class Window:
+    """Where a prediction starts, and over how many steps it is scored.
+
+    Attributes:
+      episode: it lies in.
+      start: index of the model's present observation.
+      steps: control steps predicted.
+    """
+
+    episode: Episode
+    start: int
+    steps: int
+
+
+def score(
+    dynamics: Dynamics,
+    episodes: Iterable[Episode],
+    *,
+    horizon_seconds: float = 2.0,
+    starts_per_episode: int = 14,
+    seed: int,
+    history_seconds: float = 0.5,
+    truth: Truth | None = None,
+    datasets: Mapping[str, int] | None = None,
+    batch: int = 256,
+) -> ErrorTable:
+    """Errors over short horizons from random starts.
+
+    The starts depend on the seed and the episode alone, so that every model is scored on the same ones.
+
+    Args:
+      dynamics: the model.
+      episodes: recorded on the model's robot, at its dt.
+      horizon_seconds: predicted from each start [s].
+      starts_per_episode: drawn uniformly, with repetition; an episode too short for one has none.
+      seed: of the starts.
+      history_seconds: no start lies earlier than this where the episode is long enough [s].
+      truth: points (T + 1, P, 3) to score against instead of the measured ones, e.g. the noise-free
+        ones of a simulated episode. The model always starts from the measured ones.
+      datasets: index of each data set for the network's one-hot; 0 for all if None.
+      batch: windows per rollout call.
+
+    Raises:
+      DataError: an episode does not fit the model, or not one window fits any episode.
+    """
+    steps = _steps(horizon_seconds, dynamics.dt, "horizon_seconds")
+    earliest = _steps(history_seconds, dynamics.dt, "history_seconds", least=0)
+    windows = []
+    for episode in episodes:
+        last = episode.trajectory.steps - steps
+        if last < 0:
+            continue
+        rng = np.random.default_rng([seed, *episode.id.encode()])
+        for start in rng.integers(min(earliest, last), last + 1, starts_per_episode):
+            windows.append(Window(episode, int(start), steps))
+    if not windows:
+        raise DataError(
+            f"No episode is long enough to predict {horizon_seconds} s ({steps} steps of "
+            f"{dynamics.dt} s); give longer episodes or a shorter horizon."
+        )
+    return score_windows(dynamics, windows, truth=truth, datasets=datasets, batch=batch)
+
+
+def score_full(
+    dynamics: Dynamics,
+    episodes: Iterable[Episode],
+    *,
+    start_seconds: float = 0.5,
+    truth: Truth | None = None,
+    datasets: Mapping[str, int] | None = None,
+    batch: int = 64,
+) -> ErrorTable:
+    """Errors of one prediction over each whole episode, from `start_seconds` [s] to its end.
+
+    Episodes of different lengths share a rollout call; what lies past an episode's end has no weight.
+    Other arguments and errors as in `score`.
+    """
+    earliest = _steps(start_seconds, dynamics.dt, "start_seconds", least=0)
+    windows = [
+        Window(episode, earliest, episode.trajectory.steps - earliest)
+        for episode in episodes
+        if episode.trajectory.steps > earliest
+    ]
+    if not windows:
+        raise DataError(f"No episode is longer than {start_seconds} s, where predictions start.")
+    windows.sort(key=lambda window: window.steps)  # so that little of a batch is padding
+    return score_windows(dynamics, windows, truth=truth, datasets=datasets, batch=batch)
+
+
+def score_by(
+    bin: Callable[[Episode], str], episodes: Iterable[Episode], scorer: Callable[..., ErrorTable]
+) -> dict[str, ErrorTable]:
+    """One table per named subset of the episodes, e.g. `score_by(BINS["dataset"], ...)`.
+
+    Args:
+      bin: the subset that an episode belongs to (see `BINS`).
+      episodes: to be scored.
+      scorer: called with the episodes of each subset, e.g. a `functools.partial` of `score`.
+    """
+    groups: dict[str, list[Episode]] = {}
+    for episode in episodes:
+        groups.setdefault(bin(episode), []).append(episode)
+    return {name: scorer(group) for name, group in sorted(groups.items())}
+
+
+def score_windows(
+    dynamics: Dynamics,
+    windows: Sequence[Window],
+    *,
+    truth: Truth | None = None,
+    datasets: Mapping[str, int] | None = None,
+    batch: int = 256,
+) -> ErrorTable:
+    """Errors over given windows; in as few rollout calls as `batch` and the data sets allow."""
+    table = ErrorTable.empty(dynamics.robot, dynamics.dt)
+    groups: dict[int, list[Window]] = {}
+    for window in windows:
+        _check_fits(window.episode, dynamics)
+        groups.setdefault(_dataset(window.episode, datasets), []).append(window)
+    for dataset, group in sorted(groups.items()):
+        for i in range(0, len(group), batch):
+            part = group[i : i + batch]
+            table = table + _score_batch(dynamics, part, dataset, truth)
+    return table
+
+
+def _score_batch(
+    dynamics: Dynamics, windows: Sequence[Window], dataset: int, truth: Truth | None
+) -> ErrorTable:
+    robot, longest = dynamics.robot, max(window.steps for window in windows)
+    winches: dict[str, Floats] = {}
+    pasts, controls, targets = [], [], []
+    for window in windows:
+        trajectory = window.episode.trajectory
+        if window.episode.id not in winches:
+            winches[window.episode.id] = known_winch(
+                robot, trajectory.observations.winch, trajectory.controls, trajectory.dt
+            )
+        winch = winches[window.episode.id]
+        pasts.append(past_at(window.episode, robot, window.start, dynamics.history, winch, dataset))
+        end = window.start + window.steps
+        hold = robot.holding(winch[end])
+        controls.append(_padded(trajectory.controls[window.start : end], longest, hold))
+        points = trajectory.observations.points if truth is None else truth(window.episode)
+        targets.append(_padded(points[window.start + 1 : end + 1], longest, np.nan))
+    predicted = dynamics.rollout(stacked(pasts), np.stack(controls)).points[:, 1:]
+    if not np.isfinite(predicted).all():
+        raise ModelError("A prediction is not finite; the model cannot be scored.")
+    return ErrorTable.between(robot, dynamics.dt, np.stack(targets), predicted)
+
+
+def _padded(array: Floats, length: int, value: Floats | float) -> Floats:
+    filled = np.empty((length, *array.shape[1:]))
+    filled[: len(array)] = array
+    filled[len(array) :] = value
+    return filled
+
+
+def _dataset(episode: Episode, datasets: Mapping[str, int] | None) -> int:
+    if datasets is None:
+        return 0
+    name = episode.provenance.dataset
+    if name not in datasets:
+        known = ", ".join(sorted(datasets))
+        raise DataError(f"Episode {episode.id}: no data set {name!r} is known. Known: {known}.")
+    return datasets[name]
+
+
+def _check_fits(episode: Episode, dynamics: Dynamics) -> None:
+    trajectory, robot = episode.trajectory, dynamics.robot
+    if abs(trajectory.dt - dynamics.dt) > 1e-9:
+        raise DataError(
+            f"Episode {episode.id} has dt {trajectory.dt} s, the model predicts at {dynamics.dt} s."
+        )
+    got = (trajectory.observations.points.shape[-2], trajectory.controls.shape[-1])
+    wanted = (len(robot.points), len(robot.winches))
+    if got != wanted:
+        raise DataError(
+            f"Episode {episode.id} has (points, winches) = {got}; robot {robot.name} has {wanted}."
+        )
+
+
+def _steps(seconds: float, dt: float, name: str, least: int = 1) -> int:
+    steps = round(seconds / dt)
+    if steps < least:
+        raise DataError(f"{name} must be at least {least} steps of {dt} s, got {seconds!r} s.")
+    return steps

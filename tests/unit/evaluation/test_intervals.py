@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from flywheel.errors import DataError
+from flywheel.evaluation import median_interval, success_interval
+
+
+def test_wilsons_interval_equals_its_closed_form():
+    n, k, z = 24, 18, 1.959963984540054
+    p = k / n
+    middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    got = success_interval(k, n)
+    np.testing.assert_allclose((got.value, got.low, got.high), (p, middle - half, middle + half))
+
+
+def test_the_exact_interval_of_no_failure_is_the_rule_of_its_tail():
+    got = success_interval(10, 10, method="exact")
+    assert got.high == 1.0
+    assert got.low == pytest.approx(0.025 ** (1 / 10))
+
+
+def test_without_a_trial_nothing_is_known():
+    got = success_interval(0, 0)
+    assert np.isnan(got.value) and (got.low, got.high) == (0.0, 1.0)
+
+
+def test_impossible_counts_are_refused():
+    with pytest.raises(DataError, match="between 0 and 3"):
+        success_interval(4, 3)
+
+
+def test_the_median_interval_covers_the_median_about_as_often_as_it_says():
+    seed = int(np.random.default_rng().integers(1 << 31))
+    rng = np.random.default_rng(seed)
+    hits = 0
+    for i in range(200):
+        got = median_interval(rng.exponential(1.0, 25), seed=i, resamples=300)
+        hits += got.low <= np.log(2.0) <= got.high
+    assert 0.86 <= hits / 200 <= 1.0, f"seed {seed}: {hits}"
+
+
+def test_the_median_of_nothing_is_nan_and_of_one_value_a_point():
+    assert np.isnan(median_interval(np.array([]), seed=0).value)
+    got = median_interval(np.array([3.0]), seed=0)
+    assert (got.value, got.low, got.high) == (3.0, 3.0, 3.0)

@@ -1,0 +1,51 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flywheel.evaluation import ExactSum
+
+VALUES = st.lists(
+    st.one_of(st.floats(0.0, 1e5), st.floats(0.0, 1e-6), st.just(float("nan"))), max_size=40
+)
+
+
+@given(VALUES, st.data())
+def test_any_partition_in_any_order_adds_up_to_the_same_bits(values, data):
+    array = np.array(values).reshape(-1, 1, 1)
+    order = data.draw(st.permutations(range(len(values))))
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(values)), max_size=4)))
+    total = ExactSum.zeros((1, 1))
+    for part in np.split(array[order], cuts):
+        total = total + ExactSum.of(part)
+    assert total == ExactSum.of(array)
+
+
+@given(VALUES)
+def test_the_mean_is_the_mean_of_what_is_present(values):
+    present = [v for v in values if not np.isnan(v)]
+    got = ExactSum.of(np.array(values).reshape(-1, 1)).mean[0]
+    if present:
+        np.testing.assert_allclose(got, np.mean(present), rtol=1e-12, atol=2.0**-59)
+    else:
+        assert np.isnan(got)
+
+
+def test_adding_the_empty_sum_changes_no_bit():
+    values = np.random.default_rng().uniform(0, 10, (7, 5, 3))
+    one = ExactSum.of(values)
+    assert one + ExactSum.zeros((0, 3)) == one == ExactSum.zeros((0, 3)) + one
+
+
+def test_rows_beyond_the_shorter_sum_are_kept():
+    total = ExactSum.of(np.ones((2, 3, 1))) + ExactSum.of(np.ones((4, 5, 1)))
+    assert total.count[:, 0].tolist() == [6, 6, 6, 4, 4]
+
+
+def test_a_huge_value_is_cut_off_instead_of_wrapping_around():
+    total = ExactSum.of(np.full((1000, 1), 1e300))
+    assert total.total[0] == 1000 * 2.0**20
+
+
+def test_sums_over_axes_agree_with_numpy():
+    values = np.random.default_rng().uniform(0, 3, (6, 4, 2))
+    np.testing.assert_allclose(ExactSum.of(values).over((0, 1)).total, values.sum(), rtol=1e-12)
