@@ -91,7 +91,7 @@ def _angle(a: Floats, b: Floats) -> Floats:
 
 def _kabsch_angle(truth: Floats, predicted: Floats) -> Floats:
     """Angle of the rotation that aligns `truth` (..., points, 3) with `predicted` best [rad]."""
-    missing = np.isnan(truth).any(axis=(-2, -1))
+    missing = np.asarray(np.isnan(truth).any(axis=(-2, -1)))
     truth = np.where(missing[..., None, None], predicted, truth)
     a = truth - truth.mean(axis=-2, keepdims=True)
     b = predicted - predicted.mean(axis=-2, keepdims=True)
