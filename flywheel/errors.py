@@ -24,6 +24,10 @@ class ModelError(FlywheelError):
     """A dynamics model that does not fit its robot or data, or predicts no finite number."""
 
 
+class RunError(FlywheelError):
+    """A run that cannot go on: workers gone, disk full, too few episodes. Finished work is kept."""
+
+
 class UnknownNameError(FlywheelError, KeyError):
     """A name that is in no registry."""
 

@@ -1,0 +1,272 @@
+"""The Ray door: the only file that imports ray.
+
+A worker is a plain class. Here it becomes an actor with a second, tiny thread of its own that answers
+"how far are you?" while the job runs. Ray's own restarts and retries stay off: the pool counts and
+reports them instead.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+# Before `import ray`: no re-creation of the environment on every worker under `uv run`, no usage
+# reports, no warning about accelerators.
+os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+
+import ray
+from ray import exceptions
+
+from flywheel.errors import ConfigError, FlywheelError, RunError
+from flywheel.runtime.jobs import Beat, Group, Job, JobFailed, WorkerDied
+
+LOG = logging.getLogger(__name__)
+OBJECT_STORE_BYTES = 200_000_000
+_DEATHS = (
+    exceptions.RayActorError,  # also ActorDiedError and ActorUnavailableError
+    exceptions.WorkerCrashedError,
+    exceptions.NodeDiedError,
+    exceptions.OwnerDiedError,
+    exceptions.ObjectLostError,
+    exceptions.OutOfMemoryError,
+)
+
+
+@dataclass(frozen=True)
+class ClusterConfig:
+    """Where the workers live.
+
+    Attributes:
+      address: of an existing cluster ("host:6379", "auto"), or None to start one here.
+      cpus: of the local cluster.
+      gpus: of the local cluster.
+      object_store_bytes: shared memory of the local cluster.
+    """
+
+    address: str | None = None
+    cpus: int = 2
+    gpus: int = 0
+    object_store_bytes: int = OBJECT_STORE_BYTES
+
+
+class Cluster:
+    """A connection to Ray for as long as a `with` block lasts.
+
+    A Ray that is already initialised in this process is used as it is and left running.
+    """
+
+    def __init__(self, config: ClusterConfig) -> None:
+        self._config = config
+        self._own = False
+
+    def __enter__(self) -> Self:
+        if not ray.is_initialized():
+            self._own = True
+            with _translated(self._config.address):
+                self._connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._own:
+            ray.shutdown()
+
+    def _connect(self) -> None:
+        _log_obituaries()
+        quiet = {"log_to_driver": False, "logging_level": "ERROR"}
+        if self._config.address is not None:
+            ray.init(address=self._config.address, **quiet)
+            return
+        if "RAY_AUTH_MODE" not in os.environ:
+            # A cluster on the loopback of this process needs no token, and none is left in HOME.
+            os.environ["RAY_AUTH_MODE"] = "disabled"
+        ray.init(
+            num_cpus=self._config.cpus,
+            num_gpus=self._config.gpus,
+            object_store_memory=self._config.object_store_bytes,
+            include_dashboard=False,
+            **quiet,
+        )
+
+    def check_fits(self, groups: Iterable[Group]) -> None:
+        """Compare what the groups book with what the cluster has.
+
+        Raises:
+          ConfigError: too little; Ray itself would wait for ever without a word.
+        """
+        check_fits(groups, ray.cluster_resources())
+
+
+def check_fits(groups: Iterable[Group], there: dict[str, float]) -> None:
+    """Compare what the groups book with the resources `there`, e.g. {"CPU": 2.0}.
+
+    Raises:
+      ConfigError: too little of anything; the message holds a table.
+    """
+    groups = list(groups)
+    rows = [
+        (
+            group.name,
+            str(group.count),
+            f"{group.cpus * group.count:g}",
+            f"{group.gpus * group.count:g}",
+        )
+        for group in groups
+    ]
+    cpus = sum(group.cpus * group.count for group in groups)
+    gpus = sum(group.gpus * group.count for group in groups)
+    has = (there.get("CPU", 0.0), there.get("GPU", 0.0))
+    if cpus <= has[0] and gpus <= has[1]:
+        return
+    rows += [("wanted", "", f"{cpus:g}", f"{gpus:g}"), ("there", "", f"{has[0]:g}", f"{has[1]:g}")]
+    table = "\n".join(f"  {a:<10}{b:>8}{c:>8}{d:>8}" for a, b, c, d in [_HEADER, *rows])
+    raise ConfigError(
+        "The cluster is too small for the workers that the configuration asks for:\n"
+        f"{table}\nAsk for fewer (workers.sim=...), or give the cluster more."
+    )
+
+
+_HEADER = ("workers", "count", "CPUs", "GPUs")
+
+
+@contextmanager
+def _translated(address: str | None) -> Any:
+    """Turn Ray's connection errors into one line of advice."""
+    try:
+        yield
+    except (ConnectionError, exceptions.RayError, RuntimeError, ValueError, OSError) as error:
+        where = f"the Ray cluster at {address}" if address else "a local Ray"
+        token = "auth" in f"{type(error).__name__} {error}".lower()
+        advice = (
+            "It wants a token: set RAY_AUTH_MODE=token and RAY_AUTH_TOKEN (or ~/.ray/auth_token) "
+            "as on its head node."
+            if token
+            else "Is it running, is the address host:port as seen from here, and the Ray version "
+            f"the same ({ray.__version__})?"
+        )
+        first = str(error).strip().splitlines()[:1] or [type(error).__name__]
+        raise RunError(f"No connection to {where}: {first[0]} {advice}") from error
+
+
+def _log_obituaries() -> None:
+    """Ray prints a paragraph about every dead worker on stdout, whatever `log_to_driver` says."""
+    from ray._private import worker  # no public switch; without this attribute nothing changes
+
+    if hasattr(worker, "print_to_stdstream"):
+        worker.print_to_stdstream = lambda data, ignore_prefix: LOG.info(
+            "%s: %s", data.get("pid"), " ".join(map(str, data.get("lines", ())))
+        )
+
+
+class _Actor:
+    """Holds a plain worker and answers for it."""
+
+    def __init__(self, factory: type, arguments: tuple[Any, ...]) -> None:
+        self._worker = factory(*arguments)
+
+    def ready(self) -> None:
+        return None
+
+    def work(self, method: str, *arguments: Any) -> Any:
+        return getattr(self._worker, method)(*arguments)
+
+    def beat(self) -> Beat | None:
+        return getattr(self._worker, "beat", None)
+
+
+class RayBackend:
+    """Workers as Ray actors (`jobs.Backend`)."""
+
+    def __init__(self) -> None:
+        self._beats: dict[Any, tuple[Any, Beat | None]] = {}
+
+    def start(self, group: Group) -> Any:
+        """Begin to start an actor; it lives until it is killed or the driver ends."""
+        threads = str(group.threads)
+        names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "FLYWHEEL_THREADS")
+        actor = ray.remote(
+            num_cpus=group.cpus,
+            num_gpus=group.gpus,
+            max_restarts=0,
+            max_task_retries=0,
+            concurrency_groups={"status": 1},
+            runtime_env={"env_vars": dict.fromkeys(names, threads)},
+        )(_Actor)
+        return actor.remote(group.factory, group.arguments)
+
+    def ready(self, worker: Any) -> Any:
+        """A ticket for the end of its start."""
+        return worker.ready.remote()
+
+    def submit(self, worker: Any, job: Job) -> Any:
+        """Send the job."""
+        self._beats.pop(worker, None)
+        return worker.work.remote(job.method, *job.arguments)
+
+    def wait(self, tickets: Sequence[Any], seconds: float) -> list[Any]:
+        """Those that are finished."""
+        if not tickets:
+            return []
+        done, _ = ray.wait(list(tickets), num_returns=1, timeout=seconds)
+        if done:  # others may have finished in the same moment
+            done, _ = ray.wait(list(tickets), num_returns=len(tickets), timeout=0)
+        return done
+
+    def result(self, ticket: Any) -> Any:
+        """Of a finished ticket."""
+        try:
+            return ray.get(ticket, timeout=60)
+        except exceptions.RayTaskError as error:
+            cause = error.cause or error
+            if isinstance(cause, FlywheelError):
+                raise cause from None
+            raise JobFailed(f"{type(cause).__name__}: {cause}", str(error)) from None
+        except (*_DEATHS, exceptions.GetTimeoutError) as error:
+            raise WorkerDied(_obituary(error)) from None
+
+    def beat(self, worker: Any) -> Beat | None:
+        """The last one known; asks for the next without waiting."""
+        question, known = self._beats.get(worker, (None, None))
+        if question is not None:
+            if not ray.wait([question], timeout=0)[0]:
+                return known
+            try:
+                known = ray.get(question, timeout=1)
+            except exceptions.RayError:
+                return known  # its death is noticed where its job is waited for
+        asked = worker.beat.options(concurrency_group="status").remote()
+        self._beats[worker] = (asked, known)
+        return known
+
+    def kill(self, worker: Any) -> None:
+        """End it at once."""
+        self._beats.pop(worker, None)
+        ray.kill(worker, no_restart=True)
+
+    def share(self, value: Any) -> Any:
+        """Put it in the object store once; workers on a node share one copy, read-only."""
+        return ray.put(value)
+
+
+def _obituary(error: BaseException) -> str:
+    """One line of Ray's paragraph about a dead actor."""
+    text = " ".join(str(error).split())
+    detail = re.search(r"exit detail: ([^.]*)", text)
+    return f"{type(error).__name__}: {detail.group(1) if detail else text[:200]}"
+
+
+def versions() -> dict[str, str]:
+    """Of Ray, for the record of a run."""
+    return {"ray": ray.__version__}

@@ -1,0 +1,60 @@
+"""Ctrl-C and SIGTERM: the first asks the run to stop cleanly, the second stops it at once."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Self
+
+from flywheel.errors import FlywheelError
+
+EXIT_CODE = 130
+
+
+class Interrupted(FlywheelError):
+    """The run was asked to stop, and did; `--resume` goes on from here."""
+
+
+class StopRequest:
+    """Callable that turns true when the user asks to stop; a context manager for the signals.
+
+    Inside a thread that is not the main one no signal can be caught, and `ask` is the only way.
+    """
+
+    SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+    def __init__(self) -> None:
+        self._asked = threading.Event()
+        self._before: dict[signal.Signals, object] = {}
+
+    def __call__(self) -> bool:
+        return self._asked.is_set()
+
+    def ask(self) -> None:
+        """Ask the run to stop as the first Ctrl-C would."""
+        self._asked.set()
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {s: signal.signal(s, self._caught) for s in self.SIGNALS}
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._restore()
+
+    def _caught(self, number: int, frame: FrameType | None) -> None:
+        self.ask()
+        # From now on Python's own handling is back: the second Ctrl-C stops wherever we are.
+        for each in self.SIGNALS:
+            signal.signal(each, signal.default_int_handler)
+
+    def _restore(self) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        self._before = {}

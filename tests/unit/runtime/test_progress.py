@@ -1,0 +1,33 @@
+"""What people see while they wait."""
+
+from flywheel.runtime.progress import Lines, clock_face
+
+
+def test_plain_lines_tell_share_rate_and_time_left():
+    now = [0.0]
+    lines: list[str] = []
+    with Lines(lines.append, every=10, clock=lambda: now[0]).stage("collect", 40) as stage:
+        stage.update(1)
+        now[0] = 30
+        stage.update(10, "episode 3")
+        now[0] = 31
+        stage.update(11)
+        now[0] = 120
+    assert lines == [
+        "collect:  25% after 0:30, 1:30 left, 0.333/s, episode 3",
+        "collect: done in 2:00",
+    ]
+
+
+def test_a_stage_that_fails_does_not_claim_to_be_done():
+    lines: list[str] = []
+    try:
+        with Lines(lines.append).stage("train", 1):
+            raise ValueError
+    except ValueError:
+        pass
+    assert lines == []
+
+
+def test_times_read_like_a_clock():
+    assert [clock_face(s) for s in (0, 59.6, 61, 3661)] == ["0:00", "1:00", "1:01", "1:01:01"]
