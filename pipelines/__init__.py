@@ -1,0 +1,1 @@
+"""The entry points: each module parses, builds from `flywheel.*`, calls, and shows."""
