@@ -1,0 +1,162 @@
+"""The house stays as drawn: who may import whom, which door leads where, and how long a file is."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LAYERS = {
+    "records": 0, "rotations": 0, "registry": 0, "errors": 0,
+    "robots": 1,
+    "effects": 2, "tasks": 2, "data": 2,
+    "dynamics": 3,
+    "evaluation": 4,
+    "control": 5, "training": 5, "diagnosis": 5,
+    "runtime": 6, "reports": 6,
+}  # fmt: skip
+PIPELINES = 7
+SHARED_ROWS = {0, 6}  # rows whose packages may import each other
+DOORS = {
+    "ray": ("flywheel/runtime/cluster.py",),
+    "mlflow": ("flywheel/runtime/tracking.py",),
+    "zarr": ("flywheel/data/zarr_files.py",),
+    "mujoco": ("flywheel/robots/", "flywheel/dynamics/plant/", "flywheel/effects/"),
+}
+LONGEST_FILE = 320
+LONGEST_FUNCTION = 60
+ABSOLUTE = re.compile(r"^/(work|home|root|tmp|usr|opt|var|mnt|data|Users)\b|^[A-Z]:\\")
+
+
+def sources(*folders: str) -> list[Path]:
+    return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    """Full names of what is imported, `a.b` also for `from a import b`, with the line."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                yield "." * node.level, node.lineno
+            else:
+                yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+
+
+def package_of(path: str) -> str:
+    """`robots` of flywheel/robots/robot.py; `records` of flywheel/records.py."""
+    return path.split("/")[1].removesuffix(".py")
+
+
+def wrong_imports(path: str, source: str) -> list[str]:
+    """What a file imports though its row may not, as sentences."""
+    wrong = []
+    inside = path.startswith("flywheel/") and package_of(path) != "__init__"
+    own = package_of(path) if inside else ""
+    row = LAYERS.get(own, PIPELINES)
+    for name, line in imports(ast.parse(source)):
+        top, *rest = name.split(".")
+        where = f"{path}:{line} imports {name}"
+        if top == "":
+            wrong.append(f"{where}: imports are absolute here")
+        if top in DOORS and not path.startswith(DOORS[top]):
+            wrong.append(f"{where}: only {' and '.join(DOORS[top])} may")
+        if inside and top == "pipelines":
+            wrong.append(f"{where}: nothing imports the entry points")
+        other = rest[0] if rest else ""
+        if not inside or top != "flywheel" or other == own or other not in LAYERS:
+            continue
+        if LAYERS[other] > row:
+            wrong.append(f"{where}: row {row} may not import row {LAYERS[other]}")
+        elif LAYERS[other] == row and row not in SHARED_ROWS:
+            wrong.append(f"{where}: packages of row {row} do not know each other")
+    return wrong
+
+
+@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+def test_a_file_imports_only_from_rows_above_and_through_its_doors(path: Path) -> None:
+    assert wrong_imports(relative(path), path.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("flywheel/robots/robot.py", "from flywheel.dynamics import baselines"),
+        ("flywheel/robots/robot.py", "def f():\n    import flywheel.data.store"),
+        ("flywheel/tasks/reach.py", "from flywheel.data import TrajectoryStore"),
+        ("flywheel/training/loss.py", "from flywheel.control import Mppi"),
+        ("flywheel/control/mppi.py", "from flywheel import training"),
+        ("flywheel/records.py", "from flywheel.robots import Robot"),
+        ("flywheel/data/store.py", "import zarr.storage"),
+        ("flywheel/runtime/loop.py", "from ray import util"),
+        ("flywheel/reports/page.py", "import mlflow"),
+        ("flywheel/control/gaits.py", "from mujoco import MjModel"),
+        ("pipelines/bench.py", "import mujoco"),
+        ("flywheel/runtime/loop.py", "from pipelines import cli"),
+        ("flywheel/data/store.py", "from . import windows"),
+    ],
+)
+def test_a_forbidden_import_is_found(path: str, source: str) -> None:
+    assert len(wrong_imports(path, source)) == 1
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("flywheel/dynamics/gnn/graph.py", "from flywheel.robots import Robot"),
+        ("flywheel/dynamics/gnn/graph.py", "from flywheel.dynamics.protocol import Dynamics"),
+        ("flywheel/dynamics/plant/plant.py", "import mujoco"),
+        ("flywheel/rotations.py", "from flywheel.errors import DataError"),
+        ("flywheel/reports/page.py", "from flywheel.runtime.results import RunResult"),
+        ("pipelines/run.py", "from flywheel.runtime import loop"),
+    ],
+)
+def test_an_allowed_import_passes(path: str, source: str) -> None:
+    assert wrong_imports(path, source) == []
+
+
+def test_every_package_has_a_row() -> None:
+    inside = [p for p in (ROOT / "flywheel").iterdir() if p.name[0] not in "_."]
+    present = {p.stem for p in inside if p.suffix == ".py" or any(p.rglob("*.py"))}
+    assert present <= LAYERS.keys()
+
+
+@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+def test_files_and_functions_stay_short(path: Path) -> None:
+    source = path.read_text()
+    assert len(source.splitlines()) <= LONGEST_FILE, "a file this long is missing a noun"
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, functions):
+            length = (node.end_lineno or node.lineno) - node.lineno + 1
+            assert length <= LONGEST_FUNCTION, f"{node.name} has {length} lines"
+
+
+@pytest.mark.parametrize("path", sources("flywheel", "pipelines", "tests"), ids=relative)
+def test_no_path_of_one_machine_is_written_down(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            assert not ABSOLUTE.match(node.value), f"{relative(path)}:{node.lineno} {node.value!r}"
+
+
+@pytest.mark.parametrize("path", sources("flywheel"), ids=relative)
+def test_the_library_does_not_print(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        called = node.func if isinstance(node, ast.Call) else None
+        printing = isinstance(called, ast.Name) and called.id in {"print", "breakpoint"}
+        assert not printing, f"{relative(path)}:{node.lineno}"
+
+
+@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+def test_no_file_is_named_for_nothing_in_particular(path: Path) -> None:
+    assert path.stem not in {"utils", "util", "common", "helpers", "misc", "manager"}
+    assert not re.search(r"_v\d+$|\d_new$|_old$", path.stem)
