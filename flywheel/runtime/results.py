@@ -32,7 +32,7 @@ class IterationResult(ResultRecord):
     Attributes:
       iteration: 0 is gaits, random controls and drops.
       arm: "mppi", or "control" (as many episodes and optimiser steps, but random controls).
-      snapshot, parent_snapshot: digests of the data the model was trained on, and of the one before.
+      snapshot, parent_snapshot: digests of the data the model was trained on, and of the former.
       model: digest of the weights.
       validation, test: errors; None where not run.
       navigation: closed-loop evaluation with this model; None where not run.
@@ -119,12 +119,16 @@ class RunResult(ResultRecord):
         shared = {i.iteration: i for i in self.iterations if i.iteration == 0}
         return tuple(i for _, i in sorted((shared | own).items()))
 
-    def test_errors(self, result: IterationResult) -> Errors | None:
-        """On the pooled test set if that was run, else on the iteration's own test episodes."""
+    def pooled_errors(self, result: IterationResult) -> Errors | None:
+        """Of an iteration's model on the pooled test set; None where that was not run."""
         for pooled in self.pooled:
             if (pooled.arm, pooled.iteration) == (result.arm, result.iteration):
                 return pooled.errors
-        return result.test
+        return None
+
+    def test_errors(self, result: IterationResult) -> Errors | None:
+        """On the pooled test set if that was run, else on the iteration's own test episodes."""
+        return self.pooled_errors(result) or result.test
 
     def save(self, folder: str | Path) -> Path:
         """Write `<folder>/result.json` in one atomic step."""
@@ -170,6 +174,7 @@ def load(kind: type[R], path: Path) -> R:
 
 
 __all__ = [
+    "RESULT_FILE",
     "Arm",
     "ErrorNumbers",
     "Errors",
@@ -179,7 +184,6 @@ __all__ = [
     "Navigation",
     "Overlay",
     "PooledTest",
-    "RESULT_FILE",
     "ResultRecord",
     "RunResult",
     "Success",

@@ -1,0 +1,113 @@
+"""Which number of a result goes under which name onto MLflow's charts.
+
+The part of a name before the slash becomes a section of MLflow's page. The parent run's step is the
+iteration; the names of its lines are shared by the runs that stand beside it (the control arm, the
+floor, the oracle), so that they meet in one chart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from flywheel.runtime.results import (
+    ErrorNumbers,
+    Errors,
+    IterationResult,
+    LeadTimes,
+    Navigation,
+    TrainingPoint,
+)
+
+Values = dict[str, float]
+
+
+def iteration_values(result: IterationResult) -> Values:
+    """Every number of an iteration that makes a line over iterations."""
+    values: Values = {
+        "data/episodes": result.episodes,
+        "data/steps": result.steps,
+        "data/new_episodes": result.new_episodes,
+        "data/new_steps": result.new_steps,
+        "health/worker_restarts": result.restarts,
+        "health/quarantined_tasks": result.quarantined,
+        "health/invalid_episodes": result.invalid,
+        **{f"seconds/{stage}": seconds for stage, seconds in result.seconds.items()},
+    }
+    if result.validation is not None:
+        values |= error_values("validation", result.validation)
+    if result.test is not None:
+        values |= error_values("test", result.test)
+    if result.navigation is not None:
+        values |= navigation_values(result.navigation)
+    if result.gate is not None:
+        values |= {"gate/number": result.gate.number, "gate/promoted": float(result.gate.promoted)}
+    return values
+
+
+def error_values(section: str, errors: Errors) -> Values:
+    """Short-horizon and full errors of one set of episodes."""
+    values = _totals(f"{section}/short", errors.short)
+    return values if errors.full is None else values | _totals(f"{section}/full", errors.full)
+
+
+def navigation_values(navigation: Navigation) -> Values:
+    """Success with its interval, times to the goal, planning times."""
+    low, high = navigation.success.interval
+    values: Values = {
+        "success/rate": navigation.success.rate,
+        "success/rate_low": low,
+        "success/rate_high": high,
+        "success/reached": navigation.success.reached,
+        "success/episodes": navigation.success.total,
+    }
+    if navigation.seconds_to_goal:
+        values["success/seconds_to_goal_median"] = navigation.median_seconds
+    if navigation.plan_seconds:
+        values["seconds/plan_median"] = navigation.plan_quantile(0.5)
+        values["seconds/plan_p95"] = navigation.plan_quantile(0.95)
+    return values
+
+
+def curve_values(point: TrainingPoint) -> Values:
+    """One point of a training curve; its step is the optimiser's."""
+    optional = {
+        "training/learning_rate": point.learning_rate,
+        "training/validation_e_pos_rmse_percent": point.validation_e_pos_rmse,
+        "training/validation_e_rot_deg": point.validation_e_rot,
+    }
+    return {"training/loss": point.loss} | {k: v for k, v in optional.items() if v is not None}
+
+
+def lead_time_values(lead: LeadTimes) -> list[tuple[int, Values]]:
+    """(lead time in milliseconds, errors there) for each lead time."""
+    return [
+        (
+            round(1000 * seconds),
+            {
+                "by_lead_time_ms/e_pos_mse_percent": lead.e_pos_mse[i],
+                "by_lead_time_ms/e_pos_rmse_percent": lead.e_pos_rmse[i],
+                "by_lead_time_ms/e_rot_deg": lead.e_rot[i],
+            },
+        )
+        for i, seconds in enumerate(lead.seconds)
+    ]
+
+
+def flattened(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """A nested configuration as dotted names and short texts; lists stay one value."""
+    flat: dict[str, str] = {}
+    for name, value in config.items():
+        if isinstance(value, Mapping) and value:
+            flat |= flattened(value, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = str(value)
+    return flat
+
+
+def _totals(prefix: str, errors: ErrorNumbers) -> Values:
+    return {
+        f"{prefix}_e_pos_mse_percent": errors.e_pos_mse,
+        f"{prefix}_e_pos_rmse_percent": errors.e_pos_rmse,
+        f"{prefix}_e_rot_deg": errors.e_rot,
+    }
