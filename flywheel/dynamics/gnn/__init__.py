@@ -1,0 +1,20 @@
+"""The graph network as a dynamics model: configuration, weights, differentiable simulator."""
+
+from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.learned import LearnedDynamics
+from flywheel.dynamics.gnn.network import ChunkNetwork
+from flywheel.dynamics.gnn.normalisation import fit_normalisation
+from flywheel.dynamics.gnn.simulator import Simulator, Unrolled
+from flywheel.dynamics.gnn.weights import load_weights, save_weights, weights_digest
+
+__all__ = [
+    "ChunkNetwork",
+    "LearnedDynamics",
+    "NetworkConfig",
+    "Simulator",
+    "Unrolled",
+    "fit_normalisation",
+    "load_weights",
+    "save_weights",
+    "weights_digest",
+]

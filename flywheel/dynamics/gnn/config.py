@@ -1,0 +1,91 @@
+"""What a user can choose about the network, one field per component so that each can be ablated."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class NetworkConfig(BaseModel):
+    """The shape of a `ChunkNetwork` and what it is shown. The defaults are the `lean` network.
+
+    Attributes:
+      decomposition: body nodes stand at the tracked points ("caps"), or at every geometric piece of
+        a body and at the tracked points without one ("primitives").
+      width: of all latent vectors.
+      rounds: L, of message passing.
+      chunk: n, the control steps that one call predicts.
+      dt: control step [s].
+      control_history: h, past controls that a cable's features hold.
+      warmup_chunks: measured past prediction chunks that the LSTM runs through before it predicts.
+      velocity_window: steps over which node velocities are fitted to the measured past; 1 is the
+        backward difference, more is for noisy points.
+      smooth_present: also take the present positions from that fit instead of as measured.
+      config_features: show nodes their place relative to a designated node and to their body's
+        centre of mass, and the body's axis.
+      recurrent: an LSTM on the body nodes.
+      winch: the rest-length changes are the cable decoder's ("learned"), the decoder's on top of
+        the nominal winch's ("residual"), or the nominal winch's alone ("analytic").
+      edge_updates: edges carry latent vectors that every round updates (an interaction network).
+        Else edge encodings stay, and what a round sends is a single layer of them and of the nodes.
+      mlp_layers: linear layers of the encoders, of the decoders and, with edge_updates, of the
+        messages and updates.
+      layer_norm: normalise the encoded latents, and the nodes' after each round.
+      contact_edges: connect nodes near the ground with it; else they only feel their distance.
+      contact_threshold: distance below which there is a contact edge, as a fraction of the robot's
+        length.
+      ground_clamp: largest distance to the ground that a node sees, likewise.
+      yaw_frame: show and predict all vectors in a frame that turns with the robot about the
+        vertical, so that predictions turn with it exactly. Else in world axes, where only turned
+        training data teaches that.
+      datasets: size of the data sets' one-hot.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    decomposition: Literal["caps", "primitives"] = "caps"
+    width: int = Field(default=64, ge=4)
+    rounds: int = Field(default=3, ge=1)
+    chunk: int = Field(default=6, ge=1, le=16)
+    dt: float = Field(default=0.01, gt=0)
+    control_history: int = Field(default=20, ge=0)
+    warmup_chunks: int = Field(default=3, ge=0)
+    velocity_window: int = Field(default=1, ge=1)
+    smooth_present: bool = False
+    config_features: bool = True
+    recurrent: bool = True
+    winch: Literal["learned", "residual", "analytic"] = "residual"
+    edge_updates: bool = False
+    mlp_layers: int = Field(default=2, ge=1)
+    layer_norm: bool = False
+    contact_edges: bool = True
+    contact_threshold: float = Field(default=0.1, gt=0)
+    ground_clamp: float = Field(default=0.2, gt=0)
+    yaw_frame: bool = True
+    datasets: int = Field(default=10, ge=1)
+
+    @classmethod
+    def lean(cls, **changes: Any) -> NetworkConfig:
+        """Nodes at the end caps, static edge encodings, small widths: the default."""
+        return cls(**changes)
+
+    @classmethod
+    def paper(cls, width: int = 512, **changes: Any) -> NetworkConfig:
+        """The paper's network; at its own width of 512 it is hundreds of times slower than `lean`."""
+        settings: dict[str, Any] = {
+            "decomposition": "primitives",
+            "rounds": 4,
+            "winch": "learned",
+            "edge_updates": True,
+            "mlp_layers": 3,
+            "layer_norm": True,
+            "yaw_frame": False,
+        }
+        return cls(width=width, **(settings | changes))
+
+    @property
+    def history(self) -> int:
+        """Past steps that a prediction needs, for the controls, the velocities and the LSTM."""
+        warmup = self.warmup_chunks * self.chunk if self.recurrent else 0
+        return max(self.control_history, warmup + self.velocity_window)
