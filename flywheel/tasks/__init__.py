@@ -1,0 +1,1 @@
+"""Tasks: goals, obstacles, and what a predicted motion costs."""
