@@ -1,4 +1,4 @@
-"""Evaluation: statistics per sample, summed into errors by lead time and body, and their intervals."""
+"""Evaluation: statistics per sample, summed into errors by lead time and body; intervals."""
 
 from flywheel.evaluation.errors import ErrorTable, LeadTimeErrors
 from flywheel.evaluation.intervals import Interval, median_interval, success_interval

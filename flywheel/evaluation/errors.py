@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flywheel.errors import DataError
+from flywheel.errors import DataError, ModelError
 from flywheel.evaluation.statistics import (
     rotation_error,
     squared_point_error,
@@ -38,9 +38,9 @@ class ErrorTable:
     """A dynamics model's errors over a set of windows. Tables of one robot add, exactly.
 
     **Definitions** (L is the robot's characteristic length, means run over windows, lead times and
-    bodies): `e_pos_mse` = mean |dP|^2 / L with |dP|^2 summed over x, y, z, as the paper writes it: it has
-    the unit of a length and is shown times 100. `e_pos_rmse` = sqrt(mean |dP|^2) / L [%]. `e_rot` = mean
-    angle between body axes (or orientations) [deg].
+    bodies): `e_pos_mse` = mean |dP|^2 / L with |dP|^2 summed over x, y, z, as the paper writes it:
+    it has the unit of a length and is shown times 100. `e_pos_rmse` = sqrt(mean |dP|^2) / L [%].
+    `e_rot` = mean angle between body axes (or orientations) [deg].
 
     Attributes:
       length: L [m].
@@ -80,11 +80,14 @@ class ErrorTable:
 
         Raises:
           DataError: the shapes differ.
+          ModelError: a prediction is not finite.
         """
         if truth.shape != predicted.shape:
             raise DataError(
                 f"Predicted points have shape {predicted.shape}, the true ones {truth.shape}."
             )
+        if not np.isfinite(predicted).all():
+            raise ModelError("A prediction is not finite; it cannot be scored.")
         return cls(
             robot.length,
             dt,

@@ -13,8 +13,8 @@ from flywheel.robots import Robot
 def known_winch(robot: Robot, observed: Floats, controls: Floats, dt: float) -> Floats:
     """Best knowledge of the winch positions (..., T + 1, W) [m] over an episode.
 
-    Measured where a winch's channel is complete, else dead-reckoned from the commands, from the first
-    measured position if there is one, else from the keyframe's.
+    Measured where a winch's channel is complete, else dead-reckoned from the commands, from the
+    first measured position if there is one, else from the keyframe's.
 
     Args:
       observed: (..., T + 1, W) measured positions, NaN where not measured [m].

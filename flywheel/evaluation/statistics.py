@@ -1,7 +1,7 @@
 """Statistics: one number per sample, lead time and body, between measured and predicted points.
 
-Every statistic has one signature, `(robot, truth, predicted) -> values`, with points (..., P, 3) [m].
-A missing (NaN) truth gives NaN, so that it gets no weight. A prediction is never missing.
+Every statistic has one signature, `(robot, truth, predicted) -> values`, with points (..., P, 3)
+[m]. A missing (NaN) truth gives NaN, so that it gets no weight. A prediction is never missing.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from flywheel.robots import Body, Robot
 def squared_position_error(robot: Robot, truth: Floats, predicted: Floats) -> Floats:
     """Squared distance between the centres of mass of each body: (..., bodies) [m^2].
 
-    The centre of mass is the affine combination of the body's tracked points that lies nearest to it
-    (for a rod with a cap at each end: exactly the centre of mass). NaN for a body without points.
+    The centre of mass is the affine combination of the body's tracked points that lies nearest to
+    it (for a rod with a cap at each end: exactly the centre of mass). NaN for a body without
+    points.
     """
     difference = np.asarray(predicted) - np.asarray(truth)
     columns = []
@@ -32,8 +33,9 @@ def squared_position_error(robot: Robot, truth: Floats, predicted: Floats) -> Fl
 def rotation_error(robot: Robot, truth: Floats, predicted: Floats) -> Floats:
     """Angle between the orientations of each body: (..., bodies) [deg].
 
-    A body whose tracked points lie on one line (a rod) has an axis only, and the angle is between the
-    axes; others are aligned by their points (Kabsch). NaN for a body with fewer than two points.
+    A body whose tracked points lie on one line (a rod) has an axis only, and the angle is between
+    the axes; others are aligned by their points (Kabsch). NaN for a body with fewer than two
+    points.
     """
     columns = []
     for body in robot.bodies:

@@ -1,4 +1,4 @@
-"""Sums that do not depend on the order of their terms, so that parts from many workers add exactly."""
+"""Sums that do not depend on the order of their terms, so that partial sums add exactly."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _LOW_ONE = 1 << _LOW_BITS
 class ExactSum:
     """Sums of numbers >= 0 and how many numbers they are of.
 
-    Floating-point addition depends on the order; integers do not. Each value is cut to a multiple of
-    2**-60 and kept as `high * 2**-20 + low * 2**-60`. Room for 2**23 of the largest values.
+    Floating-point addition depends on the order; integers do not. Each value is cut to a multiple
+    of 2**-60 and kept as `high * 2**-20 + low * 2**-60`. Room for 2**23 of the largest values.
 
     Attributes:
       high: (...) int64, in units of 2**-20.

@@ -103,7 +103,7 @@ def test_each_data_set_is_rolled_out_under_its_own_index(robot, make_episode):
     model = Drift(robot, 1.0)
     score(model, episodes, seed=0, datasets={"x": 3, "y": 5})
     assert [past.dataset for past, _ in model.calls] == [3, 5]
-    with pytest.raises(DataError, match="'y'.*Known: x"):
+    with pytest.raises(DataError, match=r"'y'.*Known: x"):
         score(model, episodes, seed=0, datasets={"x": 3})
 
 
