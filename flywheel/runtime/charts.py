@@ -1,8 +1,9 @@
 """Which number of a result goes under which name onto MLflow's charts.
 
-The part of a name before the slash becomes a section of MLflow's page. The parent run's step is the
-iteration; the names of its lines are shared by the runs that stand beside it (the control arm, the
-floor, the oracle), so that they meet in one chart.
+The part of a name before the slash becomes a section of MLflow's page, in alphabetical order: what
+people look for first comes first. The parent run's step is the iteration; the names of its lines
+are shared by the runs that stand beside it (the control arm, the floor, the oracle), so that they
+meet in one chart.
 """
 
 from __future__ import annotations
@@ -25,44 +26,46 @@ Values = dict[str, float]
 def iteration_values(result: IterationResult) -> Values:
     """Every number of an iteration that makes a line over iterations."""
     values: Values = {
-        "data/episodes": result.episodes,
-        "data/steps": result.steps,
-        "data/new_episodes": result.new_episodes,
-        "data/new_steps": result.new_steps,
+        "store/episodes": result.episodes,
+        "store/steps": result.steps,
+        "store/new_episodes": result.new_episodes,
+        "store/new_steps": result.new_steps,
         "health/worker_restarts": result.restarts,
         "health/quarantined_tasks": result.quarantined,
         "health/invalid_episodes": result.invalid,
         **{f"seconds/{stage}": seconds for stage, seconds in result.seconds.items()},
     }
     if result.validation is not None:
-        values |= error_values("validation", result.validation)
+        values |= error_values("error_validation", result.validation)
     if result.test is not None:
-        values |= error_values("test", result.test)
+        values |= error_values("error_test", result.test)
     if result.navigation is not None:
         values |= navigation_values(result.navigation)
     if result.gate is not None:
-        values |= {"gate/number": result.gate.number, "gate/promoted": float(result.gate.promoted)}
+        values |= {
+            "promotion/number": result.gate.number,
+            "promotion/promoted": float(result.gate.promoted),
+        }
     return values
 
 
 def error_values(section: str, errors: Errors) -> Values:
     """Short-horizon and full errors of one set of episodes."""
-    values = _totals(f"{section}/short", errors.short)
-    return values if errors.full is None else values | _totals(f"{section}/full", errors.full)
+    values = _totals(section, "short", errors.short)
+    return values if errors.full is None else values | _totals(section, "full", errors.full)
 
 
 def navigation_values(navigation: Navigation) -> Values:
     """Success with its interval, times to the goal, planning times."""
     low, high = navigation.success.interval
     values: Values = {
-        "success/rate": navigation.success.rate,
-        "success/rate_low": low,
-        "success/rate_high": high,
-        "success/reached": navigation.success.reached,
-        "success/episodes": navigation.success.total,
+        "closed_loop/success_rate": navigation.success.rate,
+        "closed_loop/success_rate_low": low,
+        "closed_loop/success_rate_high": high,
+        "closed_loop/episodes": navigation.success.total,
     }
     if navigation.seconds_to_goal:
-        values["success/seconds_to_goal_median"] = navigation.median_seconds
+        values["closed_loop/seconds_median"] = navigation.median_seconds
     if navigation.plan_seconds:
         values["seconds/plan_median"] = navigation.plan_quantile(0.5)
         values["seconds/plan_p95"] = navigation.plan_quantile(0.95)
@@ -85,9 +88,9 @@ def lead_time_values(lead: LeadTimes) -> list[tuple[int, Values]]:
         (
             round(1000 * seconds),
             {
-                "by_lead_time_ms/e_pos_mse_percent": lead.e_pos_mse[i],
-                "by_lead_time_ms/e_pos_rmse_percent": lead.e_pos_rmse[i],
-                "by_lead_time_ms/e_rot_deg": lead.e_rot[i],
+                "lead_time_ms/e_pos_mse_percent": lead.e_pos_mse[i],
+                "lead_time_ms/e_pos_rmse_percent": lead.e_pos_rmse[i],
+                "lead_time_ms/e_rot_deg": lead.e_rot[i],
             },
         )
         for i, seconds in enumerate(lead.seconds)
@@ -105,9 +108,9 @@ def flattened(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     return flat
 
 
-def _totals(prefix: str, errors: ErrorNumbers) -> Values:
+def _totals(section: str, kind: str, errors: ErrorNumbers) -> Values:
     return {
-        f"{prefix}_e_pos_mse_percent": errors.e_pos_mse,
-        f"{prefix}_e_pos_rmse_percent": errors.e_pos_rmse,
-        f"{prefix}_e_rot_deg": errors.e_rot,
+        f"{section}/{kind}_e_pos_mse_percent": errors.e_pos_mse,
+        f"{section}/{kind}_e_pos_rmse_percent": errors.e_pos_rmse,
+        f"{section}/{kind}_e_rot_deg": errors.e_rot,
     }

@@ -2,8 +2,9 @@
 
 One parent run per flywheel, whose step is the iteration and whose lines are those of the MPPI arm;
 one child run per iteration, with its training curve, its errors by lead time, its data, its model
-and its files; and one child per line to compare with (the control arm, the floor, the oracle), whose
-numbers have the parent's names, so that they meet in one chart.
+and its files; and, beside the parent, one run per line to compare with (the control arm, the floor,
+the oracle). Their numbers have the parent's names, so that they meet in one chart; they are no
+children, because MLflow draws a child only once someone has unfolded it.
 """
 
 from __future__ import annotations
@@ -52,8 +53,8 @@ def publish_training(
     tracker: Tracker, iteration: int, points: Iterable[TrainingPoint], arm: Arm = "mppi"
 ) -> None:
     """Log points of the training curve of an iteration that has begun."""
-    for point in points:
-        tracker.log(_child(tracker, iteration, arm), curve_values(point), point.step)
+    rows = [(point.step, curve_values(point)) for point in points]
+    tracker.log_rows(_child(tracker, iteration, arm), rows)
 
 
 def publish_iteration(
@@ -81,8 +82,7 @@ def publish_iteration(
     tracker.log(child, {f"final/{name}": value for name, value in values.items()}, iteration)
     publish_training(tracker, iteration, result.curve, arm)
     if result.test is not None and result.test.by_lead_time is not None:
-        for milliseconds, errors in lead_time_values(result.test.by_lead_time):
-            tracker.log(child, errors, milliseconds)
+        tracker.log_rows(child, lead_time_values(result.test.by_lead_time))
     tags = _tags(result)
     tracker.describe(child, tags=tags)
     profile = {"episodes": result.episodes, "steps": result.steps}
@@ -107,11 +107,11 @@ def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path]
         for iteration in result.of_arm(arm):
             tracker.log(_arm(tracker, arm), iteration_values(iteration), iteration.iteration)
             if (errors := result.pooled_errors(iteration)) is not None:
-                values = error_values("pooled_test", errors)
+                values = error_values("error_pooled", errors)
                 tracker.log(_arm(tracker, arm), values, iteration.iteration)
     steps = sorted({iteration.iteration for iteration in result.iterations})
     if result.floor is not None:
-        _constant(tracker, "floor", error_values("pooled_test", result.floor), steps)
+        _constant(tracker, "floor", error_values("error_pooled", result.floor), steps)
     if result.oracle is not None:
         _constant(tracker, "oracle", navigation_values(result.oracle), steps)
     if result.persistence is not None:
@@ -135,9 +135,7 @@ def _tags(result: IterationResult) -> dict[str, str]:
 
 
 def _constant(tracker: Tracker, name: str, values: Mapping[str, float], steps: list[int]) -> None:
-    run = _line(tracker, name)
-    for step in steps:
-        tracker.log(run, values, step)
+    tracker.log_rows(_line(tracker, name), [(step, values) for step in steps])
 
 
 def _arm(tracker: Tracker, arm: Arm) -> str:
@@ -146,7 +144,8 @@ def _arm(tracker: Tracker, arm: Arm) -> str:
 
 def _line(tracker: Tracker, name: str) -> str:
     run = f"{tracker.key}/{name.replace(' ', '-')}"
-    tracker.open(run, name, {"flywheel.kind": "line"}, parent=tracker.key)
+    tags = {"flywheel.kind": "line", "flywheel.beside": tracker.key}
+    tracker.open(run, f"{name}, {tracker.key}", tags)
     return run
 
 

@@ -12,10 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, load_weights, save_weights
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Past
+from flywheel.robots import Robot
 
+ROBOT = "robot.xml"
+WEIGHTS = "weights.npz"
 Shapes = dict[str, tuple[int, ...]]
 
 
@@ -75,5 +79,30 @@ class ServedDynamics:
         return {"points": np.asarray(rollout.points), "winch": np.asarray(rollout.winch)}
 
 
+def write_served(folder: Path, robot: Robot, network: ChunkNetwork, snapshot: str = "") -> str:
+    """Write everything that the model needs into `folder`; return the digest of the weights.
+
+    Args:
+      folder: made if need be.
+      robot: that the network was trained on.
+      network: its weights.
+      snapshot: digest of the data they were trained on.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / ROBOT).write_text(robot.xml)
+    return save_weights(network, folder / WEIGHTS, snapshot)
+
+
+def read_served(folder: Path) -> LearnedDynamics:
+    """The dynamics model that `write_served` wrote.
+
+    Raises:
+      ModelError: the weights are missing, damaged, or for another robot.
+    """
+    robot = Robot.from_mjcf(folder / ROBOT)
+    return LearnedDynamics(robot, load_weights(folder / WEIGHTS, robot))
+
+
 def _load_pyfunc(path: str) -> ServedDynamics:
-    raise NotImplementedError(Path(path))
+    """Called by MLflow."""
+    return ServedDynamics(read_served(Path(path)))

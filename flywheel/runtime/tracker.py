@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -101,21 +101,30 @@ class Tracker:
             self._put("open", run, name=name, parent=parent, tags=dict(tags))
 
     def log(self, run: str, values: Mapping[str, float], step: int = 0) -> None:
-        """Log numbers at a step; each is logged once per run, name and step.
+        """Log numbers at a step; see `log_rows`."""
+        self.log_rows(run, [(step, values)])
+
+    def log_rows(self, run: str, rows: Iterable[tuple[int, Mapping[str, float]]]) -> None:
+        """Log numbers at several steps. Each is logged once per run, name and step.
 
         One that is not finite would spoil its chart: it becomes a tag `nonfinite/<name>`, and
         health/nonfinite becomes 1.
         """
-        numbers = {name: float(value) for name, value in values.items()}
-        finite = {name: value for name, value in numbers.items() if math.isfinite(value)}
-        odd = {name: value for name, value in numbers.items() if name not in finite}
+        finite: dict[tuple[str, int], float] = {}
+        odd: dict[str, str] = {}
+        for step, values in rows:
+            for name, value in values.items():
+                if math.isfinite(value):
+                    finite[name, step] = float(value)
+                else:
+                    odd[f"nonfinite/{name}"] = f"{value} at {step}"
+                    finite["health/nonfinite", step] = 1.0
         if odd:
-            self.describe(run, tags={f"nonfinite/{k}": f"{v} at {step}" for k, v in odd.items()})
-            finite["health/nonfinite"] = 1.0
-        new = {name: v for name, v in finite.items() if (run, name, step) not in self._logged}
+            self.describe(run, tags=odd)
+        new = {point: v for point, v in finite.items() if (run, *point) not in self._logged}
         if new:
-            self._logged.update((run, name, step) for name in new)
-            self._put("log", run, values=new, step=step)
+            self._logged.update((run, *point) for point in new)
+            self._put("log", run, values=[[name, step, v] for (name, step), v in new.items()])
 
     def describe(
         self, run: str, params: Mapping[str, str] = {}, tags: Mapping[str, str] = {}
@@ -220,5 +229,5 @@ class Tracker:
 def _points(record: Record) -> Iterator[tuple[str, str, int]]:
     """(run, name, step) of each number in a record."""
     if record["kind"] == "log":
-        for name in record["values"]:
-            yield (record["run"], name, record["step"])
+        for name, step, _ in record["values"]:
+            yield (record["run"], name, step)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import logging
 import os
 import shutil
 import tempfile
@@ -143,8 +142,8 @@ class MlflowReceiver:
     def _log(self, client: MlflowClient, record: Record) -> None:
         from mlflow.entities import Metric
 
-        time, step = record["time"], record["step"]
-        metrics = [Metric(name, value, time, step) for name, value in record["values"].items()]
+        time = record["time"]
+        metrics = [Metric(name, value, time, step) for name, step, value in record["values"]]
         for part in _parts(metrics, 1000):
             client.log_batch(self._id(client, record["run"]), metrics=part)
 
@@ -250,8 +249,6 @@ def _configure(request_seconds: int) -> None:
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(request_seconds))
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
-    for name in ("mlflow", "alembic"):
-        logging.getLogger(name).setLevel(logging.WARNING)
 
 
 def _database(path: Path) -> Path:
