@@ -1,0 +1,14 @@
+"""Dynamics models: everything that answers `rollout` (see `protocol.Dynamics`)."""
+
+from flywheel.dynamics.baselines import Persistence
+from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, PlantParameters
+from flywheel.dynamics.protocol import Dynamics
+
+__all__ = [
+    "Dynamics",
+    "MeasurementModel",
+    "Persistence",
+    "Plant",
+    "PlantDynamics",
+    "PlantParameters",
+]

@@ -120,7 +120,8 @@ class Winch:
     """A motor that changes the rest length of one or several cables by the same amount.
 
     Attributes:
-      name: of the control: the (first) actuator's name; recordings' column is `ctrl.<name>`.
+      name: of the control: the actuator's name, or that of the MJCF's tuple of several actuators;
+        recordings' column is `ctrl.<name>`.
       kind: "rate" (control = rate of the rest length [m/s], positive pays out) or "position"
         (control = rest length wanted [m], reached with a first-order lag).
       cables: indices into `Robot.cables`.

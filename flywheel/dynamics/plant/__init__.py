@@ -1,0 +1,8 @@
+"""The plant: MuJoCo as the robot's stand-in, what is measured of it, and MuJoCo as a model."""
+
+from flywheel.dynamics.plant.measurement import MeasurementModel
+from flywheel.dynamics.plant.oracle import PlantDynamics
+from flywheel.dynamics.plant.parameters import PlantParameters
+from flywheel.dynamics.plant.plant import Plant
+
+__all__ = ["MeasurementModel", "Plant", "PlantDynamics", "PlantParameters"]

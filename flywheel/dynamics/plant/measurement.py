@@ -1,0 +1,37 @@
+"""What sensors make of the truth: noise, dropout, and winch positions that nobody measures."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from flywheel.records import Observation
+from flywheel.robots import Robot
+
+
+class MeasurementModel(BaseModel):
+    """How a plant's observations are measured. The default is exact, and blind to the winches.
+
+    Attributes:
+      noise: standard deviation of each coordinate of a point, as a fraction of `robot.length`.
+      dropout: probability that a point is missing from an observation.
+      winch_measured: give all winch positions; else only those the MJCF has a sensor for.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    noise: float = Field(default=0.0, ge=0.0)
+    dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
+    winch_measured: bool = False
+
+    def apply(
+        self, observation: Observation, robot: Robot, rng: np.random.Generator
+    ) -> Observation:
+        """A measured copy of a noise-free observation; missing entries are NaN."""
+        points = np.array(observation.points, float)
+        if self.noise:
+            points += rng.normal(scale=self.noise * robot.length, size=points.shape)
+        if self.dropout:
+            points[rng.random(points.shape[:-1]) < self.dropout] = np.nan
+        measured = [self.winch_measured or winch.measured for winch in robot.winches]
+        return Observation(points, np.where(measured, observation.winch, np.nan))

@@ -1,0 +1,83 @@
+"""Physical parameters of a plant that may differ from its MJCF, as multiplicative scales."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from flywheel.robots import Robot
+
+Scale = Field(default=1.0, gt=0.0)
+
+
+class PlantParameters(BaseModel):
+    """Scales on the MJCF's numbers; 1 everywhere is the MJCF itself, to the bit.
+
+    Attributes:
+      friction: of all contact friction coefficients.
+      contact_stiffness: of all contacts; their damping ratio stays as it is.
+      cable_stiffness: of all cables, winched and passive.
+      cable_damping: of all cables.
+      winch_speed: rate winches turn this much faster than commanded; position winches lag less.
+      mass: of all bodies, with their inertia.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    friction: float = Scale
+    contact_stiffness: float = Scale
+    cable_stiffness: float = Scale
+    cable_damping: float = Scale
+    winch_speed: float = Scale
+    mass: float = Scale
+
+    def changed(self) -> dict[str, float]:
+        """The scales that differ from 1, for provenance."""
+        return {name: value for name, value in self.model_dump().items() if value != 1.0}
+
+
+def scaled(model: mujoco.MjModel, robot: Robot, parameters: PlantParameters) -> mujoco.MjModel:
+    """A copy of the compiled model with the scales applied."""
+    model = model.__copy__()
+    if not parameters.changed():
+        return model
+    model.geom_friction[:] *= parameters.friction
+    _scale_contact(model.geom_solref, parameters.contact_stiffness)
+    _scale_cables(model, parameters)
+    _scale_winches(model, robot, parameters.winch_speed)
+    model.body_mass[:] *= parameters.mass
+    model.body_inertia[:] *= parameters.mass
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def _scale_contact(solref: np.ndarray, scale: float) -> None:
+    """Scale the stiffness of (n, 2) contact references, in either of MuJoCo's two formats."""
+    direct = solref[:, 0] < 0  # (-stiffness, -damping); else (time constant, damping ratio)
+    root = np.sqrt(scale)
+    solref[direct] *= (scale, root)
+    solref[~direct] *= (1.0 / root, 1.0)
+
+
+def _scale_cables(model: mujoco.MjModel, parameters: PlantParameters) -> None:
+    """Scale tendons' springs and dampers, and the same terms of the actuators on tendons."""
+    stiffness, damping = parameters.cable_stiffness, parameters.cable_damping
+    model.tendon_stiffness[:] *= stiffness
+    model.tendon_stiffnesspoly[:] *= stiffness
+    model.tendon_damping[:] *= damping
+    model.tendon_dampingpoly[:] *= damping
+    on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    model.actuator_gainprm[on_tendon, 0] *= stiffness
+    model.actuator_biasprm[on_tendon, :2] *= stiffness
+    model.actuator_biasprm[on_tendon, 2] *= damping
+
+
+def _scale_winches(model: mujoco.MjModel, robot: Robot, scale: float) -> None:
+    """Let rate winches take the scaled command (`Plant` scales it) and position winches lag less."""
+    for winch in robot.winches:
+        actuators = list(winch.actuators)
+        if winch.kind == "rate":
+            model.actuator_ctrlrange[actuators] *= scale
+        else:
+            model.actuator_dynprm[actuators, 0] /= scale

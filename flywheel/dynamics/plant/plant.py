@@ -1,0 +1,244 @@
+"""The plant: the robot's MJCF simulated in batches by MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.rollout import Rollout as MujocoRollout
+
+from flywheel.dynamics.plant.parameters import PlantParameters, scaled
+from flywheel.dynamics.plant.world import scene
+from flywheel.errors import ModelError
+from flywheel.records import Floats, Observation, State, Trajectory
+from flywheel.robots import Box, Robot
+
+FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+OUTPUT_BYTES = 64 << 20  # of one call into MuJoCo; longer simulations are made of several
+
+
+class Plant:
+    """The simulated stand-in for a robot, stepped in batches.
+
+    It has no state of its own: `simulate` maps states and controls to trajectories. The result
+    depends on neither the number of threads nor how a batch is split into calls, and, because the
+    contact solver starts cold in every step, not on how the time is split either (to the bit).
+    It can be pickled.
+
+    Args:
+      robot: the robot.
+      dt: control step [s], a multiple of the robot's own timestep.
+      parameters: one set for all simulations, or one for each of the batch.
+      obstacles: boxes to collide with.
+      threads: simulations stepped at the same time.
+
+    Raises:
+      ModelError: dt is not a multiple of the robot's timestep.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        dt: float = 0.01,
+        parameters: PlantParameters | Sequence[PlantParameters] = PlantParameters(),
+        obstacles: Sequence[Box] = (),
+        threads: int = 1,
+    ) -> None:
+        self.robot, self.dt, self.threads = robot, dt, threads
+        self.parameters = parameters
+        self.obstacles = tuple(obstacles)
+        self.substeps = round(dt / robot.timestep)
+        if self.substeps < 1 or not np.isclose(self.substeps * robot.timestep, dt, rtol=1e-9):
+            raise ModelError(
+                f"dt {dt:g} s must be a multiple of the timestep of {robot.name}, {robot.timestep:g} s."
+            )
+        self._compile()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arguments = (self.robot, self.dt, self.parameters, self.obstacles, self.threads)
+        return (Plant, arguments)
+
+    def _compile(self) -> None:
+        robot = self.robot
+        base = scene(robot, self.obstacles).compile()
+        every = self.parameters
+        sets = [every] if isinstance(every, PlantParameters) else list(every)
+        distinct = {p: scaled(base, robot, p) for p in dict.fromkeys(sets)}
+        self._models = [distinct[p] for p in sets]
+        self._data = [mujoco.MjData(base) for _ in range(max(1, self.threads))]
+        self._engine = MujocoRollout(nthread=self.threads if self.threads > 1 else 0)
+        self._state_size = mujoco.mj_stateSize(base, FULL)
+        self._sensor_size = base.nsensordata
+        if self._state_size != 1 + base.nq + base.nv + base.na:
+            raise ModelError(
+                f"The MJCF of {robot.name} has state beyond positions, velocities and activations "
+                "(delays, plugins or plastic tendons), which a State cannot hold."
+            )
+        self._points = _sensor_columns(base, [p.name for p in robot.points])
+        first = [w.actuators[0] for w in robot.winches]
+        self._winch_act = base.actuator_actadr[first]
+        speed = np.array([p.winch_speed for p in sets])[:, None, None]
+        self._speed = np.where(robot.rate_driven, speed, 1.0)  # (1 or B, 1, W)
+        self._drive, self._drive_shift = _drive(base, robot)
+
+    def rest(self, n: int = 1) -> State:
+        """The keyframe, `n` times."""
+        key = self.robot.keyframe
+        return State(*(np.repeat(a[None], n, axis=0) for a in (key.qpos, key.qvel, key.act)))
+
+    def settle(self, seconds: float, n: int = 1) -> State:
+        """The keyframe after `seconds` under the command that holds the winches, `n` times."""
+        start = self.rest(n)
+        hold = self.robot.holding(start.act[:, self._winch_act])
+        controls = np.repeat(hold[:, None], round(seconds / self.dt), axis=1)
+        states = self.simulate(start, controls).states
+        assert states is not None
+        return states[:, -1]
+
+    def winch(self, state: State) -> Floats:
+        """Winch positions (..., W) of a state [m]."""
+        return state.act[..., self._winch_act]
+
+    def observe(self, state: State) -> Observation:
+        """Noise-free observation of states of any leading shape; all winches count as measured."""
+        lead = state.qpos.shape[:-1]
+        packed = self._pack(State(*(a.reshape(-1, a.shape[-1]) for a in _fields(state))))
+        _, sensors = self._run(packed, np.zeros((len(packed), 1, self._drive.shape[1])))
+        points = sensors[:, 0, self._points]
+        return Observation(points.reshape(*lead, *points.shape[1:]), self.winch(state))
+
+    def simulate(self, state: State, controls: Floats) -> Trajectory:
+        """Simulate each state under its controls.
+
+        Args:
+          state: of batch size B, or 1 to start all from the same state.
+          controls: (B, T, W) commands, T >= 1; clipped to the winches' control ranges.
+
+        Returns:
+          (B, T) trajectories with full states and noise-free observations.
+
+        Raises:
+          ModelError: shapes that do not fit, or a simulation that diverged; the message says which
+            one and when.
+        """
+        controls = np.asarray(controls, float)
+        batch, steps = self._check(state, controls)
+        commands = self._commands(controls)
+        states = np.empty((batch, steps + 1, self._state_size))
+        points = np.empty((batch, steps + 1, *self._points.shape))
+        states[:, 0] = self._pack(state)
+        rows = self.substeps * max(1, batch) * (self._state_size + self._sensor_size) * 8
+        stride = max(1, OUTPUT_BYTES // rows)
+        for start in range(0, steps, stride):
+            stop = min(start + stride, steps)
+            substeps = np.repeat(commands[:, start:stop], self.substeps, axis=1)
+            after, before = self._run(states[:, start], substeps)
+            self._refuse_divergence(after, start)
+            states[:, start + 1 : stop + 1] = after[:, self.substeps - 1 :: self.substeps]
+            points[:, start:stop] = before[:, :: self.substeps][..., self._points]
+        full = self._unpack(states)
+        points[:, -1] = self.observe(full[:, -1]).points
+        seen = Observation(points, self.winch(full))
+        return Trajectory(seen, controls, self.dt, full)
+
+    def _check(self, state: State, controls: Floats) -> tuple[int, int]:
+        """Batch size and steps of a call, or a ModelError."""
+        robot, key = self.robot, self.robot.keyframe
+        if controls.ndim != 3 or controls.shape[2] != len(robot.winches) or not controls.shape[1]:
+            raise ModelError(
+                f"{robot.name} takes controls (B, T, {len(robot.winches)}) with T >= 1, got "
+                f"{controls.shape}."
+            )
+        if not np.isfinite(controls).all():
+            raise ModelError("Controls must be finite; got NaN or infinity.")
+        batch, steps = controls.shape[:2]
+        for name, got, one in zip(
+            ("qpos", "qvel", "act"), _fields(state), _fields(key), strict=True
+        ):
+            if got.ndim != 2 or len(got) not in (1, batch) or got.shape[1] != len(one):
+                raise ModelError(
+                    f"A state of {robot.name} needs {name} ({batch} or 1, {len(one)}) for controls of "
+                    f"batch size {batch}, got {got.shape}."
+                )
+        if len(self._models) not in (1, batch):
+            raise ModelError(
+                f"This plant has {len(self._models)} sets of parameters, one per simulation; got "
+                f"controls for {batch} simulations."
+            )
+        return batch, steps
+
+    def _commands(self, controls: Floats) -> Floats:
+        """What MuJoCo's actuators get (B, T, nu) for the winches' controls."""
+        robot = self.robot
+        clipped = np.clip(controls, robot.control_low, robot.control_high)
+        return (clipped * self._speed) @ self._drive + self._drive_shift
+
+    def _run(self, packed: Floats, commands: Floats) -> tuple[Floats, Floats]:
+        """States after, and sensors before, each of the substeps.
+
+        MuJoCo reads its sensors at the beginning of a step, hence "before".
+        """
+        models = self._models if len(self._models) == len(packed) else self._models[:1]
+        with _no_warning_file():
+            states, sensors = self._engine.rollout(models, self._data, packed, commands)
+        return states, sensors
+
+    def _refuse_divergence(self, states: Floats, first_step: int) -> None:
+        """MuJoCo resets a simulation that diverges, and with it the clock: entry 0 of the state."""
+        expected = self.robot.timestep * np.arange(1, states.shape[1] + 1)
+        off = np.abs(states[..., 0] - expected) > self.robot.timestep / 2
+        off |= ~np.isfinite(states).all(axis=-1)
+        if off.any():
+            simulation = int(np.flatnonzero(off.any(axis=1))[0])
+            when = first_step * self.dt + off[simulation].argmax() * self.robot.timestep
+            raise ModelError(
+                f"Simulation {simulation} of {len(states)} of {self.robot.name} diverged at "
+                f"{when:.3f} s: MuJoCo found no finite acceleration. Softer contacts or cables, or a "
+                "smaller timestep in the MJCF, help."
+            )
+
+    def _pack(self, state: State) -> Floats:
+        time = np.zeros((len(state.qpos), 1))
+        return np.concatenate([time, state.qpos, state.qvel, state.act], axis=1)
+
+    def _unpack(self, packed: Floats) -> State:
+        nq, nv = len(self.robot.keyframe.qpos), len(self.robot.keyframe.qvel)
+        qpos, qvel, act = np.split(packed[..., 1:], [nq, nq + nv], axis=-1)
+        return State(qpos, qvel, act)
+
+
+@contextmanager
+def _no_warning_file() -> Iterator[None]:
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT when a simulation diverges; we raise instead."""
+    previous = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(previous)
+
+
+def _fields(state: State) -> tuple[Floats, Floats, Floats]:
+    return state.qpos, state.qvel, state.act
+
+
+def _sensor_columns(model: mujoco.MjModel, names: list[str]) -> np.ndarray:
+    """(P, 3) columns of MuJoCo's sensor data that hold the tracked points."""
+    start = np.array([model.sensor(name).adr[0] for name in names])
+    return start[:, None] + np.arange(3)
+
+
+def _drive(model: mujoco.MjModel, robot: Robot) -> tuple[Floats, Floats]:
+    """Matrix (W, nu) and shift (nu,) that turn controls into MuJoCo's; passive actuators get 0."""
+    drive, shift = np.zeros((len(robot.winches), model.nu)), np.zeros(model.nu)
+    act = robot.keyframe.act
+    for index, winch in enumerate(robot.winches):
+        for actuator in winch.actuators:
+            drive[index, actuator] = 1.0
+            if winch.kind == "position":
+                pair = model.actuator_actadr[[actuator, winch.actuators[0]]]
+                shift[actuator] = act[pair[0]] - act[pair[1]]
+    return drive, shift

@@ -1,0 +1,159 @@
+"""Cables: the MJCF's tendons, each between two sites."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from flywheel.errors import RobotError
+from flywheel.records import Floats
+from flywheel.robots.bodies import body_index, in_body_frame
+from flywheel.robots.robot import Attachment, Body, Cable, TrackedPoint, Winch
+from flywheel.robots.winches import is_passive
+
+
+def read_cables(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    bodies: tuple[Body, ...],
+    points: tuple[TrackedPoint, ...],
+    winches: tuple[Winch, ...],
+    act: Floats,
+) -> tuple[Cable, ...]:
+    """The cables, in the order of the MJCF's tendons.
+
+    Args:
+      data: with kinematics done at the keyframe.
+      act: (na,) the keyframe's activations.
+
+    Raises:
+      RobotError: no tendon; one that is not a straight line between two sites, that ends on no
+        moving body, that could push, or that nothing pulls.
+    """
+    if model.ntendon == 0:
+        raise RobotError("The MJCF has no tendon; a cable-driven robot needs at least one cable.")
+    actuators = {
+        cable: (index, actuator)
+        for index, winch in enumerate(winches)
+        for cable, actuator in zip(winch.cables, winch.actuators, strict=True)
+    }
+    return tuple(
+        _winched(model, data, bodies, points, tendon, *actuators[tendon], act)
+        if tendon in actuators
+        else _passive(model, data, bodies, points, tendon)
+        for tendon in range(model.ntendon)
+    )
+
+
+def _winched(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    bodies: tuple[Body, ...],
+    points: tuple[TrackedPoint, ...],
+    tendon: int,
+    winch: int,
+    actuator: int,
+    act: Floats,
+) -> Cable:
+    name = model.tendon(tendon).name
+    if model.tendon_stiffness[tendon] != 0:
+        raise RobotError(
+            f"The tendon {name!r} has a winch and a stiffness of its own; a winched cable's stiffness "
+            "is its actuator's gainprm. Give a spring beside it a tendon of its own."
+        )
+    return Cable(
+        name=name,
+        ends=_ends(model, data, bodies, points, tendon),
+        stiffness=float(model.actuator_gainprm[actuator, 0]),
+        damping=float(model.tendon_damping[tendon] - model.actuator_biasprm[actuator, 2]),
+        rest_length=float(act[model.actuator_actadr[actuator]]),
+        winch=winch,
+    )
+
+
+def _passive(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    bodies: tuple[Body, ...],
+    points: tuple[TrackedPoint, ...],
+    tendon: int,
+) -> Cable:
+    name = model.tendon(tendon).name
+    ends = _ends(model, data, bodies, points, tendon)
+    stiffness, damping = model.tendon_stiffness[tendon], model.tendon_damping[tendon]
+    low, rest = model.tendon_lengthspring[tendon]
+    clamped = _clamped_actuator(model, tendon)
+    if clamped is not None:
+        pull, minus_k, minus_c = model.actuator_biasprm[clamped, :3]
+        if stiffness == 0 and minus_k < 0:
+            return Cable(name, ends, -minus_k, damping - minus_c, -pull / minus_k, -1)
+    elif stiffness > 0 and low == 0 < rest:
+        return Cable(name, ends, float(stiffness), float(damping), float(rest), -1)
+    elif stiffness > 0:
+        raise RobotError(
+            f"The tendon {name!r} would push when shorter than {low:g} m; a cable only pulls: "
+            f'write springlength="0 {rest:g}".'
+        )
+    raise RobotError(
+        f"Nothing pulls the tendon {name!r}: it needs a winch, a stiffness, or one passive actuator "
+        'with gainprm "0", biastype "affine", biasprm "k*L -k -c" and forcerange "-F 0".'
+    )
+
+
+def _clamped_actuator(model: mujoco.MjModel, tendon: int) -> int | None:
+    """The passive actuator on the tendon that can only pull, if there is exactly one."""
+    found = [
+        a
+        for a in range(model.nu)
+        if is_passive(model, a)
+        and model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_TENDON
+        and model.actuator_trnid[a, 0] == tendon
+        and model.actuator_forcelimited[a]
+        and model.actuator_forcerange[a, 1] <= 0
+    ]
+    return found[0] if len(found) == 1 else None
+
+
+def _ends(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    bodies: tuple[Body, ...],
+    points: tuple[TrackedPoint, ...],
+    tendon: int,
+) -> tuple[Attachment, Attachment]:
+    name = model.tendon(tendon).name
+    path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    kinds = [
+        mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower() for k in model.wrap_type[path]
+    ]
+    if kinds != ["site", "site"]:
+        raise RobotError(
+            f"The tendon {name!r} passes {' -> '.join(kinds)}; a cable is straight between exactly two "
+            "sites (no joints, pulleys or wrapping)."
+        )
+    first, second = (
+        _attachment(model, data, bodies, points, int(site)) for site in model.wrap_objid[path]
+    )
+    if first.body == second.body:
+        where = "the world" if first.body < 0 else f"the body {bodies[first.body].name!r}"
+        raise RobotError(
+            f"The tendon {name!r} has both ends on {where}; a cable must connect two bodies, or one "
+            "body with the world."
+        )
+    return first, second
+
+
+def _attachment(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    bodies: tuple[Body, ...],
+    points: tuple[TrackedPoint, ...],
+    site: int,
+) -> Attachment:
+    body = body_index(model, model.site_bodyid[site])
+    offset = in_body_frame(model, data, body, data.site_xpos[site])
+    if body < 0:
+        return Attachment(-1, offset, -1)
+    on_body = bodies[body].points
+    gaps = [np.linalg.norm(points[i].offset - offset) for i in on_body]
+    return Attachment(body, offset, on_body[int(np.argmin(gaps))])

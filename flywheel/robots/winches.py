@@ -1,0 +1,186 @@
+"""Winches: which of the MJCF's actuators change the rest length of a cable, and how.
+
+A winch's actuator is a `general` actuator on the cable's tendon whose force is
+`k * (activation - length) - c * speed`, never positive, with the rest length as its activation:
+
+    <general tendon="..." dyntype="integrator" actlimited="true" actrange="0.4 2"
+      ctrllimited="true" ctrlrange="-0.6 0.6" gainprm="k" biastype="affine" biasprm="0 -k -c"
+      forcelimited="true" forcerange="-F 0"/>
+
+`dyntype="integrator"` takes the rate of the rest length [m/s], `dyntype="filterexact"` the rest
+length wanted [m], reached with the lag `dynprm` [s]. Several cables on one winch are one
+`<custom><tuple name="lift"> <element objtype="actuator" objname="..."/> ... </tuple></custom>`.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from flywheel.errors import RobotError
+from flywheel.records import Floats
+from flywheel.robots.robot import Winch
+
+KINDS = {
+    int(mujoco.mjtDyn.mjDYN_INTEGRATOR): "rate",
+    int(mujoco.mjtDyn.mjDYN_FILTEREXACT): "position",
+}
+
+
+def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
+    """The winches, in the order of their first actuators.
+
+    Args:
+      act: (na,) the keyframe's activations.
+
+    Raises:
+      RobotError: an actuator that is neither a winch's nor passive, a winch's actuator without a
+        limit it needs, or a tuple whose actuators could not move alike.
+    """
+    driving = [a for a in range(model.nu) if not is_passive(model, a)]
+    if not driving:
+        raise RobotError("The MJCF has no winch; at least one actuator must drive a tendon.")
+    for actuator in driving:
+        _check(model, actuator, act)
+    measured = _measured(model)
+    groups = _groups(model, driving)
+    for name, actuators in groups.items():
+        _check_alike(model, name, actuators, act)
+    winches = [_winch(model, name, group, measured) for name, group in groups.items()]
+    _refuse_shared_cables(model, winches)
+    return tuple(sorted(winches, key=lambda w: w.actuators[0]))
+
+
+def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether the actuator's control has no effect (a fixed gain of zero)."""
+    fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+    return bool(fixed and model.actuator_gainprm[actuator, 0] == 0)
+
+
+def _winch(
+    model: mujoco.MjModel, name: str, actuators: tuple[int, ...], measured: set[int]
+) -> Winch:
+    first = actuators[0]
+    kind = KINDS[int(model.actuator_dyntype[first])]
+    control_range = model.actuator_ctrlrange[first]
+    limited = model.actuator_actlimited[first]
+    rest_range = model.actuator_actrange[first] if limited else control_range
+    return Winch(
+        name=name,
+        kind=kind,
+        cables=tuple(int(model.actuator_trnid[a, 0]) for a in actuators),
+        actuators=actuators,
+        control_range=(float(control_range[0]), float(control_range[1])),
+        rest_range=(float(rest_range[0]), float(rest_range[1])),
+        time_constant=float(model.actuator_dynprm[first, 0]) if kind == "position" else 0.0,
+        measured=bool(measured & set(actuators)),
+    )
+
+
+def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
+    """Refuse an actuator that is not a winch's."""
+    gain = model.actuator_gainprm[actuator, 0]
+    bias = model.actuator_biasprm[actuator]
+    force = model.actuator_forcerange[actuator]
+    kind = int(model.actuator_dyntype[actuator])
+    limits = model.actuator_actrange[actuator]
+    on_tendon = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
+    fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+    affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+    needs = [
+        (on_tendon, "drive a tendon (or have gainprm 0, if it is passive)"),
+        (kind in KINDS, 'have dyntype "integrator" (rate) or "filterexact" (position)'),
+        (fixed and gain > 0, 'have gaintype "fixed" and gainprm k > 0, the stiffness [N/m]'),
+        (
+            affine and bias[0] == 0 and np.isclose(bias[1], -gain) and bias[2] <= 0,
+            f'have biastype "affine" and biasprm "0 -k -c"; got gainprm {gain:g} and biasprm '
+            f'"{bias[0]:g} {bias[1]:g} {bias[2]:g}"',
+        ),
+        (
+            model.actuator_forcelimited[actuator] and force[0] < 0 and force[1] <= 0,
+            f'only pull: forcelimited and forcerange "-F 0"; got {tuple(force.tolist())}',
+        ),
+        (model.actuator_ctrllimited[actuator], "have a ctrlrange"),
+        (
+            model.actuator_actlimited[actuator] or KINDS.get(kind) == "position",
+            "have an actrange (shortest and longest rest length)",
+        ),
+        ((model.actuator_gear[actuator] == [1, 0, 0, 0, 0, 0]).all(), "have gear 1"),
+        (model.actuator_actnum[actuator] == 1, "have one activation"),
+    ]
+    for met, need in needs:
+        if not met:
+            raise RobotError(f"The actuator {model.actuator(actuator).name!r} must {need}.")
+    rest = act[model.actuator_actadr[actuator]]
+    low, high = limits if model.actuator_actlimited[actuator] else (1e-9, np.inf)
+    if not low <= rest <= high:
+        raise RobotError(
+            f"The first keyframe starts the actuator {model.actuator(actuator).name!r} at rest length "
+            f"{rest:g}, allowed {low:g} to {high:g} m; give the keyframe act (0 where it is missing)."
+        )
+
+
+def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, ...]]:
+    """Winch name -> its actuators: the tuples of actuators, then each actuator that is in none."""
+    groups: dict[str, tuple[int, ...]] = {}
+    for index in range(model.ntuple):
+        start, size = model.tuple_adr[index], model.tuple_size[index]
+        entries = slice(start, start + size)
+        of_actuators = model.tuple_objtype[entries] == mujoco.mjtObj.mjOBJ_ACTUATOR
+        if not of_actuators.any():
+            continue
+        name = model.tuple(index).name
+        members = tuple(int(i) for i in model.tuple_objid[entries])
+        taken = {a for group in groups.values() for a in group}
+        if not of_actuators.all() or not set(members) <= set(driving) or taken & set(members):
+            raise RobotError(
+                f"The tuple {name!r} must list actuators of winches only, each in one tuple at most."
+            )
+        groups[name] = tuple(sorted(members))
+    alone = set(driving) - {a for group in groups.values() for a in group}
+    return groups | {model.actuator(a).name: (a,) for a in sorted(alone)}
+
+
+def _check_alike(model: mujoco.MjModel, name: str, actuators: tuple[int, ...], act: Floats) -> None:
+    """Refuse actuators of one winch whose rest lengths would not change by the same amount."""
+    first = actuators[0]
+    start = act[model.actuator_actadr[list(actuators)]]
+    for actuator, shift in zip(actuators, start - start[0], strict=True):
+        position = KINDS[int(model.actuator_dyntype[actuator])] == "position"
+        same = (
+            model.actuator_dyntype[actuator] == model.actuator_dyntype[first]
+            and model.actuator_actlimited[actuator] == model.actuator_actlimited[first]
+            and model.actuator_dynprm[actuator, 0] == model.actuator_dynprm[first, 0]
+            and _shifted(model.actuator_ctrlrange, actuator, first, shift if position else 0.0)
+            and _shifted(model.actuator_actrange, actuator, first, shift)
+        )
+        if not same:
+            raise RobotError(
+                f"The actuators {model.actuator(first).name!r} and {model.actuator(actuator).name!r} "
+                f"of winch {name!r} must have the same dyntype, dynprm and ctrlrange, and actranges "
+                f"that differ as the keyframe's rest lengths do ({shift:g} m)."
+            )
+
+
+def _shifted(ranges: np.ndarray, actuator: int, first: int, shift: float) -> bool:
+    unused = not ranges[[actuator, first]].any()
+    return bool(unused or np.allclose(ranges[actuator], ranges[first] + shift, rtol=0, atol=1e-9))
+
+
+def _measured(model: mujoco.MjModel) -> set[int]:
+    """Actuators that a `user` sensor measures."""
+    user = model.sensor_type == mujoco.mjtSensor.mjSENS_USER
+    of_actuator = model.sensor_objtype == mujoco.mjtObj.mjOBJ_ACTUATOR
+    return {int(i) for i in model.sensor_objid[user & of_actuator]}
+
+
+def _refuse_shared_cables(model: mujoco.MjModel, winches: list[Winch]) -> None:
+    owner: dict[int, str] = {}
+    for winch in winches:
+        for cable in winch.cables:
+            if cable in owner:
+                raise RobotError(
+                    f"The tendon {model.tendon(cable).name!r} is driven by {owner[cable]!r} and "
+                    f"{winch.name!r}; a cable has one winch."
+                )
+            owner[cable] = winch.name
