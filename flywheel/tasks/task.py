@@ -63,7 +63,7 @@ class Task:
         return np.einsum("p,...pi->...i", self._weights, points[..., :2])
 
     def distance(self, points: Floats) -> Floats:
-        """Straight distance (...) from the centre of mass to the goal, for points (..., P, 3) [m]."""
+        """Straight distance (...) of the centre of mass to the goal, for points (..., P, 3) [m]."""
         return np.linalg.norm(self.place(points) - self.goal, axis=-1)
 
     def reached(self, points: Floats) -> NDArray[np.bool_]:

@@ -1,0 +1,75 @@
+"""Terms of a cost. Lengths count in robot lengths, so that weights fit robots of any size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.records import Floats
+from flywheel.robots import Box, Robot
+from flywheel.tasks.task import Task
+
+NEAREST = 0.02  # least gap that counts [robot lengths]: touching costs much, but not infinity
+
+
+@dataclass(frozen=True)
+class MeanDistance:
+    """Distance to the goal, averaged over the horizon: `weight` per robot length."""
+
+    weight: float
+
+    def __call__(self, points: Floats, task: Task) -> Floats:
+        """Cost (B,) of points (B, H + 1, P, 3)."""
+        return self.weight * task.to_goal(task.place(points)).mean(axis=1) / task.robot.length
+
+
+@dataclass(frozen=True)
+class FinalDistance:
+    """Distance to the goal at the end of the horizon: `weight` per robot length."""
+
+    weight: float
+
+    def __call__(self, points: Floats, task: Task) -> Floats:
+        """Cost (B,) of points (B, H + 1, P, 3)."""
+        return self.weight * task.to_goal(task.place(points[:, -1])) / task.robot.length
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A reward of `weight` for reaching the goal at any time within the horizon."""
+
+    weight: float
+
+    def __call__(self, points: Floats, task: Task) -> Floats:
+        """Cost (B,) of points (B, H + 1, P, 3)."""
+        return np.where(task.reached(points).any(axis=1), -self.weight, 0.0)
+
+
+@dataclass(frozen=True)
+class Collision:
+    """alpha2 / d of the paper's section 3.3, averaged over the horizon.
+
+    d is the gap between the end caps and the obstacles, the smallest of all, in robot lengths.
+    """
+
+    weight: float
+
+    def __call__(self, points: Floats, task: Task) -> Floats:
+        """Cost (B,) of points (B, H + 1, P, 3)."""
+        gaps = gap(points, task.robot, task.obstacles) / task.robot.length
+        return self.weight * (1.0 / np.maximum(gaps, NEAREST)).mean(axis=1)
+
+
+def gap(points: Floats, robot: Robot, boxes: tuple[Box, ...]) -> Floats:
+    """Smallest distance (...) between the caps' surfaces and boxes, for points (..., P, 3) [m].
+
+    Infinite without boxes; not below minus a cap's radius, which is where its centre touches a box.
+    """
+    radii = np.array([point.radius for point in robot.points])
+    nearest = np.full(points.shape[:-2], np.inf)
+    for box in boxes:
+        beyond = np.abs(points - np.array(box.center)) - np.array(box.half_size)
+        distances = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1) - radii
+        nearest = np.minimum(nearest, distances.min(axis=-1))
+    return nearest

@@ -1,0 +1,165 @@
+"""How far it is to a goal: in a straight line, or around boxes on a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from flywheel.errors import ConfigError
+from flywheel.records import Floats
+from flywheel.robots import Box
+
+Moves = Literal["diagonal", "manhattan"]
+STRAIGHT = ((1, 0), (0, 1))
+DIAGONAL = ((1, 1), (1, -1))
+
+
+@dataclass(frozen=True)
+class StraightLine:
+    """Euclidean distance to `goal` (2,) [m]."""
+
+    goal: Floats
+
+    def __call__(self, places: Floats) -> Floats:
+        """Distance (...) from places (..., 2) to the goal [m]."""
+        return np.linalg.norm(places - self.goal, axis=-1)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Distances to a goal known at the corners of square cells, bilinear in between.
+
+    Attributes:
+      origin: (2,) of the corner [0, 0] [m].
+      cell: side of a cell [m].
+      values: (X, Y) distances at the corners [m].
+      reachable: (X, Y) corners from which a way leads to the goal; the values at the others lead
+        to the nearest of them.
+    """
+
+    origin: Floats
+    cell: float
+    values: Floats
+    reachable: NDArray[np.bool_]
+
+    def __call__(self, places: Floats) -> Floats:
+        """Distance (...) from places (..., 2) to the goal [m].
+
+        A place outside the grid counts its straight way to the grid on top.
+        """
+        last = np.array(self.values.shape) - 1
+        wanted = (places - self.origin) / self.cell
+        inside = np.clip(wanted, 0.0, last)
+        low = np.minimum(inside.astype(np.intp), last - 1)
+        x, y = low[..., 0], low[..., 1]
+        u, v = (inside - low)[..., 0], (inside - low)[..., 1]
+        left = (1 - v) * self.values[x, y] + v * self.values[x, y + 1]
+        right = (1 - v) * self.values[x + 1, y] + v * self.values[x + 1, y + 1]
+        outside = np.linalg.norm(wanted - inside, axis=-1) * self.cell
+        return (1 - u) * left + u * right + outside
+
+    def reaches(self, place: Floats) -> bool:
+        """Whether a way leads to the goal from the corner nearest to `place` (2,)."""
+        corner = np.rint((place - self.origin) / self.cell).astype(int)
+        corner = np.clip(corner, 0, np.array(self.values.shape) - 1)
+        return bool(self.reachable[tuple(corner)])
+
+
+def grid_around(
+    goal: Floats,
+    boxes: Sequence[Box],
+    *,
+    low: Floats,
+    high: Floats,
+    cell: float,
+    clearance: float,
+    moves: Moves = "diagonal",
+) -> Grid:
+    """Shortest ways to a goal that keep clear of boxes.
+
+    Args:
+      goal: (2,) [m].
+      boxes: obstacles; their height does not matter, nothing goes over or under them.
+      low, high: (2,) corners of the ground that the grid covers at least [m].
+      cell: side of a cell [m].
+      clearance: kept from the boxes [m].
+      moves: "diagonal" moves to 8 neighbours, "manhattan" to the 4 along x and y.
+
+    Raises:
+      ConfigError: the goal lies outside of the ground, or in an obstacle or too near to one.
+    """
+    size = np.ceil((high - low) / cell).astype(int) + 1
+    # The goal is a corner of the grid, so that the distance is exactly zero there and only there.
+    origin = goal - np.ceil((goal - low) / cell) * cell
+    start = np.rint((goal - origin) / cell).astype(int)
+    if (start < 0).any() or (start >= size).any():
+        raise ConfigError(f"The goal {_xy(goal)} lies outside of {_xy(low)} to {_xy(high)}.")
+    corners = np.stack(np.meshgrid(*(np.arange(n) for n in size), indexing="ij"), axis=-1)
+    blocked = near_boxes(origin + corners * cell, boxes, clearance)
+    if blocked[tuple(start)]:
+        raise ConfigError(
+            f"The goal {_xy(goal)} lies in an obstacle or within {clearance:.3g} m of one. Move "
+            "the goal or the obstacle, or lower the clearance."
+        )
+    values = shortest_ways(~blocked, (int(start[0]), int(start[1])), moves) * cell
+    return Grid(origin, cell, _leading_out(values, cell), np.isfinite(values))
+
+
+def near_boxes(places: Floats, boxes: Sequence[Box], clearance: float) -> NDArray[np.bool_]:
+    """(...) whether places (..., 2) lie within `clearance` [m] of a box, seen from above."""
+    near = np.zeros(places.shape[:-1], dtype=bool)
+    for box in boxes:
+        beyond = np.abs(places - np.array(box.center[:2])) - np.array(box.half_size[:2])
+        near |= np.linalg.norm(np.maximum(beyond, 0.0), axis=-1) <= clearance
+    return near
+
+
+def shortest_ways(free: NDArray[np.bool_], start: tuple[int, int], moves: Moves) -> Floats:
+    """Length (X, Y) of the shortest way from `start` over free corners, in cells; inf where none.
+
+    A diagonal move needs both of the corners that it passes between to be free.
+    """
+    number = np.arange(free.size).reshape(free.shape)
+    rows, columns, lengths = [], [], []
+    for dx, dy in STRAIGHT if moves == "manhattan" else STRAIGHT + DIAGONAL:
+        here, there = _shifted(dx, dy), _shifted(-dx, -dy)
+        passable = free[here] & free[there]
+        if dx and dy:
+            passable &= free[_beside(dx, dy, first=True)] & free[_beside(dx, dy, first=False)]
+        rows.append(number[here][passable])
+        columns.append(number[there][passable])
+        lengths.append(np.full(passable.sum(), np.hypot(dx, dy)))
+    edges = (np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns)))
+    graph = coo_array(edges, shape=(free.size, free.size)).tocsr()
+    return dijkstra(graph, directed=False, indices=number[start]).reshape(free.shape)
+
+
+def _span(step: int) -> slice:
+    return slice(None, -1) if step > 0 else slice(1, None) if step < 0 else slice(None)
+
+
+def _shifted(dx: int, dy: int) -> tuple[slice, slice]:
+    """The corners that have a neighbour at (dx, dy)."""
+    return _span(dx), _span(dy)
+
+
+def _beside(dx: int, dy: int, *, first: bool) -> tuple[slice, slice]:
+    """The corners next to a diagonal move: one step along x, or one along y."""
+    return (_span(-dx), _span(dy)) if first else (_span(dx), _span(-dy))
+
+
+def _leading_out(values: Floats, cell: float) -> Floats:
+    """Fill unreachable corners with the distance at the nearest reachable one and the way to it."""
+    steps, nearest = distance_transform_edt(~np.isfinite(values), return_indices=True)
+    return values[tuple(nearest)] + steps * cell
+
+
+def _xy(place: Floats) -> str:
+    return f"({place[0]:.3g}, {place[1]:.3g})"

@@ -1,0 +1,131 @@
+"""Tasks that ask the robot to go somewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel.errors import ConfigError
+from flywheel.records import Floats
+from flywheel.robots import Box, Robot
+from flywheel.tasks.center import center_weights
+from flywheel.tasks.config import TaskConfig
+from flywheel.tasks.costs import Arrival, Collision, FinalDistance, MeanDistance
+from flywheel.tasks.distance import Grid, StraightLine, grid_around, near_boxes
+from flywheel.tasks.task import Cost, Task
+
+ATTEMPTS = 200  # draws of goal and boxes before a course counts as impossible
+MARGIN = 2.0  # of ground around start, goal and boxes [robot lengths]
+
+
+def reach(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig) -> Task:
+    """A goal on open ground."""
+    goal = _goal(robot, center_weights(robot) @ start[:, :2], rng, config)
+    return Task(
+        name="reach",
+        robot=robot,
+        goal=goal,
+        tolerance=config.tolerance * robot.length,
+        seconds=config.seconds,
+        to_goal=StraightLine(goal),
+        costs=_going(config),
+    )
+
+
+def reach_among_boxes(
+    robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig
+) -> Task:
+    """A goal behind boxes that the robot has to go around."""
+    here = center_weights(robot) @ start[:, :2]
+    boxes, goal, ways = _course(robot, here, start, rng, config)
+    return Task(
+        name="reach_among_boxes",
+        robot=robot,
+        goal=goal,
+        tolerance=config.tolerance * robot.length,
+        seconds=config.seconds,
+        to_goal=ways,
+        costs=(*_going(config), Collision(config.near)),
+        obstacles=boxes,
+    )
+
+
+def _going(config: TaskConfig) -> tuple[Cost, ...]:
+    return MeanDistance(config.along), FinalDistance(config.final), Arrival(config.arrival)
+
+
+def _goal(robot: Robot, here: Floats, rng: np.random.Generator, config: TaskConfig) -> Floats:
+    if config.goal is not None:
+        return np.array(config.goal)
+    radius, bearing = rng.uniform(*config.radius), rng.uniform(-np.pi, np.pi)
+    return here + radius * robot.length * np.array([np.cos(bearing), np.sin(bearing)])
+
+
+def _course(
+    robot: Robot, here: Floats, start: Floats, rng: np.random.Generator, config: TaskConfig
+) -> tuple[tuple[Box, ...], Floats, Grid]:
+    """Boxes, goal and ways around, drawn until the goal can be reached."""
+    why = ""
+    for _ in range(ATTEMPTS):
+        goal = _goal(robot, here, rng, config)
+        boxes = config.obstacles or _boxes(robot, here, goal, rng, config)
+        try:
+            _check_start(robot, here, start, boxes)
+            return boxes, goal, ways_to(goal, here, boxes, robot, config)
+        except ConfigError as error:
+            why = str(error)
+    raise ConfigError(
+        f"No course could be drawn in {ATTEMPTS} attempts; the last one failed: {why} Allow goals "
+        "farther away (radius), fewer or smaller boxes, or less clearance."
+    )
+
+
+def ways_to(
+    goal: Floats, here: Floats, boxes: tuple[Box, ...], robot: Robot, config: TaskConfig
+) -> Grid:
+    """Shortest ways around boxes to a goal (2,), on ground that holds all of them [m].
+
+    Raises:
+      ConfigError: the goal lies in a box or too near to one, or no way leads there from `here` (2,).
+    """
+    corners = [
+        np.array(b.center[:2]) + s * np.array(b.half_size[:2]) for b in boxes for s in (-1, 1)
+    ]
+    places = np.stack([goal, here, *corners])
+    margin = MARGIN * robot.length
+    ways = grid_around(
+        goal,
+        boxes,
+        low=places.min(axis=0) - margin,
+        high=places.max(axis=0) + margin,
+        cell=config.cell * robot.length,
+        clearance=config.clearance * robot.length,
+        moves=config.moves,
+    )
+    if not ways.reaches(here):
+        raise ConfigError(
+            f"No way leads from ({here[0]:.3g}, {here[1]:.3g}) to the goal ({goal[0]:.3g}, "
+            f"{goal[1]:.3g}) with {config.clearance:.3g} L of clearance from the boxes."
+        )
+    return ways
+
+
+def _boxes(
+    robot: Robot, here: Floats, goal: Floats, rng: np.random.Generator, config: TaskConfig
+) -> tuple[Box, ...]:
+    """Boxes beside the straight way, a third to two thirds along it."""
+    length, along = robot.length, goal - here
+    across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    height = config.box_height * length / 2
+    boxes = []
+    for _ in range(config.boxes):
+        x, y = here + rng.uniform(0.3, 0.7) * along + rng.uniform(-0.8, 0.8) * length * across
+        half = rng.uniform(*config.box_half_width, size=2) * length
+        boxes.append(Box(center=(x, y, height), half_size=(half[0], half[1], height)))
+    return tuple(boxes)
+
+
+def _check_start(robot: Robot, here: Floats, start: Floats, boxes: tuple[Box, ...]) -> None:
+    size = np.linalg.norm(start[:, :2] - here, axis=-1).max()
+    radius = max(point.radius for point in robot.points)
+    if near_boxes(here, boxes, size + radius):
+        raise ConfigError(f"An obstacle stands within {size + radius:.3g} m of the robot's start.")
