@@ -1,10 +1,285 @@
-"""The `flywheel` command."""
+"""The `flywheel` command: what can be asked for.
+
+Each command is a module of its own, imported only when it is asked for, so that `--help` is
+instant.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
-app = typer.Typer(name="flywheel", no_args_is_help=True)
+from pipelines.exits import CODES, Commands
+
+app = typer.Typer(
+    name="flywheel",
+    cls=Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=CODES,
+)
+data_app = typer.Typer(
+    no_args_is_help=True, help="Look into the episodes of a run, and check them."
+)
+robot_app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
+app.add_typer(data_app, name="data")
+app.add_typer(robot_app, name="robot")
+
+RunArgument = Annotated[
+    Path,
+    typer.Argument(metavar="RUN", help="A run's folder, e.g. runs/prism3.", show_default=False),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[KEY=VALUE]...",
+        help="Settings to change, by their path in the configuration, e.g. mppi.samples=64.",
+        show_default=False,
+    ),
+]
+
+
+class Kind(StrEnum):
+    """What can be listed."""
+
+    robots = "robots"
+    tasks = "tasks"
+    models = "models"
+    controllers = "controllers"
+    effects = "effects"
+    datasets = "datasets"
+    configs = "configs"
+    runs = "runs"
 
 
 @app.callback()
-def flywheel() -> None:
-    """Turn the flywheel: plan, collect, retrain, evaluate, decide."""
+def flywheel(
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show where an error was raised, not just the message.")
+    ] = False,
+) -> None:
+    """Learn the dynamics of a cable-driven robot by using them: collect, train, evaluate, repeat.
+
+    Start here:
+
+    [bold]flywheel run configs/prism3.yaml[/bold] [dim](the whole loop, on this machine)[/dim]
+
+    [bold]flywheel report runs/prism3[/bold] [dim](what came of it, as a page)[/dim]
+
+    [bold]flywheel robot check my.xml[/bold] [dim](whether your own robot fits)[/dim]
+    """
+
+
+@app.command()
+def run(
+    config: Annotated[
+        Path, typer.Argument(help="A YAML file, e.g. configs/prism3.yaml.", show_default=False)
+    ],
+    overrides: Overrides = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run in the folder, from its files.")
+    ] = False,
+    address: Annotated[
+        str | None,
+        typer.Option(
+            help="Of an existing Ray cluster (host:port, auto); else one is started here."
+        ),
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the run goes; runs/<name of the file> by default.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Turn the flywheel: collect, train, evaluate, decide, again and again.
+
+    [bold]Examples[/bold]
+
+    flywheel run configs/smoke.yaml [dim](minutes; shows that all works)[/dim]
+
+    flywheel run configs/prism3.yaml seed=1 iterations=3
+
+    flywheel run configs/prism3.yaml --resume [dim](after Ctrl-C, a crash, a power cut)[/dim]
+    """
+    from pipelines.run import turn
+
+    turn(config, overrides or [], resume=resume, address=address, folder=folder)
+
+
+@app.command("list")
+def list_(kind: Annotated[Kind, typer.Argument(help="What to list.", show_default=False)]) -> None:
+    """List what there is to choose from.
+
+    [bold]Example[/bold]
+
+    flywheel list robots
+    """
+    from pipelines.listing import show_list
+
+    show_list(kind.value)
+
+
+@app.command()
+def evaluate(
+    run: RunArgument,
+    split: Annotated[str, typer.Option(help="Which episodes: test, validation or train.")] = "test",
+    horizon: Annotated[float, typer.Option(help="Of the short predictions [s].")] = 2.0,
+    starts: Annotated[int, typer.Option(help="Short predictions per episode.")] = 10,
+    full: Annotated[bool, typer.Option(help="Also predict whole episodes.")] = True,
+    weights: Annotated[
+        Path | None, typer.Option(help="Score this weights file instead of the run's own models.")
+    ] = None,
+) -> None:
+    """Score the models of a run on its stored episodes, beside "nothing moves".
+
+    [bold]Example[/bold]
+
+    flywheel evaluate runs/prism3 --split validation
+    """
+    from pipelines.evaluate import score_models
+
+    score_models(run, split, horizon, starts, full, weights)
+
+
+@app.command()
+def navigate(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RUN|CONFIG", help="A run's folder, or a configuration (with --model oracle)."
+        ),
+    ],
+    overrides: Overrides = None,
+    model: Annotated[
+        str, typer.Option(help="champion, oracle (the plant itself), or an iteration's number.")
+    ] = "champion",
+    seed: Annotated[int, typer.Option(help="Of the task, and of the planner.")] = 0,
+    video: Annotated[
+        Path | None,
+        typer.Option(help="Where the video goes; navigate-<model>-<seed>.mp4 by default."),
+    ] = None,
+) -> None:
+    """Drive to a goal once, with MPPI, and film it.
+
+    [bold]Examples[/bold]
+
+    flywheel navigate runs/prism3 --seed 7
+
+    flywheel navigate configs/prism3.yaml --model oracle
+    """
+    from pipelines.navigate import drive
+
+    drive(source, overrides or [], model, seed, video)
+
+
+@app.command()
+def report(run: RunArgument) -> None:
+    """Make the page of a run, finished or not: one HTML file without any other.
+
+    [bold]Example[/bold]
+
+    flywheel report runs/prism3
+    """
+    from pipelines.report import make_page
+
+    make_page(run)
+
+
+@app.command()
+def ui(
+    run: RunArgument,
+    port: Annotated[int, typer.Option(help="To serve at.")] = 5000,
+) -> None:
+    """Serve the MLflow dashboard of a run on this machine, until Ctrl-C.
+
+    [bold]Example[/bold]
+
+    flywheel ui runs/prism3 --port 5001
+    """
+    from pipelines.ui import serve
+
+    serve(run, port)
+
+
+@app.command()
+def bench(
+    threads: Annotated[str, typer.Option(help="Numbers of threads, one after the other.")] = "1,2",
+    seconds: Annotated[float, typer.Option(help="Shortest measurement of one thing [s].")] = 1.0,
+    only: Annotated[
+        str, typer.Option(help="Only these, e.g. plant,plan; all by default.", show_default=False)
+    ] = "",
+    output: Annotated[Path, typer.Option(help="Where the numbers go, as JSON.")] = Path(
+        "bench.json"
+    ),
+) -> None:
+    """Measure this machine: plant, network, planning and store.
+
+    [bold]Example[/bold]
+
+    flywheel bench --threads 1,2 --only plant,plan
+    """
+    from pipelines.bench import measure
+
+    measure(threads, seconds, only, output)
+
+
+@data_app.command()
+def verify(
+    run: RunArgument,
+    snapshot: Annotated[str, typer.Option(help="Only this one; everything by default.")] = "",
+) -> None:
+    """Read every byte again and compare; names each damaged episode and what is wrong with it.
+
+    [bold]Example[/bold]
+
+    flywheel data verify runs/prism3
+    """
+    from pipelines.data import verify_store
+
+    verify_store(run, snapshot)
+
+
+@data_app.command("show")
+def show_data(
+    run: RunArgument,
+    snapshot: Annotated[
+        str, typer.Option(help="Show the episodes of this one; the snapshots by default.")
+    ] = "",
+) -> None:
+    """Show the snapshots of a run, or the episodes of one.
+
+    [bold]Example[/bold]
+
+    flywheel data show runs/prism3 --snapshot i0001-mppi
+    """
+    from pipelines.data import show_store
+
+    show_store(run, snapshot)
+
+
+@robot_app.command()
+def check(
+    mjcf: Annotated[
+        str, typer.Argument(metavar="MJCF", help="Your .xml, or a shipped robot's name.")
+    ],
+) -> None:
+    """Say what is read off an MJCF, whether it settles, and what a model of it would hold.
+
+    [bold]Example[/bold]
+
+    flywheel robot check my_robot.xml
+    """
+    from pipelines.robot import check_robot
+
+    check_robot(mjcf)
+
+
+if __name__ == "__main__":
+    app()
