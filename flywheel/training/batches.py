@@ -1,0 +1,142 @@
+"""Training batches: which windows a step sees, and how they are turned and shifted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from flywheel.data import WindowBatch, WindowCache
+from flywheel.errors import ConfigError, DataError
+from flywheel.records import Floats
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Windows as the network takes them, float32, each shifted so that its present is near the
+    origin.
+
+    Attributes:
+      past_points: (B, h + 1, P, 3) [m].
+      past_controls: (B, h, W).
+      past_winch: (B, h + 1, W) [m].
+      controls: (B, S, W) of the steps to be predicted.
+      points: (B, S + 1, P, 3) measured at the present and at those steps [m]; NaN where missing.
+      winch: (B, S, W) measured at those steps [m]; NaN where not.
+      dataset: (B,) index of the data set, int64.
+    """
+
+    past_points: Tensor
+    past_controls: Tensor
+    past_winch: Tensor
+    controls: Tensor
+    points: Tensor
+    winch: Tensor
+    dataset: Tensor
+
+
+def generator(seed: int, step: int, purpose: int) -> np.random.Generator:
+    """Random numbers of one step: a pure function of its arguments."""
+    return np.random.default_rng([seed, step, purpose])
+
+
+class Draw:
+    """Which windows of a cache a step trains on.
+
+    Args:
+      cache: of the training episodes.
+      length: control steps per window.
+      mix: share of each data set by name; empty draws all windows alike.
+
+    Raises:
+      DataError: no episode is as long as a window.
+      ConfigError: `mix` names a data set that has no window.
+    """
+
+    def __init__(self, cache: WindowCache, length: int, mix: Mapping[str, float]) -> None:
+        starts = cache.starts(length)
+        if len(starts) == 0:
+            raise DataError(
+                f"No training episode has a window of {length} steps; record longer episodes, or "
+                "train on fewer prediction chunks per window."
+            )
+        self._groups = _by_dataset(cache, starts, mix) if mix else [(1.0, starts)]
+
+    def __call__(self, rng: np.random.Generator, windows: int) -> NDArray[np.int64]:
+        """Draw the starts of `windows` windows."""
+        shares = np.array([share for share, _ in self._groups])
+        counts = rng.multinomial(windows, shares / shares.sum())
+        return np.concatenate(
+            [rng.choice(starts, n) for n, (_, starts) in zip(counts, self._groups, strict=True)]
+        )
+
+
+def to_batch(windows: WindowBatch, history: int, device: str = "cpu") -> Batch:
+    """Split windows at their present and shift each so that its robot stands above the origin."""
+    points = windows.points - _ground_center(windows.points[:, history])[:, None, None]
+    return Batch(
+        past_points=_tensor(points[:, : history + 1], device),
+        past_controls=_tensor(windows.controls[:, :history], device),
+        past_winch=_tensor(windows.winch[:, : history + 1], device),
+        controls=_tensor(windows.controls[:, history:], device),
+        points=_tensor(points[:, history:], device),
+        winch=_tensor(windows.winch[:, history + 1 :], device),
+        dataset=torch.as_tensor(np.asarray(windows.dataset), dtype=torch.int64, device=device),
+    )
+
+
+def turned(windows: WindowBatch, rng: np.random.Generator) -> WindowBatch:
+    """The same windows, each turned about the vertical by a random angle."""
+    angle = rng.uniform(0.0, 2.0 * np.pi, len(windows.points))
+    turn = np.zeros((len(angle), 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0] = np.sin(angle)
+    turn[:, 0, 1] = -turn[:, 1, 0]
+    turn[:, 2, 2] = 1.0
+    return _with_points(windows, np.einsum("bij,btpj->btpi", turn, windows.points))
+
+
+def noisy(
+    windows: WindowBatch, history: int, deviation: float, rng: np.random.Generator
+) -> WindowBatch:
+    """The same windows with white noise [m] on the past's points; what is predicted stays."""
+    points = np.array(windows.points)
+    past = points[:, : history + 1]
+    past += deviation * rng.standard_normal(past.shape)
+    return _with_points(windows, points)
+
+
+def _with_points(windows: WindowBatch, points: Floats) -> WindowBatch:
+    return WindowBatch(points, windows.controls, windows.winch, windows.dataset)
+
+
+def _ground_center(points: Floats) -> Floats:
+    """(B, 3) mean of the points that are present, at height 0."""
+    present = np.isfinite(points).all(axis=-1, keepdims=True)
+    center = np.where(present, points, 0.0).sum(axis=1) / np.maximum(present.sum(axis=1), 1)
+    return center * np.array([1.0, 1.0, 0.0])
+
+
+def _by_dataset(
+    cache: WindowCache, starts: NDArray[np.int64], mix: Mapping[str, float]
+) -> list[tuple[float, NDArray[np.int64]]]:
+    index = cache.gather(starts, 0).dataset
+    groups = []
+    for name, share in mix.items():
+        known = cache.datasets
+        found = starts[index == known.index(name)] if name in known else starts[:0]
+        if share > 0 and len(found) == 0:
+            raise ConfigError(
+                f"mix gives data set {name!r} a share of {share}, but no training window is of it. "
+                f"There are: {', '.join(known)}."
+            )
+        groups.append((share, found))
+    return groups
+
+
+def _tensor(array: Floats, device: str) -> Tensor:
+    return torch.as_tensor(np.ascontiguousarray(array, np.float32), device=device)

@@ -1,0 +1,120 @@
+"""What a user can choose about training, with the recipe that was measured best as defaults."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+
+NonNegative = Annotated[float, Field(ge=0)]
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Stage(_Frozen):
+    """A part of a curriculum.
+
+    Attributes:
+      chunks: prediction chunks that a training window spans; gradients flow through all of them.
+      share: of the step budget; the shares of a schedule are divided by their sum.
+    """
+
+    chunks: PositiveInt
+    share: PositiveFloat
+
+
+def _stages(shares: dict[int, float]) -> tuple[Stage, ...]:
+    return tuple(Stage(chunks=chunks, share=share) for chunks, share in shares.items())
+
+
+class Schedule(_Frozen):
+    """How long to train, on windows of which length, at which rate.
+
+    Attributes:
+      steps: optimiser steps in all. Budgets are counted in steps, never in seconds.
+      stages: the curriculum, one after the other.
+      learning_rate: highest one.
+      warmup_steps: of linear rise to it; a cosine falls from there over the rest of the budget.
+      final_rate: where the cosine ends, as a fraction of the highest rate.
+    """
+
+    steps: PositiveInt
+    stages: tuple[Stage, ...] = Field(min_length=1)
+    learning_rate: PositiveFloat
+    warmup_steps: int = Field(ge=0)
+    final_rate: float = Field(default=0.01, gt=0, le=1)
+
+    @model_validator(mode="after")
+    def _every_stage_has_a_step(self) -> Self:
+        if self.steps < len(self.stages):
+            raise ValueError(
+                f"{self.steps} steps are too few for {len(self.stages)} stages; each needs one"
+            )
+        return self
+
+
+class TrainingConfig(_Frozen):
+    """How a network is trained.
+
+    Attributes:
+      initial: schedule of a training from random weights.
+      fine_tuning: schedule of a training from the last iteration's weights.
+      chunks_per_batch: prediction chunks per optimiser step; a stage of k chunks has this / k
+        windows.
+      least_windows: per batch, however long they are.
+      weight_decay: of AdamW.
+      clip: largest norm of the gradient.
+      huber: residuals beyond this many scales count linearly.
+      velocity_weight: of the node velocities' loss.
+      position_weight: of the node positions' loss.
+      rest_weight: of the rest lengths' loss, where their truth is known.
+      lead_power: errors in chunk j are divided by (1 + j) to this power (positions: twice it).
+      yaw_augmentation: turn every window about the vertical by a random angle.
+      noise: standard deviation added to the past's points, as a fraction of the robot's length.
+      mix: share of each data set in a batch; empty draws every window equally often.
+      validate_every: steps between validations; also done at the end.
+      validation_windows: rolled out at each validation.
+      validation_seconds: their horizon [s].
+      report_every: steps between points of the curve.
+      patience: validations of the last stage without a better one before stopping early; 0 = never.
+      checkpoint_every: steps between checkpoints; also written at the end of each stage.
+      device: torch device.
+      threads: torch threads within an operation.
+      seed: of the weights, the order of the data and the augmentation.
+    """
+
+    initial: Schedule = Schedule(
+        steps=1800,
+        stages=_stages({1: 0.10, 2: 0.15, 4: 0.25, 8: 0.25, 16: 0.25}),
+        learning_rate=2e-3,
+        warmup_steps=200,
+    )
+    fine_tuning: Schedule = Schedule(
+        steps=700,
+        stages=_stages({4: 0.3, 8: 0.3, 16: 0.4}),
+        learning_rate=1e-3,
+        warmup_steps=50,
+    )
+    chunks_per_batch: PositiveInt = 256
+    least_windows: PositiveInt = 8
+    weight_decay: NonNegative = 1e-5
+    clip: PositiveFloat = 1.0
+    huber: PositiveFloat = 5.0
+    velocity_weight: NonNegative = 1.0
+    position_weight: NonNegative = 1.0
+    rest_weight: NonNegative = 1.0
+    lead_power: NonNegative = 1.0
+    yaw_augmentation: bool = True
+    noise: NonNegative = 0.0
+    mix: dict[str, NonNegative] = {}
+    validate_every: PositiveInt = 200
+    validation_windows: PositiveInt = 64
+    validation_seconds: PositiveFloat = 2.0
+    report_every: PositiveInt = 20
+    patience: int = Field(default=0, ge=0)
+    checkpoint_every: PositiveInt = 200
+    device: Literal["cpu", "cuda"] = "cpu"
+    threads: PositiveInt = 2
+    seed: int = Field(default=0, ge=0)

@@ -1,0 +1,95 @@
+"""What a training step minimises: which windows it sees, and how far the network is off on them."""
+
+from __future__ import annotations
+
+import torch
+
+from flywheel.data import WindowCache
+from flywheel.dynamics.gnn import ChunkNetwork, Simulator
+from flywheel.training.batches import Batch, Draw, generator, noisy, to_batch, turned
+from flywheel.training.config import Schedule, TrainingConfig
+from flywheel.training.loss import Losses, Scales, Truth, residual_scales, window_loss
+from flywheel.training.schedules import stage_at
+
+_ORDER, _AUGMENTATION, _MEASURING = 0, 1, 2  # purposes of random numbers
+_MEASURED_WINDOWS = 4096
+
+
+class Objective:
+    """The loss of each step, as a pure function of the weights and (seed, step).
+
+    Args:
+      config: recipe.
+      schedule: that decides how long the windows of a step are.
+      simulator: of the network.
+      cache: windows of the training episodes.
+
+    Raises:
+      DataError: no episode is as long as a window.
+      ConfigError: `mix` names an unknown data set.
+    """
+
+    def __init__(
+        self, config: TrainingConfig, schedule: Schedule, simulator: Simulator, cache: WindowCache
+    ) -> None:
+        self._config, self._schedule = config, schedule
+        self._simulator, self._cache = simulator, cache
+        self._history, self._chunk = simulator.config.history, simulator.config.chunk
+        self._draws = {
+            chunks: Draw(cache, self._history + chunks * self._chunk, config.mix)
+            for chunks in sorted({stage.chunks for stage in schedule.stages})
+        }
+        self._scales = self._measured_scales().to(config.device)
+
+    def loss(self, network: ChunkNetwork, step: int) -> Losses:
+        """Losses of one optimiser step's batch."""
+        batch = self.batch(step)
+        predicted = self._simulator.unroll(
+            network,
+            batch.past_points,
+            batch.past_controls,
+            batch.past_winch,
+            batch.controls,
+            batch.dataset,
+        )
+        nodes = self._simulator.node_positions(batch.points)
+        truth = Truth(nodes[:, 1:], nodes.diff(dim=1) / self._simulator.dt, batch.winch)
+        return window_loss(
+            predicted.node_positions,
+            predicted.velocities,
+            predicted.winch,
+            truth,
+            self._scales,
+            self._config,
+        )
+
+    def batch(self, step: int) -> Batch:
+        """The windows of one optimiser step, augmented."""
+        config = self._config
+        chunks = stage_at(self._schedule, step).chunks
+        windows = max(config.least_windows, config.chunks_per_batch // chunks)
+        starts = self._draws[chunks](generator(config.seed, step, _ORDER), windows)
+        gathered = self._cache.gather(starts, self._history + chunks * self._chunk)
+        rng = generator(config.seed, step, _AUGMENTATION)
+        if config.yaw_augmentation:
+            gathered = turned(gathered, rng)
+        if config.noise > 0:
+            gathered = noisy(
+                gathered, self._history, config.noise * self._simulator.robot.length, rng
+            )
+        return to_batch(gathered, self._history, config.device)
+
+    def measured(self) -> Batch:
+        """A large batch of one-chunk windows as they are, to measure scales on."""
+        rng = generator(self._config.seed, 0, _MEASURING)
+        starts = self._draws[min(self._draws)](rng, _MEASURED_WINDOWS)
+        return to_batch(self._cache.gather(starts, self._history + self._chunk), self._history)
+
+    def _measured_scales(self) -> Scales:
+        batch = self.measured()
+        points = torch.cat([batch.past_points[:, -2:-1], batch.points], dim=1)
+        return residual_scales(
+            self._simulator.node_positions(points),
+            torch.cat([batch.past_winch[:, -1:], batch.winch], dim=1),
+            self._simulator.dt,
+        )

@@ -1,0 +1,75 @@
+"""What a training tells while it runs, and when it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """One point of the training curve; it holds no timings, so that it repeats exactly.
+
+    Attributes:
+      step: optimiser steps done.
+      chunks: prediction chunks per window at this step.
+      learning_rate: at this step.
+      loss, velocity, position, rest: training loss and its parts on this step's batch.
+      e_pos_mse, e_pos_rmse: [%] validation rollout errors, None where none was due.
+      e_rot: [deg] likewise.
+      error: selection error, likewise.
+    """
+
+    step: int
+    chunks: int
+    learning_rate: float
+    loss: float
+    velocity: float
+    position: float
+    rest: float
+    e_pos_mse: float | None = None
+    e_pos_rmse: float | None = None
+    e_rot: float | None = None
+    error: float | None = None
+
+
+@dataclass(frozen=True)
+class TrainingProgress:
+    """Where a training stands.
+
+    Attributes:
+      point: the newest point of the curve.
+      steps: of the whole budget.
+      steps_per_second: since this process began training [1/s].
+      best_error: least selection error so far; infinite before the first validation.
+    """
+
+    point: CurvePoint
+    steps: int
+    steps_per_second: float
+    best_error: float
+
+
+@dataclass(frozen=True)
+class TrainingResult:
+    """A finished training.
+
+    Attributes:
+      weights: file of the best weights.
+      digest: sha256 of them.
+      best_error: selection error of the best weights, see `SELECTION`.
+      best_step: optimiser steps after which they were found.
+      steps: optimiser steps done.
+      curve: one point every `report_every` steps and at each validation.
+    """
+
+    weights: Path
+    digest: str
+    best_error: float
+    best_step: int
+    steps: int
+    curve: tuple[CurvePoint, ...]
+
+
+OnProgress = Callable[[TrainingProgress], None]

@@ -1,0 +1,270 @@
+"""Training a network on windows: curriculum, checkpoints, selection by validation rollouts."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from flywheel.data import WindowCache
+from flywheel.dynamics.gnn import (
+    ChunkNetwork,
+    NetworkConfig,
+    Simulator,
+    fit_normalisation,
+    load_weights,
+    save_weights,
+    weights_digest,
+)
+from flywheel.errors import ConfigError, ModelError
+from flywheel.robots import Robot
+from flywheel.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from flywheel.training.config import TrainingConfig
+from flywheel.training.loss import Losses
+from flywheel.training.objective import Objective
+from flywheel.training.progress import CurvePoint, OnProgress, TrainingProgress, TrainingResult
+from flywheel.training.schedules import learning_rate, spans, stage_at
+from flywheel.training.validation import Validation, selection_error
+
+WEIGHTS = "weights.npz"
+
+
+@dataclass
+class _State:
+    """What changes while training; see `Checkpoint` for the fields."""
+
+    network: ChunkNetwork
+    optimiser: torch.optim.Optimizer
+    step: int = 0
+    best: dict[str, Tensor] = field(default_factory=dict)
+    best_error: float = math.inf
+    best_step: int = 0
+    stale: int = 0
+    curve: list[CurvePoint] = field(default_factory=list)
+
+
+class Trainer:
+    """Trains one network on one data set, in one folder.
+
+    `run` may be killed at any instant and called again: it goes on from the folder's checkpoint
+    and, on the CPU with the same number of threads, ends with the same weights to the bit.
+
+    Args:
+      config: recipe and budget.
+      network_config: of the network to be trained.
+      robot: of the episodes.
+      train, validation: windows of the two splits.
+      folder: for the checkpoint and the weights; made if need be.
+      initial_weights: file of weights to start from, by the fine-tuning schedule.
+
+    Raises:
+      DataError: a split has no window of the length needed.
+      ConfigError: `mix` names an unknown data set, or the folder holds another training.
+    """
+
+    def __init__(
+        self,
+        config: TrainingConfig,
+        network_config: NetworkConfig,
+        robot: Robot,
+        train: WindowCache,
+        validation: WindowCache,
+        folder: Path,
+        initial_weights: Path | None = None,
+    ) -> None:
+        self._config, self._robot, self._folder = config, robot, Path(folder)
+        self._network_config = network_config
+        self._initial_weights = initial_weights
+        self._schedule = config.fine_tuning if initial_weights else config.initial
+        self._train = train
+        self._simulator = Simulator(robot, network_config)
+        self._objective = Objective(config, self._schedule, self._simulator, train)
+        self._validation = Validation(
+            robot,
+            validation,
+            history=network_config.history,
+            chunk=network_config.chunk,
+            dt=network_config.dt,
+            seconds=config.validation_seconds,
+            windows=config.validation_windows,
+            seed=config.seed,
+        )
+        self._key = self._fingerprint(validation)
+
+    def run(self, on_progress: OnProgress | None = None) -> TrainingResult:
+        """Train, or go on training, to the end of the budget.
+
+        Args:
+          on_progress: called with every new point of the curve.
+
+        Raises:
+          ModelError: the loss, its gradient or a weight is not finite; the message names the step,
+            and the last checkpoint is kept.
+          ConfigError, DataError: the folder's checkpoint cannot be continued.
+        """
+        threads = torch.get_num_threads()
+        torch.set_num_threads(self._config.threads)
+        try:
+            return self._run(on_progress or (lambda progress: None))
+        finally:
+            torch.set_num_threads(threads)
+
+    def _run(self, on_progress: OnProgress) -> TrainingResult:
+        config, steps = self._config, self._schedule.steps
+        state = self._start()
+        kept_at = {span.stop for span in spans(self._schedule)}
+        began, first = time.perf_counter(), state.step
+        while state.step < steps and not self._stale(state):
+            losses = self._train_step(state)
+            last = state.step == steps
+            if last or state.step % config.validate_every == 0:
+                self._validate(state, self._point(state, losses))
+            elif state.step % config.report_every == 0:
+                state.curve.append(self._point(state, losses))
+            if state.curve and state.curve[-1].step == state.step:
+                rate = (state.step - first) / (time.perf_counter() - began)
+                on_progress(TrainingProgress(state.curve[-1], steps, rate, state.best_error))
+            if state.step in kept_at or state.step % config.checkpoint_every == 0:
+                self._keep(state)
+        self._keep(state)
+        return self._result(state)
+
+    def _start(self) -> _State:
+        """From the folder's checkpoint, else from the initial weights, else from random ones."""
+        config = self._config
+        network = self._first_network().to(config.device)
+        optimiser = torch.optim.AdamW(
+            network.parameters(), self._schedule.learning_rate, weight_decay=config.weight_decay
+        )
+        state = _State(network, optimiser)
+        kept = read_checkpoint(self._folder, self._key, config.device)
+        if kept is not None:
+            network.load_state_dict(kept.weights)
+            optimiser.load_state_dict(kept.optimiser)
+            state.step, state.stale = kept.step, kept.stale
+            state.best, state.best_error, state.best_step = (
+                kept.best,
+                kept.best_error,
+                kept.best_step,
+            )
+            state.curve = [CurvePoint(**point) for point in kept.curve]
+        return state
+
+    def _first_network(self) -> ChunkNetwork:
+        if self._initial_weights is not None:
+            network = load_weights(self._initial_weights, self._robot)
+            if network.config != self._network_config:
+                raise ConfigError(
+                    f"The weights in {self._initial_weights} are of another network: "
+                    f"{network.config}, wanted {self._network_config}."
+                )
+            return network
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(self._config.seed)
+            network = ChunkNetwork(self._robot, self._network_config)
+        fit_normalisation(self._simulator, network, [self._objective.measured()])
+        return network
+
+    def _train_step(self, state: _State) -> Losses:
+        for group in state.optimiser.param_groups:
+            group["lr"] = learning_rate(self._schedule, state.step)
+        state.network.train()
+        state.optimiser.zero_grad(set_to_none=True)
+        losses = self._objective.loss(state.network, state.step)
+        losses.total.backward()
+        norm = torch.nn.utils.clip_grad_norm_(state.network.parameters(), self._config.clip)
+        state.step += 1
+        if not (math.isfinite(losses.total.item()) and math.isfinite(norm.item())):
+            raise ModelError(
+                f"Training step {state.step}: the loss is {losses.total.item()} and its gradient's "
+                f"norm {norm.item()}. {self._kept()}"
+            )
+        state.optimiser.step()
+        return losses
+
+    def _point(self, state: _State, losses: Losses) -> CurvePoint:
+        return CurvePoint(
+            step=state.step,
+            chunks=stage_at(self._schedule, state.step - 1).chunks,
+            learning_rate=learning_rate(self._schedule, state.step - 1),
+            loss=losses.total.item(),
+            velocity=losses.velocity.item(),
+            position=losses.position.item(),
+            rest=losses.rest.item(),
+        )
+
+    def _validate(self, state: _State, point: CurvePoint) -> None:
+        """Add the validation errors to `point`, and keep the weights if they are the best."""
+        state.network.eval()
+        table = self._validation(self._simulator, state.network, self._config.device)
+        error = selection_error(table)
+        state.curve.append(
+            dataclasses.replace(
+                point,
+                e_pos_mse=table.e_pos_mse,
+                e_pos_rmse=table.e_pos_rmse,
+                e_rot=table.e_rot,
+                error=error,
+            )
+        )
+        if error < state.best_error or not state.best:
+            weights = state.network.state_dict()
+            state.best = {name: value.detach().clone() for name, value in weights.items()}
+            state.best_error, state.best_step, state.stale = error, state.step, 0
+        elif state.step > spans(self._schedule)[-1].start:
+            state.stale += 1
+
+    def _stale(self, state: _State) -> bool:
+        return 0 < self._config.patience <= state.stale
+
+    def _keep(self, state: _State) -> None:
+        for name, value in state.network.state_dict().items():
+            if not torch.isfinite(value).all():
+                raise ModelError(
+                    f"Training step {state.step}: weight {name} is not finite. {self._kept()}"
+                )
+        kept = Checkpoint(
+            key=self._key,
+            step=state.step,
+            weights=state.network.state_dict(),
+            optimiser=state.optimiser.state_dict(),
+            best=state.best,
+            best_error=state.best_error,
+            best_step=state.best_step,
+            stale=state.stale,
+            curve=[dataclasses.asdict(point) for point in state.curve],
+        )
+        write_checkpoint(kept, self._folder)
+
+    def _kept(self) -> str:
+        return (
+            f"The last checkpoint in {self._folder} is kept; a lower learning rate or other data "
+            "may help."
+        )
+
+    def _result(self, state: _State) -> TrainingResult:
+        state.network.load_state_dict(state.best)
+        path = self._folder / WEIGHTS
+        digest = save_weights(state.network.to("cpu"), path, self._train.digest)
+        return TrainingResult(
+            path, digest, state.best_error, state.best_step, state.step, tuple(state.curve)
+        )
+
+    def _fingerprint(self, validation: WindowCache) -> str:
+        """Digest of all that decides the final weights."""
+        first = self._initial_weights
+        parts = {
+            "training": self._config.model_dump(mode="json"),
+            "network": self._network_config.model_dump(mode="json"),
+            "robot": self._robot.digest,
+            "data": [self._train.digest, validation.digest],
+            "first": weights_digest(load_weights(first, self._robot)) if first else "",
+        }
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,76 @@
+import pytest
+import torch
+
+from flywheel.errors import ConfigError, DataError
+from flywheel.training.checkpoint import CHECKPOINT, Checkpoint, read_checkpoint, write_checkpoint
+
+
+def _checkpoint(key: str = "a" * 64) -> Checkpoint:
+    weight = torch.nn.Parameter(torch.randn(3, 2))
+    optimiser = torch.optim.AdamW([weight], 1e-3)
+    weight.sum().backward()
+    optimiser.step()
+    return Checkpoint(
+        key=key,
+        step=7,
+        weights={"w": weight.detach()},
+        optimiser=optimiser.state_dict(),
+        best={"w": torch.randn(3, 2)},
+        best_error=float("inf"),
+        best_step=5,
+        stale=2,
+        curve=[{"step": 5, "loss": 0.25, "e_rot": None}],
+    )
+
+
+def test_a_checkpoint_comes_back_as_it_was(tmp_path):
+    kept = _checkpoint()
+    write_checkpoint(kept, tmp_path / "new")
+    got = read_checkpoint(tmp_path / "new", kept.key)
+    assert torch.equal(got.weights["w"], kept.weights["w"])
+    assert torch.equal(got.best["w"], kept.best["w"])
+    assert (got.step, got.stale, got.best_step, got.curve) == (7, 2, 5, kept.curve)
+    moments = [c.optimiser["state"][0]["exp_avg"] for c in (got, kept)]
+    assert torch.equal(*moments)
+
+
+def test_a_folder_without_a_checkpoint_has_none(tmp_path):
+    assert read_checkpoint(tmp_path, "a" * 64) is None
+
+
+def test_a_checkpoint_of_another_training_is_refused(tmp_path):
+    write_checkpoint(_checkpoint(), tmp_path)
+    with pytest.raises(ConfigError, match="another configuration"):
+        read_checkpoint(tmp_path, "b" * 64)
+
+
+@pytest.mark.parametrize("keep", [0, 1, 100, 1000])
+def test_a_truncated_checkpoint_is_found(tmp_path, keep):
+    path = write_checkpoint(_checkpoint(), tmp_path)
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(DataError, match="damaged"):
+        read_checkpoint(tmp_path, "a" * 64)
+
+
+def test_a_checkpoint_that_would_run_code_is_refused(tmp_path):
+    class Evil:
+        def __reduce__(self):
+            return (eval, ("1 + 1",))
+
+    torch.save({"key": Evil()}, tmp_path / CHECKPOINT)
+    with pytest.raises(DataError, match="damaged"):
+        read_checkpoint(tmp_path, "a" * 64)
+
+
+def test_a_failed_write_leaves_the_last_checkpoint(tmp_path, monkeypatch):
+    write_checkpoint(_checkpoint(), tmp_path)
+    before = (tmp_path / CHECKPOINT).read_bytes()
+
+    def fail(fields, file):
+        file.write(b"half")
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(torch, "save", fail)
+    with pytest.raises(OSError, match="No space"):
+        write_checkpoint(_checkpoint(), tmp_path)
+    assert (tmp_path / CHECKPOINT).read_bytes() == before
