@@ -1,4 +1,4 @@
-"""What every test relies on: one thread each, no usage reports, and drawing only where it can be."""
+"""What every test relies on: one thread each, no usage reports, drawing only where it can be."""
 
 import ctypes.util
 import os

@@ -1,0 +1,100 @@
+"""`flywheel run`: turn the flywheel, and show what came of it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from rich.console import Console
+
+from flywheel.runtime.config import load_config
+from flywheel.runtime.dashboard import DATABASE
+from flywheel.runtime.loop import run
+from flywheel.runtime.measures import Errors, Navigation
+from flywheel.runtime.progress import console_progress
+from flywheel.runtime.results import RunResult
+from flywheel.runtime.run_folder import name_of
+from pipelines.show import console, table
+
+RUNS = Path("runs")
+
+
+def turn(
+    config: Path, overrides: list[str], *, resume: bool, address: str | None, folder: Path | None
+) -> None:
+    """Run, then print a summary and where to look.
+
+    Args:
+      config: YAML file.
+      overrides: "key=value" on top of it.
+      resume: go on with the run in the folder.
+      address: of an existing Ray cluster.
+      folder: of the run; by default runs/<name of the file>.
+    """
+    os.environ.setdefault("MUJOCO_GL", "egl")  # for the videos, before anything imports mujoco
+    settings = load_config(config, overrides)
+    place = folder or RUNS / config.stem
+    progress = console_progress()
+    progress.say(f"The run is in {place}. Ctrl-C stops it; --resume goes on.")
+    result = run(settings, place, resume=resume, address=address, progress=progress)
+    show_summary(console(), result, place)
+
+
+def show_summary(out: Console, result: RunResult, folder: Path) -> None:
+    """One line per model, the lines they are judged by, and where the rest is."""
+    out.print(table(f"{result.name}: {result.robot}", COLUMNS, summary_rows(result)))
+    for note in result.notes:
+        out.print(note, soft_wrap=True, markup=False)
+    out.print(f"Page:      flywheel report {folder}", soft_wrap=True)
+    if (folder / DATABASE).exists():
+        out.print(f"Dashboard: flywheel ui {folder}", soft_wrap=True)
+
+
+COLUMNS = (
+    "model",
+    "e_pos RMSE/L [%]",
+    "e_rot [deg]",
+    "full e_pos RMSE/L [%]",
+    "full e_rot [deg]",
+    "#reached",
+    "time to goal [s]",
+    "champion",
+)
+
+
+def summary_rows(result: RunResult) -> list[tuple[object, ...]]:
+    """Errors on the pooled tests and success, of every model, floor, persistence and oracle."""
+    rows = [
+        (
+            name_of(each.iteration, each.arm),
+            *_errors(result.test_errors(each)),
+            *_success(each.navigation),
+            "yes" if each.gate is not None and each.gate.promoted else "no",
+        )
+        for each in result.iterations
+    ]
+    beside = [
+        ("persistence", *_errors(result.persistence), None, None, ""),
+        ("floor (MuJoCo)", *_errors(result.floor), None, None, ""),
+        ("oracle (MPPI)", *_errors(None), *_success(result.oracle), ""),
+    ]
+    return [*rows, *(row for row in beside if any(cell is not None for cell in row[1:-1]))]
+
+
+def _errors(errors: Errors | None) -> tuple[float | None, ...]:
+    if errors is None:
+        return (None,) * 4
+    full = errors.full
+    return (
+        errors.short.e_pos_rmse,
+        errors.short.e_rot,
+        None if full is None else full.e_pos_rmse,
+        None if full is None else full.e_rot,
+    )
+
+
+def _success(navigation: Navigation | None) -> tuple[str | None, float | None]:
+    if navigation is None:
+        return None, None
+    success = navigation.success
+    return f"{success.reached}/{success.total}", navigation.median_seconds

@@ -1,0 +1,87 @@
+"""Opening a run's folder: its configuration, its store, its models."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from flywheel.data import TrajectoryStore
+from flywheel.errors import DataError, UnknownNameError
+from flywheel.robots import Robot, load_robot
+from flywheel.runtime.config import RunConfig, load_config
+from flywheel.runtime.results import IterationResult, RunResult
+from flywheel.runtime.run_folder import RunFolder, name_of
+from flywheel.runtime.weights import Weights
+
+WEIGHTS = "weights.npz"
+
+
+@dataclass(frozen=True)
+class OpenRun:
+    """A run that is looked at, finished or not.
+
+    Attributes:
+      folder: its files.
+      config: it was begun with.
+      result: so far.
+    """
+
+    folder: RunFolder
+    config: RunConfig
+    result: RunResult
+
+    @property
+    def robot(self) -> Robot:
+        """It is about."""
+        return load_robot(self.config.robot)
+
+    @property
+    def store(self) -> TrajectoryStore:
+        """Of its episodes."""
+        return TrajectoryStore(self.folder.store_url(self.config))
+
+    def champion(self) -> IterationResult:
+        """The iteration whose model was last promoted.
+
+        Raises:
+          DataError: none was yet.
+        """
+        promoted = [i for i in self.result.iterations if i.gate is not None and i.gate.promoted]
+        if not promoted:
+            raise DataError(f"The run in {self.folder.path} has no champion yet.")
+        return promoted[-1]
+
+    def weights(self, iteration: IterationResult) -> Weights:
+        """The weights that an iteration trained."""
+        path = self.folder.model(iteration.iteration, iteration.arm) / WEIGHTS
+        if not path.exists():
+            raise DataError(f"There are no weights {path}. Were they deleted?")
+        return Weights.read(path, iteration.model)
+
+    def iteration(self, name: str) -> IterationResult:
+        """An iteration by its number ("2": MPPI's arm) or name ("i0002-control")."""
+        known = {name_of(i.iteration, i.arm): i for i in self.result.iterations}
+        wanted = name_of(int(name), "mppi") if name.isdigit() else name
+        if wanted in known:
+            return known[wanted]
+        raise UnknownNameError(
+            f"The run in {self.folder.path} has no model {name!r}. It has: {', '.join(known)}."
+        )
+
+
+def open_run(path: Path) -> OpenRun:
+    """Open a run's folder for looking.
+
+    Raises:
+      DataError: it is not one, or nothing has come of it yet.
+    """
+    folder = RunFolder(path)
+    if not folder.config_file.exists():
+        known = ", ".join(str(p) for p in known_runs()) or "none in runs/"
+        raise DataError(f"{path} is not a run's folder: it has no config.yaml. Runs: {known}.")
+    return OpenRun(folder, load_config(folder.config_file), RunResult.load(path))
+
+
+def known_runs(parent: Path = Path("runs")) -> list[Path]:
+    """The folders below `parent` that hold a run."""
+    return sorted(p.parent for p in parent.glob("*/config.yaml"))
