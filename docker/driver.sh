@@ -3,6 +3,8 @@
 #
 #   RAY_HEAD   address of the head (ray-head:6379)
 #   RUNS       folder that every worker sees too (./runs)
+#   STORE      where trajectory stores are, e.g. s3://flywheel (in the run's folder)
+#   MLFLOW_TRACKING_URI   server to publish to (a file in the run's folder)
 set -euo pipefail
 
 if [[ $# -lt 1 ]]; then
@@ -16,8 +18,13 @@ folder="${RUNS:-runs}/$(basename "$config" .yaml)"
 # A driver talks to its cluster through a node on its own machine; this one offers no cores.
 ray start --address="${RAY_HEAD:-ray-head:6379}" --num-cpus=0 --disable-usage-stats
 
-options=(--address auto --folder "$folder")
-if [[ -e "$folder" ]]; then
-    options+=(--resume)
+# Begins a run if there is none, else goes on with it.
+options=(--address auto --folder "$folder" --resume)
+settings=()
+if [[ -n "${STORE:-}" ]]; then
+    settings+=("store=$STORE/$(basename "$folder")")
 fi
-exec flywheel run "$config" "${options[@]}" "$@"
+if [[ -n "${MLFLOW_TRACKING_URI:-}" ]]; then
+    settings+=("tracking.uri=$MLFLOW_TRACKING_URI")
+fi
+exec flywheel run "$config" "${options[@]}" "${settings[@]}" "$@"
