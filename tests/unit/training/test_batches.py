@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+import torch
+
+from flywheel.errors import ConfigError, DataError
+from flywheel.training.batches import Draw, generator, noisy, to_batch, turned
+
+
+def test_a_turned_window_keeps_heights_and_distances(train):
+    windows = train.gather(train.starts(20)[::7], 20)
+    after = turned(windows, np.random.default_rng())
+    np.testing.assert_allclose(after.points[..., 2], windows.points[..., 2])
+    for points in (after.points, windows.points):
+        assert points.shape == windows.points.shape
+
+    def apart(points):
+        return np.linalg.norm(points[..., :, None, :] - points[..., None, :, :], axis=-1)
+
+    np.testing.assert_allclose(apart(after.points), apart(windows.points), atol=1e-12)
+    assert np.abs(after.points - windows.points).max() > 0.1
+    np.testing.assert_array_equal(after.controls, windows.controls)
+
+
+def test_noise_touches_the_past_and_not_what_is_predicted(train):
+    windows = train.gather(train.starts(20)[::3], 20)
+    after = noisy(windows, 8, 0.01, np.random.default_rng())
+    change = after.points - windows.points
+    assert (change[:, 9:] == 0).all()
+    assert change[:, :9].std() == pytest.approx(0.01, rel=0.1)
+
+
+def test_batches_split_at_the_present_and_stand_above_the_origin(train):
+    windows = train.gather(train.starts(20)[:5], 20)
+    batch = to_batch(windows, 8)
+    assert batch.past_points.shape == (5, 9, 6, 3)
+    assert batch.points.shape == (5, 13, 6, 3)
+    assert batch.controls.shape == (5, 12, 6)
+    assert batch.winch.shape == (5, 12, 6)
+    torch.testing.assert_close(batch.past_points[:, -1], batch.points[:, 0], rtol=0, atol=0)
+    center = batch.points[:, 0].mean(dim=1)
+    torch.testing.assert_close(center[:, :2], torch.zeros(5, 2), atol=1e-6, rtol=0)
+    shift = windows.points[:, 9:] - batch.points[:, 1:].numpy()
+    np.testing.assert_allclose(shift, shift[:, :1, :1] + 0 * shift, atol=1e-5)
+    np.testing.assert_allclose(shift[..., 2], 0.0, atol=1e-5)
+
+
+def test_a_missing_point_moves_the_origin_but_spoils_nothing_else(train):
+    windows = train.gather(train.starts(20)[:5], 20)
+    windows.points[0, 8, 2] = np.nan
+    batch = to_batch(windows, 8)
+    assert torch.isnan(batch.points).sum() == 3
+
+
+def test_the_draw_is_a_pure_function_of_seed_and_step(train):
+    draw = Draw(train, 20, {})
+    first, again = (draw(generator(3, 17, 0), 64) for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, draw(generator(3, 18, 0), 64))
+    assert not np.array_equal(first, draw(generator(4, 17, 0), 64))
+    assert np.isin(first, train.starts(20)).all()
+
+
+def test_a_mix_draws_each_data_set_by_its_share(train):
+    dataset = np.array([0, 1, 1])
+    mixed = type(train)(train.points, train.controls, train.winch, dataset, ("sim", "real"))
+    draw = Draw(mixed, 20, {"sim": 0.9, "real": 0.1})
+    starts = draw(np.random.default_rng(), 4000)
+    share = (mixed.gather(starts, 20).dataset == 1).mean()
+    assert share == pytest.approx(0.1, abs=0.03)
+
+
+def test_a_mix_with_an_unknown_data_set_is_refused(train):
+    with pytest.raises(ConfigError, match=r"'real'.*There are: nominal"):
+        Draw(train, 20, {"nominal": 0.5, "real": 0.5})
+
+
+def test_episodes_shorter_than_a_window_are_refused(train):
+    with pytest.raises(DataError, match="window of 201 steps"):
+        Draw(train, 201, {})
