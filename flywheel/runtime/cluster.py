@@ -1,8 +1,8 @@
 """The Ray door: the only file that imports ray.
 
-A worker is a plain class. Here it becomes an actor with a second, tiny thread of its own that answers
-"how far are you?" while the job runs. Ray's own restarts and retries stay off: the pool counts and
-reports them instead.
+A worker is a plain class. Here it becomes an actor with a second, tiny thread of its own that
+answers "how far are you?" while the job runs. Ray's own restarts and retries stay off: the pool
+counts and reports them instead.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+import socket
 from collections.abc import Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -87,18 +88,25 @@ class Cluster:
         _log_obituaries()
         quiet = {"log_to_driver": False, "logging_level": "ERROR"}
         if self._config.address is not None:
+            check_reachable(self._config.address)
             ray.init(address=self._config.address, **quiet)
             return
         if "RAY_AUTH_MODE" not in os.environ:
             # A cluster on the loopback of this process needs no token, and none is left in HOME.
             os.environ["RAY_AUTH_MODE"] = "disabled"
         ray.init(
+            address="local",  # never one that happens to run on this machine
             num_cpus=self._config.cpus,
             num_gpus=self._config.gpus,
             object_store_memory=self._config.object_store_bytes,
             include_dashboard=False,
             **quiet,
         )
+
+    @property
+    def cpus(self) -> int:
+        """Cores of the whole cluster."""
+        return int(ray.cluster_resources().get("CPU", 1))
 
     def check_fits(self, groups: Iterable[Group]) -> None:
         """Compare what the groups book with what the cluster has.
@@ -139,6 +147,27 @@ def check_fits(groups: Iterable[Group], there: dict[str, float]) -> None:
 
 
 _HEADER = ("workers", "count", "CPUs", "GPUs")
+
+
+def check_reachable(address: str, seconds: float = 5.0) -> None:
+    """Ray itself would try for minutes.
+
+    Raises:
+      ConfigError: not an address that can be used.
+      ConnectionError: nobody listens there.
+    """
+    if address in ("auto", "local"):
+        return
+    host, _, port = address.rpartition(":")
+    if "//" in address or not host or not port.isdigit():
+        raise ConfigError(
+            f"The address of a cluster is host:port (of its head, usually port 6379) or auto, got "
+            f"{address!r}. From outside the cluster, use `ray job submit`."
+        )
+    try:
+        socket.create_connection((host, int(port)), timeout=seconds).close()
+    except OSError as error:
+        raise ConnectionError(f"{error}.") from None
 
 
 @contextmanager
@@ -213,7 +242,7 @@ class RayBackend:
     def submit(self, worker: Any, job: Job) -> Any:
         """Send the job."""
         self._beats.pop(worker, None)
-        return worker.work.remote(job.method, *job.arguments)
+        return worker.work.options(name=job.id).remote(job.method, *job.arguments)
 
     def wait(self, tickets: Sequence[Any], seconds: float) -> list[Any]:
         """Those that are finished."""

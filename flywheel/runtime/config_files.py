@@ -21,7 +21,7 @@ EXTENDS = "extends"
 def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
-    A file may begin with `extends: other.yaml`, relative to itself: it then only holds what differs.
+    A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs.
 
     Args:
       schema: what the result must be.

@@ -1,0 +1,17 @@
+"""One local Ray for all tests that need one, without a token and without a trace in HOME."""
+
+import os
+
+os.environ.setdefault("RAY_AUTH_MODE", "disabled")
+
+import pytest
+
+from flywheel.runtime.cluster import Cluster, ClusterConfig
+from tests.integration.stunt_workers import by_value
+
+
+@pytest.fixture(scope="session")
+def local_ray():
+    by_value()
+    with Cluster(ClusterConfig(cpus=2)) as cluster:
+        yield cluster

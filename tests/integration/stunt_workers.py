@@ -1,0 +1,96 @@
+"""Workers that do little but can be asked to misbehave, and ways to find their processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import cloudpickle
+import numpy as np
+import psutil
+
+from flywheel.runtime.jobs import Beat
+
+
+def by_value() -> None:
+    """Send this module's classes to workers as they are; workers cannot import tests."""
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+
+class Stunt:
+    """A worker.
+
+    Args:
+      folder: where attempts at a job leave a trace.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self._folder = Path(folder)
+        self.beat = Beat()
+
+    def draw(self, seed: int, seconds: float = 0.0) -> tuple[float, int]:
+        """A random number that depends on the seed alone, and who drew it."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            time.sleep(0.05)
+            self.beat = Beat(count=self.beat.count + 1)
+        return float(np.random.default_rng(seed).normal()), os.getpid()
+
+    def die(self, name: str, times: int) -> int:
+        """Die at the first `times` attempts; then tell how many there were."""
+        attempt = self._attempt(name)
+        if attempt < times:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return attempt
+
+    def stop(self, name: str) -> int:
+        """Freeze, heartbeat included, at the first attempt."""
+        attempt = self._attempt(name)
+        if attempt == 0:
+            os.kill(os.getpid(), signal.SIGSTOP)
+        return attempt
+
+    def sleep(self, name: str) -> int:
+        """Hang, while the process itself still answers, at the first attempt."""
+        attempt = self._attempt(name)
+        if attempt == 0:
+            time.sleep(1000)
+        return attempt
+
+    def fail(self) -> None:
+        """Raise."""
+        raise ValueError("a mistake in the job")
+
+    def threads(self) -> tuple[str, int]:
+        """What this process believes about threads."""
+        import torch
+
+        return os.environ["OMP_NUM_THREADS"], torch.get_num_threads()
+
+    def total(self, array: np.ndarray) -> tuple[float, bool]:
+        """Sum of a shared array, and whether it could be written to."""
+        return float(array.sum()), bool(array.flags.writeable)
+
+    def _attempt(self, name: str) -> int:
+        attempts = len(list(self._folder.glob(f"{name}.*")))
+        (self._folder / f"{name}.{attempts}").touch()
+        return attempts
+
+
+def ray_processes(job: str, of: int | None = None) -> list[psutil.Process]:
+    """Worker processes below a process (this one by default) that work on a job.
+
+    Ray shows a job's name as the title of the process.
+    """
+    found = []
+    for process in psutil.Process(of or os.getpid()).children(recursive=True):
+        try:
+            title = " ".join(process.cmdline())
+        except psutil.Error:
+            continue
+        if title.startswith("ray::") and job in title:
+            found.append(process)
+    return found

@@ -1,0 +1,143 @@
+"""The pool on a real Ray, with real processes that are really killed."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from flywheel.errors import ConfigError, RunError
+from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend, check_fits, check_reachable
+from flywheel.runtime.interrupts import Interrupted, StopRequest
+from flywheel.runtime.jobs import Group, Job, JobFailed
+from flywheel.runtime.pool import Patience, WorkerPool
+from tests.integration.stunt_workers import Stunt, ray_processes
+
+pytestmark = pytest.mark.ray
+PATIENCE = Patience(start=60, stall=4, drain=3, tick=0.2)
+
+
+@pytest.fixture
+def pool_of(local_ray, tmp_path):
+    pools = []
+
+    def made(count: int = 2, threads: int = 1, stop=lambda: False) -> WorkerPool:
+        group = Group("stunt", Stunt, (str(tmp_path),), count, threads=threads)
+        pools.append(WorkerPool(RayBackend(), [group], 2, PATIENCE, stop))
+        return pools[-1]
+
+    yield made
+    for pool in pools:
+        pool.close()
+
+
+def drawing(count: int, seconds: float = 0.0) -> list[Job]:
+    return [Job(f"draw-{i}", "stunt", "draw", (i, seconds)) for i in range(count)]
+
+
+def expected(count: int) -> list[float]:
+    return [float(np.random.default_rng(i).normal()) for i in range(count)]
+
+
+def test_killed_workers_are_replaced_and_their_jobs_give_the_same_numbers(pool_of):
+    killed = []
+
+    def kill_now_and_then():
+        deadline = time.monotonic() + 60
+        while len(killed) < 3 and time.monotonic() < deadline:
+            time.sleep(0.7)
+            for victim in ray_processes("draw-")[:1]:
+                victim.kill()
+                killed.append(victim.pid)
+
+    killer = threading.Thread(target=kill_now_and_then)
+    pool = pool_of()
+    killer.start()
+    report = pool.run(drawing(10, seconds=0.8))
+    killer.join()
+    assert [report.results[f"draw-{i}"][0] for i in range(10)] == expected(10)
+    assert len(killed) == 3 == report.restarts
+
+
+def test_a_job_that_kills_three_workers_is_set_aside_while_the_rest_goes_on(pool_of):
+    bad = Job("bad", "stunt", "die", ("bad", 99))
+    unlucky = Job("unlucky", "stunt", "die", ("unlucky", 2))
+    report = pool_of().run([bad, unlucky, *drawing(4)])
+    assert report.results["unlucky"] == 2, "two deaths are forgiven"
+    assert [report.results[f"draw-{i}"][0] for i in range(4)] == expected(4)
+    (quarantined,) = report.quarantined
+    assert quarantined.id == "bad" and len(quarantined.deaths) == 3
+    assert report.restarts == 5
+
+
+@pytest.mark.parametrize("how", ["stop", "sleep"])
+def test_a_hung_worker_is_replaced_and_its_job_done_again(pool_of, how):
+    report = pool_of().run([Job("hung", "stunt", how, ("hung",)), *drawing(2)])
+    assert report.results["hung"] == 1
+    assert report.restarts == 1
+
+
+def test_an_error_in_a_job_reaches_the_driver_with_its_place(pool_of):
+    pool = pool_of(count=1)
+    with pytest.raises(JobFailed, match="ValueError: a mistake in the job") as caught:
+        pool.run([Job("fail", "stunt", "fail")])
+    assert "in fail" in caught.value.trace
+    assert pool.run(drawing(1)).results["draw-0"][0] == expected(1)[0], "the pool goes on"
+
+
+def test_workers_compute_with_the_threads_of_their_group(pool_of):
+    report = pool_of(count=1, threads=2).run([Job("threads", "stunt", "threads")])
+    assert report.results["threads"] == ("2", 2)
+
+
+def test_shared_arrays_are_read_by_all_workers_and_written_by_none(pool_of):
+    pool = pool_of()
+    shared = pool.share(np.arange(1000.0))
+    report = pool.run([Job(f"sum{i}", "stunt", "total", (shared,)) for i in range(4)])
+    assert set(report.results.values()) == {(499500.0, False)}
+
+
+def test_a_request_to_stop_ends_within_the_time_to_drain(pool_of):
+    stop = StopRequest()
+    pool = pool_of(stop=stop)
+    threading.Timer(2.0, stop.ask).start()
+    begun = time.monotonic()
+    with pytest.raises(Interrupted):
+        pool.run(drawing(4, seconds=30.0))
+    assert time.monotonic() - begun < 2 + PATIENCE.drain + 10
+
+
+def test_a_cluster_too_small_is_refused_at_once_with_a_table(local_ray):
+    groups = [Group("sim", Stunt, count=64), Group("trainer", Stunt, cpus=2, gpus=1)]
+    begun = time.monotonic()
+    with pytest.raises(ConfigError) as caught:
+        local_ray.check_fits(groups)
+    assert time.monotonic() - begun < 2
+    lines = str(caught.value).splitlines()
+    assert lines[2].split() == ["sim", "64", "64", "0"]
+    assert lines[-3].split() == ["wanted", "66", "1"]
+    assert lines[-2].split() == ["there", "2", "0"]
+    assert "workers.sim" in lines[-1]
+
+
+def test_workers_that_share_cores_fit():
+    check_fits([Group("sim", Stunt, count=2), Group("trainer", Stunt, cpus=0)], {"CPU": 2.0})
+
+
+@pytest.mark.parametrize("address", ["somewhere", "ray://head:10001", "head:port"])
+def test_an_address_that_is_none_is_refused(address):
+    with pytest.raises(ConfigError, match="host:port"):
+        check_reachable(address)
+
+
+def test_a_cluster_that_is_not_there_is_told_at_once(monkeypatch):
+    monkeypatch.setattr("ray.is_initialized", lambda: False)
+    with (
+        pytest.raises(
+            RunError, match=r"No connection to the Ray cluster at 127\.0\.0\.1:1: .*refused"
+        ),
+        Cluster(ClusterConfig(address="127.0.0.1:1")),
+    ):
+        pass
