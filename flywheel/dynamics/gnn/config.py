@@ -57,7 +57,7 @@ class NetworkConfig(BaseModel):
     recurrent: bool = True
     winch: Literal["learned", "residual", "analytic"] = "residual"
     edge_updates: bool = False
-    mlp_layers: int = Field(default=2, ge=1)
+    mlp_layers: int = Field(default=2, ge=2)
     layer_norm: bool = False
     contact_edges: bool = True
     contact_threshold: float = Field(default=0.1, gt=0)

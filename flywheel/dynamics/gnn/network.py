@@ -2,20 +2,155 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
+import torch
 from torch import nn
 
 from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.features import Field, feature_fields
+from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.robots import Robot
+
+_DECODER_START = 0.1  # of the usual size: an untrained network hardly changes a motion
+_LEAST_SPREAD = 1e-3  # of a feature's natural size, however little it varies in the data
+
+
+class Perceptron(nn.Module):
+    """Linear layers with ReLU between them.
+
+    Args:
+      inputs, width, outputs: sizes; hidden layers are `width` wide.
+      layers: number of linear layers.
+    """
+
+    def __init__(self, inputs: int, width: int, outputs: int, layers: int) -> None:
+        super().__init__()
+        sizes = [inputs] + [width] * (layers - 1) + [outputs]
+        self.linears = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(sizes))
+
+
+class Normaliser(nn.Module):
+    """Mean and standard deviation of each changing feature of one kind of node or edge.
+
+    Args:
+      fields: the features.
+    """
+
+    mean: torch.Tensor
+    std: torch.Tensor
+    scale: torch.Tensor
+    fitted: torch.Tensor
+
+    def __init__(self, fields: tuple[Field, ...]) -> None:
+        super().__init__()
+        scale = torch.tensor([f.scale for f in fields for _ in range(f.width)])
+        fitted = torch.tensor([f.fitted for f in fields for _ in range(f.width)])
+        self.register_buffer("mean", torch.zeros_like(scale))
+        self.register_buffer("std", scale.clone())
+        self.register_buffer("scale", scale, persistent=False)
+        self.register_buffer("fitted", fitted, persistent=False)
+
+    def fit(self, mean: torch.Tensor, std: torch.Tensor) -> None:
+        """Take over what was measured, except for unit vectors."""
+        std = torch.maximum(std.to(self.scale), _LEAST_SPREAD * self.scale)
+        self.mean.copy_(torch.where(self.fitted, mean.to(self.scale), torch.zeros_like(self.scale)))
+        self.std.copy_(torch.where(self.fitted, std, self.scale))
+
+
+class Round(nn.Module):
+    """One round of message passing.
+
+    With `edge_updates` the messages are perceptrons whose output is added to the edge's latent vector,
+    which is what receivers sum. Without, a message is one linear layer and a ReLU; the layer that
+    would follow it is linear and commutes with the sum, so that it is part of the update's first one.
+    """
+
+    def __init__(self, config: NetworkConfig, relations: list[str]) -> None:
+        super().__init__()
+        width = config.width
+        layers = config.mlp_layers if config.edge_updates else 1
+        self.messages = nn.ModuleDict(
+            {name: Perceptron(3 * width, width, width, layers) for name in relations}
+        )
+        update_layers = max(config.mlp_layers, 2)
+        inputs = (1 + len(relations)) * width
+        self.update = Perceptron(inputs, width, width, update_layers)
+        self.norm = nn.LayerNorm(width) if config.layer_norm else None
 
 
 class ChunkNetwork(nn.Module):
     """The weights of one network for one robot.
 
+    Inputs of the encoders, in order: changing features (normalised by `normalisers`), constants of
+    the graph, then the data sets' one-hot (body and anchor nodes) or controls (cable edges).
+
     Args:
       robot: whose graph it works on.
       config: its shape.
+
+    Attributes:
+      velocity_scale: (n,) standard deviation of each step's velocity change since the chunk's start,
+        in which the node decoder speaks [m/s].
+      winch_scale: (n,) likewise of the winch position's change [m].
     """
+
+    velocity_scale: torch.Tensor
+    winch_scale: torch.Tensor
 
     def __init__(self, robot: Robot, config: NetworkConfig) -> None:
         super().__init__()
         self.robot_digest, self.config = robot.digest, config
+        graph = RobotGraph(robot, config)
+        fields = feature_fields(robot, config)
+        extra = {
+            "body_node": graph.node_constants.shape[1] + config.datasets,
+            "cable": graph.relations["cable"].constants.shape[1]
+            + config.control_history
+            + config.chunk,
+        }
+        if "body" in graph.relations:
+            extra["body"] = graph.relations["body"].constants.shape[1]
+        if graph.anchors.shape[1]:
+            extra["anchor_node"] = config.datasets
+        if graph.ground >= 0:
+            extra |= {"ground_node": 0, "contact": 0}
+        self._build(config, {name: fields[name] for name in extra}, extra, list(graph.relations))
+        pace = torch.arange(1, config.chunk + 1) * config.dt
+        self.register_buffer("velocity_scale", 9.81 * pace)
+        self.register_buffer("winch_scale", 0.1 * robot.length * pace)
+
+    def _build(
+        self,
+        config: NetworkConfig,
+        fields: dict[str, tuple[Field, ...]],
+        extra: dict[str, int],
+        relations: list[str],
+    ) -> None:
+        width, layers = config.width, config.mlp_layers
+        self.normalisers = nn.ModuleDict({name: Normaliser(f) for name, f in fields.items()})
+        sizes = {name: sum(f.width for f in fs) + extra[name] for name, fs in fields.items()}
+        self.encoders = nn.ModuleDict(
+            {name: Perceptron(size, width, width, layers) for name, size in sizes.items()}
+        )
+        self.encoder_norms = nn.ModuleDict(
+            {name: nn.LayerNorm(width) for name in sizes if config.layer_norm}
+        )
+        self.memory = nn.LSTMCell(width, width) if config.recurrent else None
+        self.memory_norm = nn.LayerNorm(width) if config.recurrent and config.layer_norm else None
+        self.rounds = nn.ModuleList(Round(config, relations) for _ in range(config.rounds))
+        self.node_decoder = self._decoder(3 * config.chunk)
+        self.cable_decoder = None if config.winch == "analytic" else self._decoder(config.chunk)
+
+    def _decoder(self, outputs: int) -> Perceptron:
+        config = self.config
+        decoder = Perceptron(config.width, config.width, outputs, config.mlp_layers)
+        with torch.no_grad():
+            for parameter in decoder.linears[-1].parameters():
+                parameter.mul_(_DECODER_START)
+        return decoder
+
+    @property
+    def parameter_count(self) -> int:
+        """How many weights there are."""
+        return sum(p.numel() for p in self.parameters())

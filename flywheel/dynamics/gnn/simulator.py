@@ -1,13 +1,34 @@
-"""From a measured past and controls to predicted points, differentiable through all chunks."""
+"""From a measured past and controls to predicted points, differentiable through all chunks.
+
+Within a prediction chunk the body nodes move freely, by semi-implicit Euler steps with the velocities
+that the network predicts; rigid bodies are then fitted to them at every step. What is reported is
+rigid at every step. The fit at the chunk's last step is where the next chunk starts, with the
+velocities that the fitted nodes had over that step: the same definition as for a measured past.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.features import (
+    FeatureBuilder,
+    Ground,
+    MechanicalState,
+    flat_ground,
+    turn_back,
+)
+from flywheel.dynamics.gnn.fused import FusedForward
+from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.network import ChunkNetwork
+from flywheel.dynamics.gnn.past import PastReader
+from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction, Prepare
+from flywheel.dynamics.gnn.rigid import Frames
+from flywheel.dynamics.gnn.winches import Winches
+from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
 
@@ -28,20 +49,91 @@ class Unrolled:
     winch: Tensor
 
 
+@dataclass(frozen=True)
+class Start:
+    """Where a prediction starts, component-major; K is 1 where all samples start alike.
+
+    Attributes:
+      origin: (2, K) horizontal position of the states' origin in the world [m].
+      states: to warm up on, oldest first, and last the present one.
+      controls: (h, W, K) past commands, within the winches' range.
+    """
+
+    origin: Tensor
+    states: list[MechanicalState]
+    controls: Tensor
+
+
+class _Parts:
+    """What is derived from robot and configuration, on one device."""
+
+    def __init__(
+        self, robot: Robot, config: NetworkConfig, device: torch.device, ground: Ground
+    ) -> None:
+        self.graph = RobotGraph(robot, config, device)
+        self.frames = Frames(robot, self.graph.nodes, device)
+        self.builder = FeatureBuilder(self.graph, self.frames, ground)
+        self.past = PastReader(robot, config, self.frames)
+        self.winches = Winches(robot, config.dt, device)
+        self.integrate = config.dt * torch.ones(config.chunk, config.chunk, device=device).tril()
+
+
 class Simulator:
     """Runs a network on a robot.
 
     Args:
       robot: the robot.
       config: the network's.
+      ground: terrain; flat unless given.
+      prepare: how the network is computed; `PlainForward` is the readable way.
     """
 
-    def __init__(self, robot: Robot, config: NetworkConfig) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        config: NetworkConfig,
+        ground: Ground = flat_ground,
+        prepare: Prepare = FusedForward,
+    ) -> None:
         self.robot, self.config, self.dt = robot, config, config.dt
+        self._ground, self._prepare = ground, prepare
+        self._parts: dict[torch.device, _Parts] = {}
+
+    def parts(self, device: torch.device | str = "cpu") -> _Parts:
+        """Graph, frames, features and winches on a device."""
+        device = torch.device(device)
+        if device not in self._parts:
+            self._parts[device] = _Parts(self.robot, self.config, device, self._ground)
+        return self._parts[device]
 
     def node_positions(self, points: Tensor) -> Tensor:
-        """Where the N body nodes are, (..., N, 3), if the tracked points are at (..., P, 3)."""
-        raise NotImplementedError
+        """Where the N body nodes are, (..., N, 3), if the tracked points are at (..., P, 3).
+
+        NaN for all nodes of a body that misses a point.
+        """
+        frames = self.parts(points.device).frames
+        missing = ~torch.isfinite(points).all(-1)
+        shape = points.shape[:-2]
+        flat = torch.nan_to_num(points.float()).reshape(-1, *points.shape[-2:]).permute(2, 1, 0)
+        nodes = torch.matmul(frames.to_nodes, frames.of_points(flat))
+        lost = torch.zeros(*shape, len(self.robot.bodies), device=points.device)
+        lost = lost.index_add(-1, frames.body_of_point, missing.float())[..., frames.body_of_node]
+        nodes = nodes.permute(2, 1, 0).reshape(*shape, -1, 3)
+        return nodes.masked_fill((lost > 0)[..., None], torch.nan)
+
+    def prepare(self, network: ChunkNetwork, device: torch.device | str = "cpu") -> Forward:
+        """A network made ready for `roll`; later changes of its weights have no effect.
+
+        Raises:
+          ModelError: the network is of another robot or configuration.
+        """
+        if network.robot_digest != self.robot.digest or network.config != self.config:
+            raise ModelError(
+                f"The network was made for robot {network.robot_digest[:12]} and {network.config!r}; "
+                f"this simulator runs robot {self.robot.name} ({self.robot.digest[:12]}) with "
+                f"{self.config!r}."
+            )
+        return self._prepare(network, self.parts(device).graph)
 
     def unroll(
         self,
@@ -61,5 +153,156 @@ class Simulator:
           past_winch: (B, h + 1, W) winch positions [m]; NaN where unknown.
           controls: (B, T, W) commands to come; T need not be a multiple of the chunk.
           dataset: (B,) int64 index of the data set.
+
+        The past may have batch size 1, to start all B from the same present; so may `dataset`.
+
+        Raises:
+          ModelError: shapes, robot or configuration do not fit, or a point was never seen.
         """
-        raise NotImplementedError
+        self._check(past_points, past_controls, past_winch, controls)
+        forward = self.prepare(network, controls.device)
+        start = self.start(past_points, past_controls, past_winch)
+        return self.roll(forward, start, controls, dataset)
+
+    def start(self, past_points: Tensor, past_controls: Tensor, past_winch: Tensor) -> Start:
+        """Read states off a measured past; arguments as of `unroll`."""
+        parts = self.parts(past_controls.device)
+        present = past_points[:, -1, :, :2]
+        seen = torch.isfinite(present)
+        total = torch.where(seen, present, torch.zeros_like(present)).sum(1)
+        origin = total / seen.sum(1).clamp(min=1)
+        shift = torch.cat([origin, torch.zeros_like(origin[:, :1])], dim=1)
+        points = (past_points - shift[:, None, None]).float().permute(3, 1, 2, 0).contiguous()
+        controls = parts.winches.clipped(past_controls.float().permute(1, 2, 0))
+        winch = parts.winches.present(past_winch.float().permute(1, 2, 0), controls)
+        states = parts.past.states(points, winch)
+        return Start(origin.float().t(), states, controls)
+
+    def roll(self, forward: Forward, start: Start, controls: Tensor, dataset: Tensor) -> Unrolled:
+        """Predict from a start; see `unroll`."""
+        parts, config = self.parts(controls.device), self.config
+        samples, steps, _ = controls.shape
+        memory = self._warm_up(parts, forward, start, dataset)
+        state, memory, origin = _expanded(start, memory, samples)
+        commands = parts.winches.clipped(controls.float().permute(1, 2, 0))
+        missing = -steps % config.chunk
+        commands = torch.cat([commands, parts.winches.held(commands[-1], missing)])
+        shown = parts.winches.scaled(
+            torch.cat([start.controls.expand(-1, -1, samples), commands])
+        ).permute(1, 2, 0)
+        first = config.history - config.control_history
+        width = config.control_history + config.chunk
+        taken: list[tuple[Tensor, ...]] = []
+        for t in range(0, steps, config.chunk):
+            heading = parts.builder.heading(state)
+            window = shown[..., first + t : first + t + width]
+            features = parts.builder(state, origin, heading, window, dataset)
+            said = forward(features, memory)
+            state, outcome = self._advance(
+                parts, state, said, heading, commands[t : t + config.chunk]
+            )
+            memory = said.memory
+            taken.append(outcome)
+        frames, velocities, winch = (torch.cat(part, dim=-3) for part in zip(*taken, strict=True))
+        return self._unrolled(parts, origin, frames, velocities, winch, steps)
+
+    def _warm_up(
+        self, parts: _Parts, forward: Forward, start: Start, dataset: Tensor
+    ) -> Memory | None:
+        memory: Memory | None = None
+        for state in start.states[:-1]:
+            shown = parts.builder.memory_features(state, start.origin)
+            memory = forward.remember(shown, dataset, memory)
+        return memory
+
+    def _advance(
+        self,
+        parts: _Parts,
+        state: MechanicalState,
+        said: Prediction,
+        heading: Tensor | None,
+        commands: Tensor,
+    ) -> tuple[MechanicalState, tuple[Tensor, Tensor, Tensor]]:
+        """Integrate one chunk; the state at its end, and (frames, velocities, winch) at each step."""
+        change = said.velocity if heading is None else turn_back(said.velocity, heading)
+        velocities = state.velocities[:, None] + change
+        before = torch.matmul(parts.frames.to_nodes, state.frames)
+        moved = torch.matmul(parts.integrate, velocities.flatten(2)).view_as(velocities)
+        frames = parts.frames.of_nodes(before[:, None] + moved)
+        last = torch.cat([state.frames[:, None], frames], dim=1)[:, -2:]
+        nodes = torch.matmul(parts.frames.to_nodes, last)
+        speed = (nodes[:, 1] - nodes[:, 0]) / self.dt
+        winch = self._wind(parts, state.winch, said.winch, commands)
+        return MechanicalState(frames[:, -1], speed, winch[-1]), (frames, velocities, winch)
+
+    def _wind(
+        self, parts: _Parts, position: Tensor, change: Tensor | None, commands: Tensor
+    ) -> Tensor:
+        """(n, W, K) winch positions within a chunk."""
+        if self.config.winch == "learned":
+            assert change is not None
+            return parts.winches.within(position + change)
+        nominal = parts.winches.nominal(position, commands)
+        return nominal if change is None else parts.winches.within(nominal + change)
+
+    def _unrolled(
+        self,
+        parts: _Parts,
+        origin: Tensor,
+        frames: Tensor,
+        velocities: Tensor,
+        winch: Tensor,
+        steps: int,
+    ) -> Unrolled:
+        """Give the first `steps` steps, sample-major and in the world."""
+        frames, velocities, winch = frames[:, :steps], velocities[:, :steps], winch[:steps]
+        shift = torch.cat([origin, torch.zeros_like(origin[:1])]).t()[:, None, None]
+
+        def placed(matrix: Tensor) -> Tensor:
+            return torch.matmul(matrix, frames).permute(3, 1, 2, 0) + shift
+
+        return Unrolled(
+            points=placed(parts.frames.to_points),
+            node_positions=placed(parts.frames.to_nodes),
+            velocities=velocities.permute(3, 1, 2, 0),
+            winch=winch.permute(2, 0, 1),
+        )
+
+    def _check(self, points: Tensor, past: Tensor, winch: Tensor, controls: Tensor) -> None:
+        robot, history = self.robot, self.config.history
+        batch, winches = len(points), len(robot.winches)
+        wanted = {
+            "past_points": (points, (batch, history + 1, len(robot.points), 3)),
+            "past_controls": (past, (batch, history, winches)),
+            "past_winch": (winch, (batch, history + 1, winches)),
+            "controls": (controls, (*controls.shape[:2], winches)),
+        }
+        for name, (array, shape) in wanted.items():
+            if tuple(array.shape) != shape:
+                raise ModelError(
+                    f"{name} must have shape {shape} for robot {robot.name} and a history of "
+                    f"{history} steps, got {tuple(array.shape)}."
+                )
+        if batch not in (1, len(controls)) or controls.shape[1] == 0:
+            raise ModelError(
+                f"The past must have batch size 1 or that of the controls, which must have at least "
+                f"one step; got a past of {batch} and controls {tuple(controls.shape)}."
+            )
+
+
+def _expanded(
+    start: Start, memory: Memory | None, samples: int
+) -> tuple[MechanicalState, Memory | None, Tensor]:
+    """Present state, memory and origin for all samples, from one start for all or one for each."""
+    state, have = start.states[-1], start.origin.shape[-1]
+    if have == samples:
+        return state, memory, start.origin
+    state = MechanicalState(
+        state.frames.expand(-1, -1, samples),
+        state.velocities.expand(-1, -1, samples),
+        state.winch.expand(-1, samples),
+    )
+    if memory is not None:
+        hidden, cell = (m[:, None].expand(-1, samples, -1).flatten(0, 1) for m in memory)
+        memory = (hidden, cell)
+    return state, memory, start.origin.expand(-1, samples)

@@ -1,0 +1,271 @@
+"""What the network is shown: the features of nodes and edges, from a state and controls.
+
+Arrays are component-major: (F, M, K) for F features of M nodes or edges of K samples, so that every
+feature is one contiguous plane. All features are invariant to horizontal translation. With `yaw_frame`
+they are shown in axes that turn with the robot's heading, and so are invariant to yaw as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.gnn.rigid import Frames
+from flywheel.robots import Robot
+
+GRAVITY = 9.81  # only to make speeds dimensionless
+
+Ground = Callable[[Tensor], tuple[Tensor, Tensor]]
+"""Terrain: horizontal positions (2, N, K) [m] -> height of the ground there, broadcastable to (N, K)
+[m], and its unit normal, broadcastable to (3, N, K)."""
+
+
+def flat_ground(places: Tensor) -> tuple[Tensor, Tensor]:
+    """The plane z = 0."""
+    return places.new_zeros(1, 1), places.new_tensor([0.0, 0.0, 1.0]).view(3, 1, 1)
+
+
+@dataclass(frozen=True)
+class Field:
+    """Neighbouring features of one kind.
+
+    Attributes:
+      width: how many.
+      scale: their natural size, in SI units; what they are divided by before any data is seen.
+      fitted: normalised by what the data shows. Unit vectors are not.
+    """
+
+    width: int
+    scale: float
+    fitted: bool = True
+
+
+def feature_fields(robot: Robot, config: NetworkConfig) -> dict[str, tuple[Field, ...]]:
+    """The changing features of each kind of node and edge, in their order."""
+    length = robot.length
+    speed = (GRAVITY * length) ** 0.5
+    clearance = Field(1, config.ground_clamp * length)
+    unit = Field(3, 1.0, fitted=False)
+    place = (Field(3, length), Field(1, length), Field(3, length), unit)
+    return {
+        "body_node": (Field(3, speed), clearance, *(place if config.config_features else ())),
+        "anchor_node": (Field(3, length), Field(1, length)),
+        "ground_node": (unit,),
+        "body": (Field(3, length),),
+        "cable": (
+            Field(3, length),
+            Field(1, length),
+            unit,
+            Field(1, speed),
+            Field(1, length),
+            Field(1, 0.1 * length),
+        ),
+        "contact": (clearance, unit, Field(3, speed), Field(1, speed)),
+    }
+
+
+@dataclass(frozen=True)
+class MechanicalState:
+    """Where the bodies are, in a frame whose origin moves with the robot.
+
+    Attributes:
+      frames: (3, F, K) rigid frames [m, -].
+      velocities: (3, N, K) of the body nodes [m/s].
+      winch: (W, K) winch positions [m].
+    """
+
+    frames: Tensor
+    velocities: Tensor
+    winch: Tensor
+
+
+@dataclass(frozen=True)
+class GraphFeatures:
+    """Everything one call of the network is shown.
+
+    Attributes:
+      nodes: changing features (F, M, K) of "body_node", "anchor_node", "ground_node".
+      edges: changing features (F, E, K) of "body", "cable", "contact".
+      controls: (W, K, h + n) past and future controls in units of their range.
+      touching: (N, K) 1 where a body node is near enough to the ground for a contact edge, else 0.
+      dataset: (K,) or (1,) index of the data set.
+    """
+
+    nodes: dict[str, Tensor]
+    edges: dict[str, Tensor]
+    controls: Tensor
+    touching: Tensor
+    dataset: Tensor
+
+
+def turn(vectors: Tensor, heading: Tensor) -> Tensor:
+    """Show `vectors` (3, ..., K) in axes turned by the angle whose (cos, sin) is `heading` (2, K)."""
+    cos, sin = heading
+    x, y, z = vectors
+    return torch.stack([cos * x + sin * y, cos * y - sin * x, z])
+
+
+def turn_back(vectors: Tensor, heading: Tensor) -> Tensor:
+    """The inverse of `turn`."""
+    cos, sin = heading
+    x, y, z = vectors
+    return torch.stack([cos * x - sin * y, cos * y + sin * x, z])
+
+
+@dataclass(frozen=True)
+class _View:
+    """A state in the axes it is shown in; (3, N, K) each but the clearance (N, K) and anchors."""
+
+    nodes: Tensor
+    arms: Tensor
+    axes: Tensor
+    velocities: Tensor
+    anchors: Tensor
+    clearance: Tensor
+    normal: Tensor
+
+
+class FeatureBuilder:
+    """Computes features on one robot's graph.
+
+    Args:
+      graph: the robot's graph.
+      frames: layout of its rigid frames.
+      ground: the terrain.
+    """
+
+    def __init__(self, graph: RobotGraph, frames: Frames, ground: Ground = flat_ground) -> None:
+        self._graph, self._config, self._ground = graph, graph.config, ground
+        self._length, self._count = graph.robot.length, graph.body_count
+        self._first, self._second = graph.designated
+        self._maps = torch.cat([frames.to_nodes, frames.to_arms, frames.to_axes])
+        eye = torch.eye(graph.count, device=graph.device)[:, : self._count + graph.anchors.shape[1]]
+        self._apart = {
+            name: eye[relation.senders] - eye[relation.receivers]
+            for name, relation in graph.relations.items()
+        }
+
+    def heading(self, state: MechanicalState) -> Tensor | None:
+        """(2, K) cos and sin of the robot's heading; None if features are in world axes."""
+        if not self._config.yaw_frame:
+            return None
+        first, second = torch.matmul(
+            self._maps[[self._first, self._second]], state.frames[:2]
+        ).unbind(1)
+        way = second - first
+        size = (way * way).sum(0).clamp(min=1e-18).sqrt()
+        east = torch.stack([torch.ones_like(size), torch.zeros_like(size)])
+        return torch.where(
+            size > 1e-3 * self._length, way / size, east
+        )  # a vertical robot has none
+
+    def memory_features(self, state: MechanicalState, origin: Tensor) -> Tensor:
+        """Features of the body nodes alone, (F, N, K): all that the LSTM sees of a measured past."""
+        return self._node_features(self._view(state, origin, self.heading(state)))
+
+    def __call__(
+        self,
+        state: MechanicalState,
+        origin: Tensor,
+        heading: Tensor | None,
+        controls: Tensor,
+        dataset: Tensor,
+    ) -> GraphFeatures:
+        """All features of one call.
+
+        Args:
+          state: where the bodies are.
+          origin: (2, K) horizontal position of the state's origin in the world [m].
+          heading: of the state.
+          controls: (W, K, h + n) in units of their range.
+          dataset: (K,) or (1,) index of the data set.
+        """
+        view = self._view(state, origin, heading)
+        nodes = {"body_node": self._node_features(view)}
+        if view.anchors.shape[1]:
+            place = view.anchors - view.nodes[:, self._first, None]
+            nodes["anchor_node"] = torch.cat([place, _norm(place)])
+        edges = {}
+        if "body" in self._apart:
+            edges["body"] = torch.matmul(self._apart["body"], self._places(view))
+        edges["cable"] = self._cable_features(view, state.winch)
+        if self._graph.ground >= 0:
+            row = self._first % view.normal.shape[1]
+            nodes["ground_node"] = view.normal[:, row : row + 1]
+            edges["contact"] = self._contact_features(view)
+        touching = (view.clearance < self._config.contact_threshold * self._length).to(
+            view.clearance.dtype
+        )
+        return GraphFeatures(nodes, edges, controls, touching, dataset)
+
+    def _view(self, state: MechanicalState, origin: Tensor, heading: Tensor | None) -> _View:
+        vectors = torch.matmul(self._maps, state.frames)
+        nodes = vectors[:, : self._count]
+        clearance, normal = self._clearance(nodes, origin)
+        anchors = self._graph.anchors[:, :, None].expand(-1, -1, nodes.shape[-1])
+        if anchors.shape[1]:
+            anchors = anchors - torch.cat([origin, torch.zeros_like(origin[:1])])[:, None]
+        velocities = state.velocities
+        if heading is not None:
+            vectors, velocities, anchors = (
+                turn(v, heading) for v in (vectors, velocities, anchors)
+            )
+            normal = turn(normal, heading)
+        nodes, arms, axes = vectors.split(self._count, dim=1)
+        return _View(nodes, arms, axes, velocities, anchors, clearance, normal)
+
+    def _clearance(self, nodes: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
+        """(N, K) distance from each node's surface to the ground, and the ground's normal there."""
+        if not self._graph.robot.grounded:
+            none = torch.zeros_like(nodes[2])
+            return none, none.expand(3, -1, -1)
+        height, normal = self._ground(nodes[:2] + origin[:, None])
+        clearance = (nodes[2] - height) * normal[2] - self._graph.radius
+        return clearance, normal.expand(3, -1, nodes.shape[-1])
+
+    def _node_features(self, view: _View) -> Tensor:
+        parts = [view.velocities, self._seen(view.clearance)]
+        if self._config.config_features:
+            place = view.nodes - view.nodes[:, self._first, None]
+            parts += [place, _norm(place), view.arms, view.axes]
+        return torch.cat(parts)
+
+    def _seen(self, clearance: Tensor) -> Tensor:
+        return clearance.clamp(max=self._config.ground_clamp * self._length)[None]
+
+    def _places(self, view: _View) -> Tensor:
+        return torch.cat([view.nodes, view.anchors], dim=1) if view.anchors.shape[1] else view.nodes
+
+    def _cable_features(self, view: _View, winch: Tensor) -> Tensor:
+        graph, apart = self._graph, self._apart["cable"]
+        way = torch.matmul(apart, self._places(view))
+        speed = torch.matmul(apart[:, : self._count], view.velocities)
+        length = _norm(way)
+        direction = way / length
+        rate = (direction * speed).sum(0, keepdim=True)
+        driven = torch.cat([winch, torch.zeros_like(winch[:1])])
+        rest = (driven[graph.cable_winch] + graph.rest_offset)[None]
+        return torch.cat([way, length, direction, rate, rest, length - rest])
+
+    def _contact_features(self, view: _View) -> Tensor:
+        """Of both directions, ordered as the relation's edges are; vectors point to the receiver."""
+        relation = self._graph.relations["contact"]
+        body = relation.origin % self._count
+        sign = relation.constants
+        speed = (view.velocities * view.normal).sum(0, keepdim=True)
+        slide = view.velocities - speed * view.normal
+        normal = view.normal.expand_as(slide)
+        clearance = self._seen(view.clearance)
+        vectors = torch.cat([normal, slide])[:, body] * sign
+        scalars = torch.cat([clearance, speed])[:, body]
+        return torch.cat([scalars[:1], vectors, scalars[1:]])
+
+
+def _norm(vectors: Tensor) -> Tensor:
+    """(1, ...) lengths of (3, ...) vectors; its gradient is finite at 0."""
+    return (vectors * vectors).sum(0, keepdim=True).clamp(min=1e-18).sqrt()

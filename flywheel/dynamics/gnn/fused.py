@@ -1,0 +1,334 @@
+"""The fast forward pass: node-major arrays [M, K, width], static indices, few large products.
+
+It computes what `flywheel.dynamics.gnn.reference` computes, from the same weights; a test holds the
+two together. It is what trains, plans and is measured. K should be about 64, so that the arrays of
+one round stay in the processor's cache.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from flywheel.dynamics.gnn.features import GraphFeatures
+from flywheel.dynamics.gnn.graph import Group, Relation, RobotGraph
+from flywheel.dynamics.gnn.network import ChunkNetwork
+from flywheel.dynamics.gnn.packed import Encoder, Layer, PackedRound, pack
+from flywheel.dynamics.gnn.prediction import Memory, Prediction
+
+
+class _Gather(torch.autograd.Function):
+    """Rows of an array by a fixed index; backward is one product with the incidence matrix."""
+
+    @staticmethod
+    def forward(ctx: Any, rows: Tensor, index: Tensor, incidence: Tensor) -> Tensor:
+        ctx.save_for_backward(incidence)
+        return rows.index_select(0, index)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+        (incidence,) = ctx.saved_tensors
+        (gradient,) = gradients
+        flat = gradient.reshape(len(gradient), -1)
+        summed = incidence.to(flat.dtype) @ flat
+        return summed.view(-1, *gradient.shape[1:]), None, None
+
+
+class _Senders:
+    """Takes the senders' rows for the edges of one group: (M, K, C) -> (R, d, K, C)."""
+
+    def __init__(self, relation: Relation, group: Group, count: int) -> None:
+        self._index = relation.senders[group.edges].clone()
+        listed = self._index.tolist()
+        self._shape = (len(group.receivers), group.degree)
+        self._single = len(set(listed)) == 1
+        self._first = listed[0]
+        self._run = listed == list(range(listed[0], listed[0] + len(listed)))
+        self._incidence = torch.zeros(count, len(listed), device=self._index.device)
+        self._incidence[self._index, torch.arange(len(listed))] = 1.0
+
+    def __call__(self, rows: Tensor) -> Tensor:
+        if self._single:
+            return rows[self._first : self._first + 1].unsqueeze(1)
+        if self._run:
+            taken = rows[self._first : self._first + len(self._index)]
+        else:
+            taken = _Gather.apply(rows, self._index, self._incidence)
+        return taken.unflatten(0, self._shape)
+
+
+class _Route:
+    """Where the messages of one group of edges come from and go to.
+
+    Attributes:
+      family: 0 if the receivers are body nodes, 1 if they are anchors or the ground.
+      whole: the receivers are all nodes of their family, in order.
+    """
+
+    def __init__(self, relation: Relation, group: Group, graph: RobotGraph) -> None:
+        self.name, self.edges, self.degree = relation.name, group.edges, group.degree
+        self.senders = _Senders(relation, group, graph.count)
+        first, last = group.receivers[0], group.receivers[-1]
+        self.family = int(first >= graph.body_count)
+        start, stop = ((0, graph.body_count), (graph.body_count, graph.count))[self.family]
+        self.whole = group.receivers == tuple(range(start, stop))
+        self.run = slice(first, last + 1) if last - first + 1 == len(group.receivers) else None
+        index = torch.tensor(group.receivers, device=graph.device)
+        self._receivers, self.within_family = index, index - start
+
+    def receivers(self, rows: Tensor) -> Tensor:
+        """(R, 1, K, C) the receivers' rows."""
+        taken = rows[self.run] if self.run is not None else rows.index_select(0, self._receivers)
+        return taken.unsqueeze(1)
+
+
+class FusedForward:
+    """Computes one network on one graph.
+
+    Args:
+      network: the weights; packed here, so that later changes have no effect.
+      graph: of the network's robot.
+      dtype: precision of latents and products.
+    """
+
+    def __init__(
+        self, network: ChunkNetwork, graph: RobotGraph, dtype: torch.dtype = torch.float32
+    ) -> None:
+        self._graph, self._config, self._dtype = graph, network.config, dtype
+        self._packed = pack(network, graph, dtype)
+        self._routes = graph.cached("routes", _routes)
+
+    def remember(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
+        """Run only the LSTM over features of the body nodes (F, N, K)."""
+        if self._packed.gates is None:
+            return None
+        return self._remember(self._encode("body_node", nodes, dataset)[0], memory)
+
+    def __call__(self, features: GraphFeatures, memory: Memory | None) -> Prediction:
+        """Predict one chunk."""
+        samples = features.controls.shape[1]
+        nodes, memory = self._encode_nodes(features, memory)
+        edges = self._encode_edges(features)
+        touching = features.touching.to(self._dtype)[:, None, :, None]
+        messages: dict[str, Tensor] = {}
+        for number, weights in enumerate(self._packed.rounds):
+            final = number == len(self._packed.rounds) - 1
+            nodes, edges, messages = self._round(weights, nodes, edges, touching, final)
+        return Prediction(
+            velocity=self._decode_nodes(nodes[: self._graph.body_count].flatten(0, 1), samples),
+            winch=self._decode_cables(edges, messages) if self._packed.cable_decoder else None,
+            memory=memory,
+        )
+
+    # --- encoders -------------------------------------------------------------------------------
+
+    def _encode(self, name: str, features: Tensor, dataset: Tensor) -> tuple[Tensor, Encoder]:
+        """(M K, width) of one kind of nodes, after the encoder's last ReLU."""
+        encoder = self._packed.encoders[name]
+        bias = encoder.first.bias
+        if len(encoder.tail):
+            bias = bias + encoder.tail[dataset]
+            bias = (
+                bias.expand(features.shape[1], -1, -1).flatten(0, 1)
+                if len(dataset) > 1
+                else bias[0]
+            )
+        return self._first(encoder, features, bias), encoder
+
+    def _first(self, encoder: Encoder, features: Tensor, bias: Tensor) -> Tensor:
+        shown = features.to(self._dtype)
+        if len(encoder.constants):
+            shown = torch.cat([shown, encoder.constants.expand(-1, -1, shown.shape[-1])])
+        hidden = torch.addmm(bias, shown.flatten(1).t(), encoder.first.weight).relu_()
+        for layer in encoder.middle:
+            hidden = _linear(hidden, layer).relu_()
+        return hidden
+
+    def _encode_nodes(
+        self, features: GraphFeatures, memory: Memory | None
+    ) -> tuple[Tensor, Memory | None]:
+        samples = features.controls.shape[1]
+        hidden, encoder = self._encode("body_node", features.nodes["body_node"], features.dataset)
+        if self._packed.gates is None:
+            latent = _normed(_linear(hidden, encoder.last), encoder.norm)
+        else:
+            memory = self._remember(hidden, memory)
+            latent = _normed(memory[0], self._packed.memory_norm)
+        parts = [latent.view(-1, samples, latent.shape[-1])]
+        for name in ("anchor_node", "ground_node"):
+            if name in features.nodes:
+                hidden, encoder = self._encode(name, features.nodes[name], features.dataset)
+                still = _normed(_linear(hidden, encoder.last), encoder.norm)
+                parts.append(still.view(-1, samples, still.shape[-1]))
+        return torch.cat(parts) if len(parts) > 1 else parts[0], memory
+
+    def _remember(self, hidden: Tensor, memory: Memory | None) -> Memory:
+        packed, width = self._packed, self._config.width
+        encoder = packed.encoders["body_node"]
+        assert packed.gates is not None and packed.recurrent is not None
+        if encoder.norm is not None:
+            hidden = _normed(_linear(hidden, encoder.last), encoder.norm)
+        gates = _linear(hidden, packed.gates)
+        if memory is not None:
+            gates = torch.addmm(gates, memory[0], packed.recurrent)
+        gates = gates.sigmoid()
+        write, keep, show, value = gates.split(width, dim=1)
+        cell = write * (2.0 * value - 1.0)
+        if memory is not None:
+            cell = cell + keep * memory[1]
+        return show * (2.0 * torch.sigmoid(2.0 * cell) - 1.0), cell
+
+    def _encode_edges(self, features: GraphFeatures) -> dict[str, Tensor]:
+        """(E, K, width) per relation: latent vectors, or the encoder's last ReLU where folded."""
+        edges = {}
+        for name, shown in features.edges.items():
+            encoder = self._packed.encoders[name]
+            bias = encoder.first.bias
+            if name == "cable":
+                bias = self._control_bias(encoder, features.controls)
+            hidden = self._first(encoder, shown, bias)
+            if self._config.edge_updates or encoder.norm is not None:
+                hidden = _normed(_linear(hidden, encoder.last), encoder.norm)
+            edges[name] = hidden.view(shown.shape[1], shown.shape[2], -1)
+        return edges
+
+    def _control_bias(self, encoder: Encoder, controls: Tensor) -> Tensor:
+        """(E K, width) what the winches' controls add to the cable edges; nothing for passive ones."""
+        winches, samples, steps = controls.shape
+        flat = controls.to(self._dtype).reshape(winches * samples, steps)
+        driven = torch.addmm(encoder.first.bias, flat, encoder.tail).view(winches, samples, -1)
+        passive = encoder.first.bias.expand(1, samples, -1)
+        rows = torch.cat([driven, passive])
+        graph = self._graph
+        taken = _Gather.apply(rows, graph.cable_winch, graph.cached("winch_rows", _winch_rows))
+        return taken.flatten(0, 1)
+
+    # --- processor ------------------------------------------------------------------------------
+
+    def _round(
+        self,
+        weights: PackedRound,
+        nodes: Tensor,
+        edges: dict[str, Tensor],
+        touching: Tensor,
+        final: bool,
+    ) -> tuple[Tensor, dict[str, Tensor], dict[str, Tensor]]:
+        """One round of message passing; returns nodes, edges and messages."""
+        count, samples, width = nodes.shape
+        bodies = self._graph.body_count
+        projected = _linear(nodes.view(-1, width), weights.nodes).view(count, samples, -1)
+        moving, still = nodes[:bodies].view(-1, width), nodes[bodies:].reshape(-1, width)
+        families = [moving] if final or not len(still) else [moving, still]
+        sums = [_linear(rows, weights.self_part) for rows in families]
+        latents: dict[str, list[Tensor]] = {name: [] for name in edges}
+        for route in self._routes:
+            name = route.name
+            if route.family >= len(families) and name != "cable":
+                continue
+            message = self._message(weights, route, projected, edges[name])
+            latents[name].append(message.flatten(0, 1))
+            if route.family < len(families):
+                shown = message * touching if name == "contact" else message
+                if name == "contact" and route.family:
+                    shown = message * touching.transpose(0, 1)
+                summed = shown.sum(1) if route.degree > 1 else shown.squeeze(1)
+                sums[route.family] = _add(
+                    sums[route.family], summed, weights.sum_parts[name], route
+                )
+        updated = [self._update(weights, s, r) for s, r in zip(sums, families, strict=True)]
+        nodes = torch.cat(updated).view(-1, samples, width)
+        messages = {n: torch.cat(m) if len(m) > 1 else m[0] for n, m in latents.items() if m}
+        return nodes, messages if self._config.edge_updates else edges, messages
+
+    def _message(
+        self, weights: PackedRound, route: _Route, projected: Tensor, edges: Tensor
+    ) -> Tensor:
+        """(R, d, K, width) the messages of one group of edges."""
+        width, at = self._config.width, 2 * self._config.width * self._place(route.name)
+        base = route.senders(projected[..., at : at + width])
+        base = base + route.receivers(projected[..., at + width : at + 2 * width])
+        edge = edges[route.edges].flatten(0, 1)
+        hidden = torch.addmm(base.flatten(0, 2), edge, weights.edges[route.name])
+        deeper = weights.deeper[route.name]
+        if not deeper:
+            return hidden.relu_().view_as(base)
+        for layer in deeper:
+            hidden = _linear(hidden.relu_(), layer)
+        return (edge + hidden).view_as(base)
+
+    def _place(self, name: str) -> int:
+        return list(self._graph.relations).index(name)
+
+    def _update(self, weights: PackedRound, hidden: Tensor, before: Tensor) -> Tensor:
+        for layer in weights.update:
+            hidden = _linear(hidden.relu_(), layer)
+        return _normed(before + hidden, weights.norm)
+
+    # --- decoders -------------------------------------------------------------------------------
+
+    def _decode_nodes(self, nodes: Tensor, samples: int) -> Tensor:
+        steps = self._config.chunk
+        decoded = _decode(nodes, self._packed.node_decoder)
+        return decoded.float().view(3, steps, -1, samples)
+
+    def _decode_cables(self, edges: dict[str, Tensor], messages: dict[str, Tensor]) -> Tensor:
+        """(n, W, K): decoded per cable edge, averaged over the edges of a winch.
+
+        The average is taken before the last layer, with which it commutes.
+        """
+        first, *middle, last = self._packed.cable_decoder
+        latent = messages["cable"]
+        _, samples, width = latent.shape
+        hidden = _linear(latent.view(-1, width), first).relu_()
+        for layer in middle:
+            hidden = _linear(hidden, layer).relu_()
+        average = self._graph.winch_average.to(hidden.dtype)
+        hidden = (average @ hidden.view(len(latent), -1)).view(-1, width)
+        decoded = torch.addmm(last.bias, last.weight, hidden.t())
+        return decoded.float().view(self._config.chunk, -1, samples)
+
+
+def _routes(graph: RobotGraph) -> tuple[_Route, ...]:
+    relations = graph.relations.values()
+    return tuple(
+        _Route(relation, group, graph) for relation in relations for group in relation.groups
+    )
+
+
+def _winch_rows(graph: RobotGraph) -> Tensor:
+    """(W + 1, E) incidence of cable edges on winches; the last row is of the passive cables."""
+    rows = torch.zeros(len(graph.robot.winches) + 1, len(graph.cable_winch), device=graph.device)
+    rows[graph.cable_winch, torch.arange(rows.shape[1])] = 1.0
+    return rows
+
+
+def _linear(rows: Tensor, layer: Layer) -> Tensor:
+    return torch.addmm(layer.bias, rows, layer.weight)
+
+
+def _normed(rows: Tensor, norm: nn.LayerNorm | None) -> Tensor:
+    if norm is None:
+        return rows
+    return F.layer_norm(rows, norm.normalized_shape, norm.weight, norm.bias, norm.eps)
+
+
+def _add(sums: Tensor, messages: Tensor, weight: Tensor, route: _Route) -> Tensor:
+    """Add (R, K, width) summed messages, through their part of the update, to the receivers' rows."""
+    flat = messages.flatten(0, 1)
+    if route.whole:
+        return torch.addmm(sums, flat, weight)
+    samples = messages.shape[1]
+    spread = sums.view(-1, samples, sums.shape[-1])
+    added = (flat @ weight).view(-1, samples, sums.shape[-1])
+    return spread.index_add(0, route.within_family, added).view_as(sums)
+
+
+def _decode(rows: Tensor, layers: tuple[Layer, ...]) -> Tensor:
+    """(out, M K): the last layer is transposed, so that its output is component-major."""
+    *hidden, last = layers
+    for layer in hidden:
+        rows = _linear(rows, layer).relu_()
+    return torch.addmm(last.bias, last.weight, rows.t())

@@ -1,0 +1,218 @@
+"""The static part of a robot's graph: nodes, edges, and everything that never changes in them.
+
+Nodes are numbered body nodes first, then anchors, then the ground. Every edge has a sender and a
+receiver; each cable and each pair of nodes of one body is an edge in both directions, and so is each
+possible contact of a body node with the ground. Contact edges are candidates: a mask says at every
+prediction which of them are there, so that all shapes are fixed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.nodes import (
+    anchors,
+    body_nodes,
+    find,
+    node_constants,
+    standardised,
+)
+from flywheel.records import Floats
+from flywheel.robots import Attachment, Robot
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Receivers that all receive the same number of edges; their edges are consecutive.
+
+    Attributes:
+      first: number of its first edge.
+      degree: edges per receiver.
+      receivers: node numbers, one per receiver.
+    """
+
+    first: int
+    degree: int
+    receivers: tuple[int, ...]
+
+    @property
+    def edges(self) -> slice:
+        """Where its edges are."""
+        return slice(self.first, self.first + self.degree * len(self.receivers))
+
+
+@dataclass(frozen=True)
+class Relation:
+    """All edges of one type, ordered by group, then by receiver.
+
+    Attributes:
+      name: "body", "cable" or "contact".
+      senders, receivers: (E,) node numbers.
+      groups: which receivers have how many.
+      origin: (E,) number each edge had when it was listed (cable number, pair number ...).
+      constants: (E, ...) features that never change.
+    """
+
+    name: str
+    senders: Tensor
+    receivers: Tensor
+    groups: tuple[Group, ...]
+    origin: Tensor
+    constants: Tensor
+
+
+class RobotGraph:
+    """What of a robot's graph never changes.
+
+    Args:
+      robot: the robot.
+      config: decomposition, which edges there are.
+      device: where its tensors are.
+
+    Attributes:
+      nodes: the body nodes, N of them.
+      anchors: (3, A) places of the anchors [m].
+      ground: number of the ground node, -1 without ground or without contact edges.
+      count: of all nodes.
+      relations: by name; a type without edges is missing.
+      node_constants: (N, ...) features of the body nodes that never change.
+      radius: (N, 1) of what touches the ground at each body node [m].
+      designated: two body nodes; positions are shown relative to the first, and the horizontal
+        direction to the second is the robot's heading.
+      cable_winch: (E,) winch of each cable edge; W (one past the last) for a passive cable.
+      winch_average: (W, E) averages over the cable edges of each winch.
+      rest_offset: (E, 1) rest length of each cable edge at winch position 0 [m]; for a passive cable
+        the rest length itself.
+    """
+
+    def __init__(
+        self, robot: Robot, config: NetworkConfig, device: torch.device | str = "cpu"
+    ) -> None:
+        self.robot, self.config, self.device = robot, config, torch.device(device)
+        self._cache: dict[str, Any] = {}
+        self.nodes = body_nodes(robot, config.decomposition)
+        places = anchors(robot)
+        self._places = places
+        self.anchors = self._tensor(np.array(places).reshape(-1, 3).T)
+        grounded = robot.grounded and config.contact_edges
+        self.ground = len(self.nodes) + len(places) if grounded else -1
+        self.count = len(self.nodes) + len(places) + int(grounded)
+        self.node_constants = self._tensor(node_constants(robot, self.nodes))
+        self.radius = self._tensor(np.array([[node.radius] for node in self.nodes]))
+        self._node_of_point = {n.point: i for i, n in enumerate(self.nodes) if n.point >= 0}
+        self.designated = self._designate()
+        relations = (self._body_relation(), self._cable_relation(), self._contact_relation())
+        self.relations = {r.name: r for r in relations if len(r.senders)}
+        self._place_winches()
+
+    @property
+    def body_count(self) -> int:
+        """N, the number of body nodes."""
+        return len(self.nodes)
+
+    def cached(self, name: str, make: Callable[[RobotGraph], T]) -> T:
+        """What `make` makes of this graph, made once."""
+        if name not in self._cache:
+            self._cache[name] = make(self)
+        return self._cache[name]
+
+    def _tensor(self, array: Floats) -> Tensor:
+        return torch.as_tensor(array, dtype=torch.float32, device=self.device)
+
+    def _index(self, array: Floats | list[int]) -> Tensor:
+        return torch.as_tensor(np.asarray(array, dtype=np.int64), device=self.device)
+
+    def _designate(self) -> tuple[int, int]:
+        """The two tracked points of one body that are farthest apart; else the first two points."""
+        best, pair = 0.0, (0, min(1, len(self.nodes) - 1))
+        for body in self.robot.bodies:
+            for a, b in combinations(body.points, 2):
+                offsets = self.robot.points[a].offset, self.robot.points[b].offset
+                distance = float(np.linalg.norm(offsets[1] - offsets[0]))
+                if distance > best * (1.0 + 1e-6):
+                    best, pair = distance, (self._node_of_point[a], self._node_of_point[b])
+        return pair
+
+    def _relation(
+        self, name: str, senders: list[int], receivers: list[int], constants: Floats
+    ) -> Relation:
+        """Sort edges so that receivers of equal degree, and the edges of a receiver, are together."""
+        to = np.array(receivers, dtype=np.int64)
+        degree = np.bincount(to, minlength=self.count)
+        groups: list[Group] = []
+        ordered: list[int] = []
+        for family in (range(self.body_count), range(self.body_count, self.count)):
+            for d in sorted({int(degree[n]) for n in family} - {0}):
+                members = tuple(n for n in family if degree[n] == d)
+                groups.append(Group(len(ordered), d, members))
+                ordered += [int(e) for n in members for e in np.flatnonzero(to == n)]
+        index = np.array(ordered, dtype=np.int64)
+        return Relation(
+            name=name,
+            senders=self._index(np.array(senders, dtype=np.int64)[index]),
+            receivers=self._index(to[index]),
+            groups=tuple(groups),
+            origin=self._index(index),
+            constants=self._tensor(constants[index]),
+        )
+
+    def _body_relation(self) -> Relation:
+        """All ordered pairs of nodes of one body."""
+        pairs = [
+            (i, j)
+            for i, j in permutations(range(self.body_count), 2)
+            if self.nodes[i].body == self.nodes[j].body
+        ]
+        apart = [self.nodes[i].offset - self.nodes[j].offset for i, j in pairs]
+        table = np.array(apart).reshape(-1, 3) / self.robot.length
+        table = np.concatenate([table, np.linalg.norm(table, axis=1, keepdims=True)], axis=1)
+        return self._relation("body", [p[0] for p in pairs], [p[1] for p in pairs], table)
+
+    def _cable_relation(self) -> Relation:
+        """Both directions of every cable; edges 2c and 2c + 1 are those of cable c."""
+        senders, receivers, rows = [], [], []
+        weight = 9.81 * sum(body.mass for body in self.robot.bodies)
+        pace = np.sqrt(9.81 * self.robot.length)
+        for cable in self.robot.cables:
+            a, b = (self._node_at(end) for end in cable.ends)
+            senders += [a, b]
+            receivers += [b, a]
+            stiffness = np.log(max(cable.stiffness * self.robot.length / weight, 1e-6))
+            damping = np.log(max(cable.damping * pace / weight, 1e-6))
+            rows += [[stiffness, damping, float(cable.winch >= 0)]] * 2
+        return self._relation("cable", senders, receivers, standardised(np.array(rows)))
+
+    def _contact_relation(self) -> Relation:
+        """Ground to node and node to ground; the constant is +1 where the body node receives."""
+        if self.ground < 0:
+            return self._relation("contact", [], [], np.zeros((0, 1)))
+        bodies, ground = list(range(self.body_count)), [self.ground] * self.body_count
+        sign = np.repeat([[1.0], [-1.0]], self.body_count, axis=0)
+        return self._relation("contact", ground + bodies, bodies + ground, sign)
+
+    def _node_at(self, end: Attachment) -> int:
+        if end.body < 0:
+            return self.body_count + find(self._places, end.offset, self.robot.length)
+        return self._node_of_point[end.point]
+
+    def _place_winches(self) -> None:
+        """Which winch drives which cable edge, and what a winch position means for its rest length."""
+        robot = self.robot
+        cable = self.relations["cable"].origin.cpu().numpy() // 2
+        drives = np.array([c.winch for c in robot.cables])[cable]
+        start = np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches] + [0.0])
+        rest = np.array([c.rest_length for c in robot.cables])[cable]
+        self.cable_winch = self._index(np.where(drives < 0, len(robot.winches), drives))
+        self.rest_offset = self._tensor(np.where(drives < 0, rest, rest - start[drives])[:, None])
+        member = (drives[None] == np.arange(len(robot.winches))[:, None]).astype(float)
+        self.winch_average = self._tensor(member / member.sum(axis=1, keepdims=True))

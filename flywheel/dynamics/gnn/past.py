@@ -1,0 +1,101 @@
+"""From a measured past to states: missing points filled in, bodies made rigid, velocities fitted.
+
+Arrays are component-major with time first: (3, T, P, K).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.features import MechanicalState
+from flywheel.dynamics.gnn.rigid import Frames
+from flywheel.errors import ModelError
+from flywheel.robots import Robot
+
+
+class PastReader:
+    """Reads states off measured pasts of h + 1 observations.
+
+    The LSTM is run over the starts of `warmup_chunks` past prediction chunks, placed so that the
+    last of them ends at the present; then comes the present itself.
+
+    Args:
+      robot: the robot.
+      config: history, window of the velocity fit, LSTM warm-up.
+      frames: layout of its rigid frames.
+    """
+
+    def __init__(self, robot: Robot, config: NetworkConfig, frames: Frames) -> None:
+        self._robot, self._frames = robot, frames
+        chunks = config.warmup_chunks if config.recurrent else 0
+        last = config.history
+        starts = [last - config.chunk * k for k in range(chunks, -1, -1)]
+        slopes, ends = np.zeros((2, len(starts), last + 1))
+        window = config.velocity_window
+        times = np.arange(-window, 1) * config.dt
+        line = np.linalg.pinv(np.stack([np.ones(window + 1), times], axis=1))
+        for row, start in enumerate(starts):
+            slopes[row, start - window : start + 1] = line[1]
+            ends[row, start - window : start + 1] = line[0] if config.smooth_present else 0.0
+            ends[row, start] += 0.0 if config.smooth_present else 1.0
+        device = frames.to_nodes.device
+        self._slopes = torch.as_tensor(slopes, dtype=torch.float32, device=device)
+        self._ends = torch.as_tensor(ends, dtype=torch.float32, device=device)
+        self._smooth = config.smooth_present
+        self._starts = starts
+
+    def states(self, points: Tensor, winch: Tensor) -> list[MechanicalState]:
+        """The states to warm up on, oldest first, and last the present one.
+
+        Args:
+          points: (3, h + 1, P, K) [m]; NaN where missing.
+          winch: (W, K) present winch positions [m]; stand in all states (the LSTM sees none).
+
+        Raises:
+          ModelError: a point was not seen in the whole past.
+        """
+        frames = self._frames.of_points(self._filled(points))
+        nodes = torch.matmul(self._frames.to_nodes, frames)
+        flat = nodes.flatten(2)
+        shape = (3, len(self._starts), *nodes.shape[2:])
+        velocities = torch.matmul(self._slopes, flat).view(shape)
+        if self._smooth:
+            chosen = self._frames.of_nodes(torch.matmul(self._ends, flat).view(shape))
+        else:
+            chosen = frames[:, self._starts]
+        return [
+            MechanicalState(chosen[:, i], velocities[:, i], winch) for i in range(len(self._starts))
+        ]
+
+    def _filled(self, points: Tensor) -> Tensor:
+        """Missing points, where they were last seen, moved along with what is seen of their body."""
+        seen = torch.isfinite(points).all(0)
+        if bool(seen.all()):
+            return points
+        never = ~seen.any(0)
+        if bool(never.any()):
+            name = self._robot.points[int(never.any(1).nonzero()[0])].name
+            raise ModelError(
+                f"Tracked point {name!r} was not seen in the {points.shape[1]} observations of the "
+                "past; a prediction needs each point at least once."
+            )
+        points = torch.where(seen, points, torch.zeros_like(points))
+        now = points[:, -1]
+        for t in range(points.shape[1] - 1, -1, -1):  # what is missing at first: where first seen
+            now = torch.where(seen[t], points[:, t], now)
+        filled = [now]
+        for t in range(1, points.shape[1]):
+            moved = filled[-1] + self._motion(filled[-1], points[:, t], seen[t])
+            filled.append(torch.where(seen[t], points[:, t], moved))
+        return torch.stack(filled, dim=1)
+
+    def _motion(self, before: Tensor, now: Tensor, seen: Tensor) -> Tensor:
+        """(3, P, K) mean motion of the seen points of each point's body; 0 where none is seen."""
+        body = self._frames.body_of_point
+        same = (body[:, None] == body[None]).to(now.dtype)
+        weight = seen.to(now.dtype)
+        moved = torch.matmul(same, (now - before) * weight)
+        return moved / torch.matmul(same, weight).clamp(min=1.0)

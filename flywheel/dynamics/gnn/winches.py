@@ -1,0 +1,82 @@
+"""The robot's nominal winches in torch, and what a winch position may be."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from flywheel.robots import Robot
+
+
+class Winches:
+    """Winch arithmetic of one robot; arrays are (..., W, K).
+
+    Args:
+      robot: the robot.
+      dt: control step [s].
+      device: where its tensors are.
+    """
+
+    def __init__(self, robot: Robot, dt: float, device: torch.device) -> None:
+        def column(values: np.ndarray) -> Tensor:
+            return torch.as_tensor(values, dtype=torch.float32, device=device)[:, None]
+
+        lag = np.array([w.time_constant for w in robot.winches])
+        rate = np.asarray(robot.rate_driven)
+        # position' = position + gain (command - position), or + gain command for a rate winch
+        self._gain = column(np.where(rate, dt, -np.expm1(-dt / np.maximum(lag, 1e-9))))
+        self._rate = torch.as_tensor(rate, device=device)[:, None]
+        self._low, self._high = column(robot.control_low), column(robot.control_high)
+        self._rest_low, self._rest_high = column(robot.rest_low), column(robot.rest_high)
+        middle = np.where(rate, 0.0, (robot.control_high + robot.control_low) / 2)
+        reach = np.maximum(robot.control_high - middle, middle - robot.control_low)
+        self._middle, self._reach = column(middle), column(np.maximum(reach, 1e-9))
+        self.start = column(
+            np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches])
+        )
+
+    def clipped(self, controls: Tensor) -> Tensor:
+        """Commands within the winches' range, (..., W, K)."""
+        return torch.maximum(torch.minimum(controls, self._high), self._low)
+
+    def scaled(self, controls: Tensor) -> Tensor:
+        """Commands in units of their range, within [-1, 1]."""
+        return (controls - self._middle) / self._reach
+
+    def within(self, positions: Tensor) -> Tensor:
+        """Positions within the winches' range."""
+        return torch.maximum(torch.minimum(positions, self._rest_high), self._rest_low)
+
+    def held(self, last: Tensor, steps: int) -> Tensor:
+        """(steps, W, K) commands that hold winches still whose last commands (W, K) were `last`."""
+        return torch.where(self._rate, torch.zeros_like(last), last).expand(steps, -1, -1)
+
+    def nominal(self, position: Tensor, controls: Tensor) -> Tensor:
+        """Where nominal winches go: (T, W, K) positions after each of the commands (T, W, K).
+
+        Computes what `Robot.dead_reckon` does.
+        """
+        positions = []
+        steps = self._gain * controls
+        keep = torch.where(self._rate, torch.ones_like(self._gain), 1.0 - self._gain)
+        for step in steps:
+            position = self.within(keep * position + step)
+            positions.append(position)
+        return torch.stack(positions)
+
+    def present(self, past: Tensor, controls: Tensor) -> Tensor:
+        """(W, K) best knowledge of the present positions.
+
+        Args:
+          past: (h + 1, W, K) positions; NaN where unknown. Before the first known one, the winches are
+            taken to have been where the robot's keyframe has them.
+          controls: (h, W, K) commands between them.
+        """
+        position = torch.where(torch.isfinite(past[0]), past[0], self.start.expand_as(past[0]))
+        if bool(torch.isfinite(past[-1]).all()):
+            return past[-1]
+        for t in range(len(controls)):
+            position = self.nominal(position, controls[t : t + 1])[0]
+            position = torch.where(torch.isfinite(past[t + 1]), past[t + 1], position)
+        return position
