@@ -52,7 +52,6 @@ class Kind(StrEnum):
     tasks = "tasks"
     models = "models"
     controllers = "controllers"
-    effects = "effects"
     datasets = "datasets"
     configs = "configs"
     runs = "runs"

@@ -42,6 +42,22 @@ def robots() -> Table:
     )
 
 
+def models() -> Table:
+    """What can predict: networks to be trained, and what they are compared with."""
+    from flywheel.dynamics import Persistence, PlantDynamics
+    from flywheel.dynamics.gnn import NetworkConfig
+    from flywheel.dynamics.plant import RestartedPlant
+
+    rows = [
+        ("lean", "network", first_line(NetworkConfig.lean)),
+        ("paper", "network", first_line(NetworkConfig.paper)),
+        ("persistence", "baseline", first_line(Persistence)),
+        ("floor", "MuJoCo", first_line(RestartedPlant)),
+        ("oracle", "MuJoCo", first_line(PlantDynamics)),
+    ]
+    return table("Dynamics models", ["model", "kind", "what"], rows)
+
+
 def datasets() -> Table:
     """The variations of the plant that the configurations name."""
     rows = [
@@ -108,9 +124,8 @@ def _first_comment(file: Path) -> str:
 LISTS: dict[str, Callable[[], Table]] = {
     "robots": robots,
     "tasks": registry("Tasks", "flywheel.tasks", "TASKS"),
-    "models": registry("Dynamics models", "flywheel.dynamics", "DYNAMICS"),
+    "models": models,
     "controllers": registry("Controllers", "flywheel.control", "CONTROLLERS"),
-    "effects": registry("Effects", "flywheel.effects", "EFFECTS"),
     "datasets": datasets,
     "configs": configs,
     "runs": runs,

@@ -8,12 +8,16 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
+from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ModelError, RobotError, UnknownNameError
 from flywheel.robots import ROBOTS, Attachment, Robot, load_robot
 from pipelines.exits import FAILED
 from pipelines.show import console, table
 
+NETWORKS = {"lean": NetworkConfig.lean(), "paper": NetworkConfig.paper()}
+EDGES = ("body", "cable", "contact")
 SETTLE_SECONDS = 5.0
 STILL = 0.02  # of the robot's length per second: slower counts as settled
 LOST = 20.0  # lengths from where it began: further counts as flown away
@@ -81,6 +85,7 @@ def _show_robot(out: Console, robot: Robot) -> None:
         f"{len(robot.winches)} winches, {ground}; L = {robot.length:.4g} m, "
         f"timestep {robot.timestep:g} s, digest {robot.digest[:12]}",
         highlight=False,
+        soft_wrap=True,
     )
     out.print(
         table(
@@ -138,4 +143,14 @@ def _end(robot: Robot, end: Attachment) -> str:
 
 
 def _show_graph(out: Console, robot: Robot) -> None:
-    """What the graph networks would hold; nothing until they can be asked."""
+    """What the two graph networks hold of the robot."""
+    rows = []
+    for name, config in NETWORKS.items():
+        graph = RobotGraph(robot, config)
+        edges = [
+            len(graph.relations[kind].senders) if kind in graph.relations else 0 for kind in EDGES
+        ]
+        weights = sum(p.numel() for p in ChunkNetwork(robot, config).parameters())
+        rows.append((name, graph.body_count, *edges, config.width, f"{weights:,}"))
+    columns = ["network", "#nodes", *(f"#{kind} edges" for kind in EDGES), "#width", "#weights"]
+    out.print(table("Graph (contact edges: as many as there can be at once)", columns, rows))

@@ -18,11 +18,11 @@ def console() -> Console:
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
-    """A table; columns whose name ends in "]" (a unit) or starts with "#" hold numbers."""
+    """A table; numbers stand in columns that end in "]" (a unit) or begin with "#"."""
     made = Table(title=title, title_justify="left", header_style="bold")
     for column in columns:
         made.add_column(
-            column.replace("[", r"\["),
+            column.removeprefix("#").replace("[", r"\["),
             justify="right" if column.endswith("]") or column.startswith("#") else "left",
         )
     for row in rows:
