@@ -8,7 +8,7 @@ from pathlib import Path
 DATABASE = "mlflow.db"
 PORT = 5000
 SETTINGS = {  # of MLflow's client and server; what the user has set stays
-    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1",
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
     "MLFLOW_LOGGING_LEVEL": "WARNING",
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",

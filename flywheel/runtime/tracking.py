@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import platform
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -19,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flywheel.runtime import served
 from flywheel.runtime.dashboard import DATABASE, SETTINGS, chart_url
 from flywheel.runtime.outbox import Record
 from flywheel.runtime.tracker import Tracker, TrackingConfig
@@ -218,7 +218,7 @@ class MlflowReceiver:
             client.create_registered_model(name)
         if self._version(client, "flywheel.model_key", tags["flywheel.model_key"]) is None:
             client.create_model_version(
-                name, f"models:/{model.model_id}", run, tags, model_id=model.model_id
+                name, model.artifact_location, run, tags, model_id=model.model_id
             )
 
     def _version(self, client: MlflowClient, tag: str, value: str) -> str | None:
@@ -246,7 +246,7 @@ class MlflowReceiver:
 
 def _configure(request_seconds: int) -> None:
     """Make MLflow's client fail fast and keep quiet, before it is first imported."""
-    os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(request_seconds))
+    os.environ["MLFLOW_HTTP_REQUEST_TIMEOUT"] = str(request_seconds)
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
 
@@ -270,9 +270,10 @@ def _database(path: Path) -> Path:
 
 def _write_pyfunc(to: Path, source: Path, shape: list[int], model: str, run: str) -> None:
     """Wrap a served-model folder as an MLflow pyfunc with a signature, without a pickle."""
-    from mlflow import pyfunc
     from mlflow.models import Model, ModelSignature
     from mlflow.types import Schema, TensorSpec
+
+    from flywheel.runtime import served  # takes torch along
 
     def tensors(names: dict[str, tuple[int, ...]]) -> Schema:
         return Schema(
@@ -283,7 +284,12 @@ def _write_pyfunc(to: Path, source: Path, shape: list[int], model: str, run: str
     inputs, outputs = served.signature(*shape)
     wrapped = Model(model_id=model, run_id=run)
     wrapped.signature = ModelSignature(tensors(inputs), tensors(outputs))
-    pyfunc.add_to_model(wrapped, loader_module=served.__name__, data="data")
+    wrapped.add_flavor(
+        "python_function",
+        loader_module=served.__name__,
+        data="data",
+        python_version=platform.python_version(),
+    )
     wrapped.save(str(to / "MLmodel"))
 
 

@@ -1,0 +1,279 @@
+"""Against the real MLflow: SQLite, a dead port, a server that hangs, a server that comes back."""
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+
+import pytest
+
+from flywheel.runtime.dashboard import SETTINGS, ui_command
+from flywheel.runtime.measures import GateDecision
+from flywheel.runtime.publishing import publish_end, publish_iteration, publish_start
+from flywheel.runtime.tracker import Tracker, TrackingConfig
+from flywheel.runtime.tracking import MlflowReceiver, open_tracker
+from tests.unit.reports.fake_run import fake_run
+
+FAST = (0.05, 0.5)
+
+
+def publish(tracker, run, folder, files=True):
+    """All that a run logs, files and models included."""
+    (folder / "models").mkdir(parents=True, exist_ok=True)
+    (folder / "models" / "weights.txt").write_text("weights")
+    (folder / "figure.svg").write_text("<svg/>")
+    publish_start(tracker, run.config, {"config": run.config_digest}, run.name)
+    for iteration in run.iterations:
+        model = folder / "models" if iteration.arm == "mppi" and files else None
+        publish_iteration(
+            tracker,
+            iteration,
+            files=["figure.svg"] if files else [],
+            model_folder=model,
+            model_shape=(6, 6),
+        )
+    publish_end(tracker, run, files=["figure.svg"] if files else [])
+
+
+def contents(uri):
+    """Everything MLflow holds that a replay could double."""
+    from mlflow import MlflowClient
+
+    client = MlflowClient(tracking_uri=uri, registry_uri=uri)
+    experiment = client.get_experiment_by_name("flywheel").experiment_id
+    held = {}
+    for run in client.search_runs([experiment]):
+        key = run.data.tags["flywheel.run_key"]
+        assert key not in held, "a run was opened twice"
+        histories = {
+            name: sorted(
+                (m.step, m.value) for m in client.get_metric_history(run.info.run_id, name)
+            )
+            for name in run.data.metrics
+        }
+        held[key] = {
+            "status": run.info.status,
+            "metrics": histories,
+            "params": run.data.params,
+            "snapshots": [i.dataset.digest for i in run.inputs.dataset_inputs],
+            "models": len(run.outputs.model_outputs) if run.outputs else 0,
+            "files": [a.path for a in client.list_artifacts(run.info.run_id)],
+            "parent": run.data.tags.get("mlflow.parentRunId", "") != "",
+            "snapshot": run.data.tags.get("flywheel.snapshot"),
+        }
+    name = "flywheel-prism3"
+    versions = client.search_model_versions(f"name = '{name}'")
+    held["registry"] = sorted(v.tags["flywheel.model"] for v in versions)
+    if versions:
+        champion = client.get_model_version_by_alias(name, "champion")
+        held["champion"] = {
+            "model": champion.tags["flywheel.model"],
+            "number": champion.tags["flywheel.gate.number"],
+        }
+    return held
+
+
+def check(held, run):
+    """What MLflow holds is what the run was, once."""
+    key = run.key
+    parent = held[key]
+    assert parent["status"] == "FINISHED"
+    assert parent["metrics"]["closed_loop/success_rate"] == [
+        (i.iteration, i.navigation.success.rate) for i in run.of_arm("mppi")
+    ]
+    assert parent["metrics"]["error_pooled/short_e_rot_deg"] == [
+        (i.iteration, i.test.short.e_rot) for i in run.of_arm("mppi")
+    ]
+    assert parent["params"]["mppi.samples"] == "64"
+    assert parent["files"] == ["figure.svg"]
+    for iteration in run.iterations:
+        child = held[f"{key}/{iteration.arm}-{iteration.iteration:04d}"]
+        assert child["parent"]
+        assert child["status"] == "FINISHED"
+        assert child["snapshots"] == [iteration.snapshot[:36]]
+        assert child["snapshot"] == iteration.snapshot
+        assert len(child["metrics"]["training/loss"]) == len(iteration.curve)
+        assert child["models"] == (iteration.arm == "mppi")
+    mine = [i for i in run.iterations if i.arm == "mppi"]
+    assert held["registry"] == sorted(i.model for i in mine)
+    best = [i for i in mine if i.gate.promoted][-1]
+    assert held["champion"] == {"model": best.model, "number": str(best.gate.number)}
+
+
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+@contextlib.contextmanager
+def mlflow_server(folder, port):
+    """A tracking server of its own, until the end of the block."""
+    folder.mkdir()
+    command = [sys.executable, "-m", "mlflow", "server", "--workers", "1"]
+    command += ["--host", "127.0.0.1", "--port", str(port)]
+    command += ["--backend-store-uri", f"sqlite:///{folder / 'server.db'}"]
+    command += ["--artifacts-destination", str(folder / "artifacts")]
+    with (folder / "log").open("w") as log:
+        server = subprocess.Popen(
+            command, stdout=log, stderr=log, env=os.environ | SETTINGS, start_new_session=True
+        )
+    try:
+        wait_for(f"http://127.0.0.1:{port}/health", server, folder / "log")
+        yield f"http://127.0.0.1:{port}"
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(server.pid, 15)
+        server.wait(20)
+
+
+def wait_for(url, server, log, seconds=90):
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        assert server.poll() is None, log.read_text()[-2000:]
+        with contextlib.suppress(OSError), urllib.request.urlopen(url, timeout=1):
+            return
+        time.sleep(0.2)
+    raise AssertionError(log.read_text()[-2000:])
+
+
+def first_problem(tracker, seconds=30):
+    """Why delivery fails, once it does."""
+    deadline = time.monotonic() + seconds
+    while not tracker.problem:
+        assert time.monotonic() < deadline, "delivery did not fail"
+        time.sleep(0.02)
+    return tracker.problem
+
+
+@pytest.fixture(scope="module")
+def run():
+    return fake_run(iterations=2)
+
+
+def test_a_run_lands_in_its_own_sqlite_file_once_however_often_it_is_delivered(tmp_path, run):
+    class Twice(MlflowReceiver):
+        """Delivers every record, loses MLflow's first answer, and so delivers it again."""
+
+        answered = False
+
+        def deliver(self, record):
+            super().deliver(record)
+            self.answered = not self.answered
+            if self.answered:
+                raise ConnectionError("the answer was lost")
+
+    receiver = Twice(tmp_path, TrackingConfig(), "prism3")
+    tracker = Tracker(tmp_path, run.key, receiver, retry_seconds=(0.001, 0.001))
+    publish(tracker, run, tmp_path)
+    assert tracker.close(60), tracker.problem
+    assert not (tmp_path / "outbox.rejected.jsonl").exists()
+    held = contents(f"sqlite:///{tmp_path / 'mlflow.db'}")
+    check(held, run)
+
+    again = open_tracker(tmp_path, run.key, "prism3", retry_seconds=FAST)  # a resume logs all again
+    publish(again, run, tmp_path)
+    assert again.close(60), again.problem
+    assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}") == held
+
+
+def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path, run):
+    uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
+    states = []
+    for status in ("KILLED", "FINISHED"):
+        tracker = open_tracker(tmp_path, run.key, "prism3", retry_seconds=FAST)
+        publish_start(tracker, run.config, {})
+        tracker.end(run.key, status)
+        assert tracker.close(60), tracker.problem
+        states.append(
+            {key: held["status"] for key, held in contents(uri).items() if key == run.key}
+        )
+    assert states == [{run.key: "KILLED"}, {run.key: "FINISHED"}]
+
+
+def test_a_dead_server_delays_no_call_and_gets_everything_once_when_it_comes_up(tmp_path, run):
+    port = free_port()
+    folder = tmp_path / "run"
+    config = TrackingConfig(uri=f"http://127.0.0.1:{port}", request_seconds=2)
+    tracker = open_tracker(folder, run.key, "prism3", config, FAST)
+    start = time.monotonic()
+    publish(tracker, run, folder)
+    assert time.monotonic() - start < 2
+    assert "refused" in first_problem(tracker)
+    waiting = tracker.pending()
+    assert waiting > 20
+    assert not tracker.close(0.1)
+    with mlflow_server(tmp_path / "server", port) as uri:
+        later = open_tracker(folder, run.key, "prism3", config, FAST)
+        publish(later, run, folder)  # what a resumed loop logs again changes nothing
+        assert later.close(120), later.problem
+        assert later.chart_url().startswith(f"{uri}/#/experiments/1/")
+        check(contents(uri), run)
+    assert not (folder / "outbox.rejected.jsonl").exists()
+
+
+def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.listen(16)
+        config = TrackingConfig(
+            uri=f"http://127.0.0.1:{listener.getsockname()[1]}", request_seconds=1
+        )
+        tracker = open_tracker(tmp_path, run.key, "prism3", config, FAST)
+        start = time.monotonic()
+        publish(tracker, run, tmp_path)
+        assert time.monotonic() - start < 2
+        assert "timed out" in first_problem(tracker)
+        start = time.monotonic()
+        assert not tracker.close(0.5)
+        assert time.monotonic() - start < 3
+        assert tracker.pending() > 20
+
+
+def test_the_database_is_complete_or_absent_even_if_two_processes_make_it(tmp_path):
+    script = (
+        "import sys; from pathlib import Path; from flywheel.runtime import tracking;"
+        "tracking._configure(5); print(tracking._database(Path(sys.argv[1]) / 'mlflow.db'))"
+    )
+    both = [
+        subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.DEVNULL)
+        for _ in range(2)
+    ]
+    assert [process.wait(90) for process in both] == [0, 0]
+    tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    tracker.open("key", "name", {})
+    assert tracker.close(60), tracker.problem
+    assert sorted(path.name for path in tmp_path.glob("*mlflow*")) == ["mlflow.db"]
+
+
+def test_the_ui_command_serves_the_run_with_the_champion_and_its_charts(tmp_path):
+    tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    tracker.open("key", "name", {})
+    tracker.log("key", {"closed_loop/success_rate": 0.5})
+    assert tracker.close(60)
+    command, environment, url = ui_command(tmp_path, port=free_port())
+    assert url.endswith("compareRunsMode=CHART&workflowType=machine_learning")
+    base = url.split("/#")[0]
+    with (tmp_path / "log").open("w") as log:
+        server = subprocess.Popen(
+            command, stdout=log, stderr=log, env=os.environ | environment, start_new_session=True
+        )
+    try:
+        wait_for(f"{base}/health", server, tmp_path / "log")
+        ask = f"{base}/api/2.0/mlflow/experiments/get?experiment_id=1"
+        with urllib.request.urlopen(ask, timeout=10) as answer:
+            assert b'"name": "flywheel"' in answer.read().replace(b'":"', b'": "')
+    finally:
+        os.killpg(server.pid, 15)
+        server.wait(20)
+
+
+def test_a_champion_that_mlflow_does_not_know_is_not_made_up(tmp_path):
+    tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    tracker.open("key", "name", {})
+    tracker.promote("unknown", GateDecision(promoted=True, measure="e_rot [deg]", number=1.0))
+    assert "no version" in first_problem(tracker)
+    assert not tracker.close(0)

@@ -1,0 +1,160 @@
+"""The outbox: nothing that was acknowledged is lost, and nobody waits for the receiver."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from flywheel.runtime.outbox import Courier, Outbox
+
+FAST = (0.01, 0.05)
+
+
+class Receiver:
+    """Notes what it is given; fails as long as it is told to."""
+
+    def __init__(self):
+        self.records = []
+        self.error = None
+
+    def deliver(self, record):
+        if self.error is not None:
+            raise self.error
+        self.records.append(record)
+
+
+@pytest.fixture
+def receiver():
+    return Receiver()
+
+
+def numbers(count, start=0):
+    return [{"n": n} for n in range(start, start + count)]
+
+
+def test_records_arrive_once_and_in_order(tmp_path, receiver):
+    outbox = Outbox(tmp_path)
+    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
+    for record in numbers(50):
+        outbox.append(record)
+        courier.wake()
+    assert courier.close(5)
+    assert receiver.records == numbers(50)
+    assert outbox.empty
+
+
+def test_what_was_not_delivered_waits_for_the_next_process(tmp_path, receiver):
+    receiver.error = ConnectionError("refused")
+    first = Outbox(tmp_path)
+    courier = Courier(first, receiver.deliver, retry_seconds=FAST)
+    for record in numbers(5):
+        first.append(record)
+    assert not courier.close(0.2)
+    assert "refused" in courier.problem
+    receiver.error = None
+    second = Outbox(tmp_path)
+    assert second.pending() == 5
+    assert Courier(second, receiver.deliver, retry_seconds=FAST).close(5)
+    assert receiver.records == numbers(5)
+    third = Outbox(tmp_path)
+    assert third.empty
+    assert Courier(third, receiver.deliver).close(1)
+    assert receiver.records == numbers(5)
+
+
+def test_a_receiver_that_recovers_is_noticed_without_new_records(tmp_path, receiver):
+    receiver.error = TimeoutError()
+    outbox = Outbox(tmp_path)
+    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
+    outbox.append({"n": 0})
+    assert not courier.flush(0.1)
+    receiver.error = None
+    assert courier.flush(5)
+    assert courier.problem == ""
+    courier.close(1)
+
+
+def test_a_receiver_that_hangs_blocks_neither_append_nor_flush(tmp_path):
+    release = threading.Event()
+    outbox = Outbox(tmp_path)
+    courier = Courier(outbox, lambda record: release.wait(30) and None, retry_seconds=FAST)
+    start = time.monotonic()
+    for record in numbers(20):
+        outbox.append(record)
+        courier.wake()
+    assert not courier.flush(0.3)
+    assert not courier.close(0.3)
+    assert time.monotonic() - start < 3
+    assert outbox.pending() == 20
+    release.set()
+
+
+def test_a_record_that_will_never_be_taken_is_set_aside_with_the_reason(tmp_path):
+    taken = []
+
+    def deliver(record):
+        if record["n"] == 1:
+            raise ValueError("no such thing")
+        taken.append(record)
+
+    outbox = Outbox(tmp_path)
+    hopeless = lambda error: isinstance(error, ValueError)  # noqa: E731
+    courier = Courier(outbox, deliver, hopeless, FAST)
+    for record in numbers(3):
+        outbox.append(record)
+    assert courier.close(5)
+    assert taken == [{"n": 0}, {"n": 2}]
+    aside = (tmp_path / "outbox.rejected.jsonl").read_text()
+    assert "no such thing" in aside and '"n": 1' in aside
+
+
+def test_a_line_torn_by_a_kill_is_dropped_and_the_rest_kept(tmp_path):
+    outbox = Outbox(tmp_path)
+    for record in numbers(3):
+        outbox.append(record)
+    with outbox.path.open("ab") as file:
+        file.write(b'{"n": 3, "half')
+    again = Outbox(tmp_path)
+    again.append({"n": 4})
+    assert list(Outbox(tmp_path).records()) == [*numbers(3), {"n": 4}]
+
+
+def test_numbers_that_json_does_not_know_are_refused_before_they_are_written(tmp_path):
+    outbox = Outbox(tmp_path)
+    with pytest.raises(ValueError):
+        outbox.append({"n": float("nan")})
+    assert list(outbox.records()) == []
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from flywheel.runtime.outbox import Outbox
+outbox = Outbox(Path(sys.argv[1]))
+for n in range(100000):
+    outbox.append({"n": n, "filling": "x" * 300})
+    print(n, flush=True)
+"""
+
+
+@pytest.mark.chaos
+def test_every_record_acknowledged_before_a_kill_is_there_after_it(tmp_path):
+    seed = random.randrange(2**32)
+    rng = random.Random(seed)
+    for attempt in range(3):
+        folder = tmp_path / str(attempt)
+        command = [sys.executable, "-c", WRITER, str(folder)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+            assert writer.stdout is not None
+            assert writer.stdout.readline() == "0\n"
+            time.sleep(rng.uniform(0.0, 0.3))
+            os.kill(writer.pid, signal.SIGKILL)
+            acknowledged = [0, *map(int, writer.stdout.read().splitlines())]
+        kept = [record["n"] for record in Outbox(folder).records()]
+        assert kept[: len(acknowledged)] == acknowledged, f"seed {seed}"
+        assert len(kept) <= len(acknowledged) + 1, f"seed {seed}"
