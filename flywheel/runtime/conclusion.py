@@ -1,0 +1,48 @@
+"""The end of a run: every model on the same pooled tests, beside what it is compared with."""
+
+from __future__ import annotations
+
+from flywheel.runtime.jobs import Job
+from flywheel.runtime.plan import ceiling
+from flywheel.runtime.results import PooledTest, RunResult
+from flywheel.runtime.run_state import Run, usable
+from flywheel.runtime.scoring import navigation, score_jobs, scored
+from flywheel.runtime.workers import FLOOR, PERSISTENCE
+
+POOLED = "pooled-tests"
+
+
+def conclude(run: Run, so_far: RunResult) -> RunResult:
+    """Score every model, the floor and persistence on the test episodes of all iterations.
+
+    The test episodes are sealed under a name of their own: the numbers say what they are of.
+    """
+    episodes = run.test_episodes(run.config.iterations)
+    if run.snapshot(POOLED) is None:
+        run.store.seal(POOLED, episodes, parent=None)
+    scores: dict[str, list[Job]] = {}
+    for result in so_far.iterations:
+        if usable(result.validation):
+            weights = run.weights(run.model_of(result))
+            name = f"{result.arm}-{result.iteration}"
+            scores[name] = score_jobs(run, name, weights, episodes)
+    scores[PERSISTENCE] = score_jobs(run, PERSISTENCE, PERSISTENCE, episodes)
+    if run.config.evaluate.floor:
+        scores[FLOOR] = score_jobs(run, FLOOR, FLOOR, episodes)
+    plans = ceiling(run.config)
+    jobs = [*(job for part in scores.values() for job in part), *run.recordings(plans)]
+    report = run.do(jobs, "pooled tests")
+    errors = {name: scored(report, part) for name, part in scores.items()}
+    return so_far.model_copy(
+        update={
+            "pooled": tuple(
+                PooledTest(arm=r.arm, iteration=r.iteration, model=r.model, errors=found)
+                for r in so_far.iterations
+                if (found := errors.get(f"{r.arm}-{r.iteration}")) is not None
+            ),
+            "floor": errors.get(FLOOR),
+            "persistence": errors[PERSISTENCE],
+            "oracle": navigation(run, "mppi on the plant", report, plans),
+            "finished": True,
+        }
+    )

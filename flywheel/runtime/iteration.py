@@ -1,0 +1,53 @@
+"""One turn of the flywheel."""
+
+from __future__ import annotations
+
+from flywheel.runtime.keeping import keep
+from flywheel.runtime.publishing import publish_iteration_start
+from flywheel.runtime.results import IterationResult
+from flywheel.runtime.run_state import Run
+from flywheel.runtime.stages import Tally, collect, decide, evaluate, snapshot, train
+
+
+def run_iteration(run: Run, iteration: int) -> list[str]:
+    """Turn the flywheel once, in every arm that has not done so yet.
+
+    Returns:
+      Sentences about what went wrong on the way.
+    """
+    arms = [arm for arm in run.arms(iteration) if run.folder.finished(iteration, arm) is None]
+    if not arms:
+        return []
+    tally = Tally()
+    if run.tracker is not None:
+        for arm in arms:
+            publish_iteration_start(run.tracker, iteration, arm)
+    with tally.timed("collect"):
+        collected = collect(run, iteration, arms, tally)
+    with tally.timed("snapshot"):
+        snapshots = snapshot(run, iteration, collected)
+    with tally.timed("train"):
+        trained = train(run, iteration, snapshots, tally)
+    with tally.timed("evaluate"):
+        evaluated = evaluate(run, iteration, snapshots, trained, tally)
+    for result in decide(run, iteration, collected, snapshots, trained, evaluated, tally):
+        keep(run, result)
+        run.progress.say(summary(result))
+    return tally.problems
+
+
+def summary(result: IterationResult) -> str:
+    """One line for people."""
+    words = [f"iteration {result.iteration}"]
+    if result.arm != "mppi":
+        words[0] += f" ({result.arm} arm)"
+    words.append(f"{result.episodes} episodes")
+    if result.test is not None:
+        short = result.test.short
+        words.append(f"test e_pos {short.e_pos_rmse:.2f} %, e_rot {short.e_rot:.2f} deg")
+    if result.navigation is not None:
+        success = result.navigation.success
+        words.append(f"{success.reached} of {success.total} goals reached")
+    if result.gate is not None:
+        words.append(result.gate.reason)
+    return "; ".join(words)

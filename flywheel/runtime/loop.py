@@ -1,0 +1,152 @@
+"""A whole run: from an empty folder, or from wherever it was stopped, to its last iteration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from flywheel.data import TrajectoryStore
+from flywheel.robots import load_robot
+from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
+from flywheel.runtime.conclusion import conclude
+from flywheel.runtime.config import RunConfig, WorkersConfig
+from flywheel.runtime.interrupts import Interrupted, StopRequest
+from flywheel.runtime.iteration import run_iteration
+from flywheel.runtime.jobs import Group
+from flywheel.runtime.keeping import result_so_far, start_tags
+from flywheel.runtime.lock import hold
+from flywheel.runtime.pool import Patience, WorkerPool
+from flywheel.runtime.progress import Progress, Quiet
+from flywheel.runtime.publishing import publish_end, publish_start
+from flywheel.runtime.results import RESULT_FILE, RunResult
+from flywheel.runtime.run_folder import Identity, RunFolder
+from flywheel.runtime.run_state import Run
+from flywheel.runtime.tracker import Tracker, TrackingConfig
+from flywheel.runtime.tracking import open_tracker
+from flywheel.runtime.workers import SimWorker, TrainerWorker
+
+OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
+
+
+def run(
+    config: RunConfig,
+    folder: str | Path,
+    *,
+    resume: bool = False,
+    address: str | None = None,
+    tracker: OpenTracker | None = open_tracker,
+    progress: Progress | None = None,
+) -> RunResult:
+    """Turn the flywheel `config.iterations` times after iteration 0.
+
+    Args:
+      config: what to run.
+      folder: where; made if need be.
+      resume: go on with the run that is there. Begins one if there is none.
+      address: of an existing Ray cluster; a local one is started by default.
+      tracker: opens where the run is published; None publishes nothing.
+      progress: shows people how far it is.
+
+    Raises:
+      ConfigError: the folder is in use, holds a run and `resume` is false, holds a run of another
+        configuration, or the cluster is too small.
+      RunError: the run cannot go on; the message says why. What is finished is kept.
+      Interrupted: the user asked to stop.
+    """
+    files = RunFolder(Path(folder))
+    files.path.mkdir(parents=True, exist_ok=True)
+    with hold(files.lock, f"The run in {folder}"), StopRequest() as stop:
+        identity = files.begin(config, resume)
+        if (done := finished_run(files)) is not None:
+            return done
+        files.check_space(config.workers.least_free_gb)
+        cluster = ClusterConfig(address, cores_of(config.workers))
+        with Cluster(cluster) as ray, _tracked(config, files, identity, tracker) as log:
+            cores = config.workers.cores or ray.cpus
+            with _pool(config, files, ray, cores, stop) as pool:
+                store = TrajectoryStore(files.store_url(config))
+                robot = load_robot(config.robot)
+                shown = progress or Quiet()
+                return _turn(Run(config, files, robot, store, pool, log, shown), identity)
+
+
+def finished_run(files: RunFolder) -> RunResult | None:
+    """What a run produced, if it has come to its end."""
+    if not (files.path / RESULT_FILE).exists():
+        return None
+    result = RunResult.load(files.path)
+    return result if result.finished else None
+
+
+def _turn(run: Run, identity: Identity) -> RunResult:
+    if run.tracker is not None:
+        plain = run.config.model_dump(mode="json")
+        publish_start(run.tracker, plain, start_tags(run.config, identity, run.robot.digest))
+    result = result_so_far(run, identity, [])
+    for iteration in range(run.config.iterations + 1):
+        problems = run_iteration(run, iteration)
+        for problem in problems:
+            run.progress.say(problem)
+        result = result_so_far(run, identity, problems)
+        result.save(run.folder.path)
+    result = conclude(run, result)
+    if run.tracker is not None:
+        publish_end(run.tracker, result)
+    result.save(run.folder.path)
+    return result
+
+
+@contextmanager
+def _pool(
+    config: RunConfig, files: RunFolder, ray: Cluster, cores: int, stop: StopRequest
+) -> Iterator[WorkerPool]:
+    workers, arguments = config.workers, (config, files.store_url(config))
+    trainers = workers.trainers or (2 if config.control_arm and config.iterations else 1)
+    groups = (
+        Group("sim", SimWorker, arguments, workers.sim, threads=config.sim_threads),
+        Group(
+            "trainer",
+            TrainerWorker,
+            arguments,
+            trainers,
+            workers.trainer_cpus,
+            workers.trainer_gpus,
+            config.training.threads,
+        ),
+    )
+    ray.check_fits(groups)
+    patience = Patience(workers.start_seconds, workers.stall_seconds, workers.drain_seconds)
+    pool = WorkerPool(RayBackend(), groups, cores, patience, stop)
+    try:
+        yield pool
+    finally:
+        pool.close()
+
+
+@contextmanager
+def _tracked(
+    config: RunConfig, files: RunFolder, identity: Identity, tracker: OpenTracker | None
+) -> Iterator[Tracker | None]:
+    """The tracker, told how the run ended, and given some time to deliver."""
+    if tracker is None:
+        yield None
+        return
+    robot = Path(config.robot).stem
+    log = tracker(files.path, identity.key, robot, config.tracking)
+    try:
+        yield log
+    except (Interrupted, KeyboardInterrupt):
+        log.end(log.key, "KILLED")
+        raise
+    except BaseException:
+        log.end(log.key, "FAILED")
+        raise
+    finally:
+        log.close()
+
+
+def cores_of(workers: WorkersConfig) -> int:
+    """Cores of a local cluster: as configured, or those this process may use."""
+    return workers.cores or len(os.sched_getaffinity(0))

@@ -1,0 +1,141 @@
+"""Which episodes a run records: names, seeds and splits, from the configuration alone.
+
+The plan never depends on what has happened so far, so that a resumed run knows what is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.errors import ConfigError
+from flywheel.records import Split
+from flywheel.runtime.config import RunConfig
+from flywheel.runtime.results import Arm
+from flywheel.runtime.seeds import derive_seed
+
+GAITS = ("roll", "cw", "ccw")
+ORACLE = "oracle"
+
+
+@dataclass(frozen=True)
+class EpisodePlan:
+    """One episode to be recorded. Its segment in the store has the same name.
+
+    Attributes:
+      id: of the episode ("i0001-mppi-collect-0003").
+      controller: "gait:roll", "random", "drop", "mppi" or "oracle".
+      iteration: that it belongs to; -1 for the oracle's.
+      split: fixed here, before anything is known about the episode.
+      dataset: index into the configuration's data sets: which plant.
+      seconds: longest duration [s].
+      seed: of start, controls, noise and planner.
+      task_seed: of the task; None without one. Evaluation uses the same ones in every iteration.
+    """
+
+    id: str
+    controller: str
+    iteration: int
+    split: Split
+    dataset: int
+    seconds: float
+    seed: int
+    task_seed: int | None = None
+
+
+def collection(config: RunConfig, iteration: int, arm: Arm) -> list[EpisodePlan]:
+    """Episodes that iteration `iteration` of an arm adds to the data."""
+    if iteration == 0:
+        return _first_collection(config)
+    collect = config.collect
+    splits = _splits(config, collect.mppi, collect.validation, 0.0, iteration)
+    controller = "mppi" if arm == "mppi" else "random"
+    return [
+        EpisodePlan(
+            id=f"i{iteration:04d}-{arm}-collect-{index:04d}",
+            controller=controller,
+            iteration=iteration,
+            split=split,
+            dataset=0,
+            seconds=collect.mppi_seconds,
+            # Both arms begin from the same starts.
+            seed=derive_seed(config.seed, "collect", iteration, index),
+            task_seed=derive_seed(config.seed, "collect-task", iteration, index)
+            if arm == "mppi"
+            else None,
+        )
+        for index, split in enumerate(splits)
+    ]
+
+
+def evaluation(config: RunConfig, iteration: int, arm: Arm) -> list[EpisodePlan]:
+    """Closed-loop episodes that judge a model, and test data; the same tasks in every iteration."""
+    return _navigation(config, f"i{iteration:04d}-{arm}-evaluate", "mppi", iteration)
+
+
+def ceiling(config: RunConfig) -> list[EpisodePlan]:
+    """The same tasks for the planner that knows the plant itself."""
+    return _navigation(config, ORACLE, ORACLE, -1)
+
+
+def _navigation(config: RunConfig, name: str, controller: str, iteration: int) -> list[EpisodePlan]:
+    return [
+        EpisodePlan(
+            id=f"{name}-{index:04d}",
+            controller=controller,
+            iteration=iteration,
+            split="test",
+            dataset=0,
+            seconds=config.task.seconds,
+            seed=derive_seed(config.seed, "evaluate", index),
+            task_seed=derive_seed(config.seed, "evaluate-task", index),
+        )
+        for index in range(config.evaluate.tasks)
+    ]
+
+
+def _first_collection(config: RunConfig) -> list[EpisodePlan]:
+    plans = list(_first_episodes(config))
+    present = {plan.split for plan in plans}
+    if missing := {"train", "validation", "test"} - present:
+        raise ConfigError(
+            f"Iteration 0 would record no {' and no '.join(sorted(missing))} episode. Raise "
+            "collect.gaits, collect.random or collect.drops, or the shares collect.validation "
+            f"(now {config.collect.validation}) and collect.test (now {config.collect.test})."
+        )
+    return plans
+
+
+def _first_episodes(config: RunConfig) -> Iterator[EpisodePlan]:
+    collect = config.collect
+    kinds = (
+        ("gait", collect.gaits, collect.gait_seconds),
+        ("random", collect.random, collect.random_seconds),
+        ("drop", collect.drops, collect.drop_seconds),
+    )
+    for kind, count, seconds in kinds:
+        splits = _splits(config, count, collect.validation, collect.test, 0, kind)
+        for index, split in enumerate(splits):
+            yield EpisodePlan(
+                id=f"i0000-{kind}-{index:04d}",
+                controller=f"gait:{GAITS[index % len(GAITS)]}" if kind == "gait" else kind,
+                iteration=0,
+                split=split,
+                dataset=index % len(config.datasets),
+                seconds=seconds,
+                seed=derive_seed(config.seed, "collect", 0, kind, index),
+            )
+
+
+def _splits(
+    config: RunConfig, count: int, validation: float, test: float, *what: str | int
+) -> list[Split]:
+    """Shares of each kind of episode by count, so that few episodes still give every split."""
+    splits: list[Split] = ["train"] * count
+    order = np.random.default_rng(derive_seed(config.seed, "split", *what)).permutation(count)
+    wanted_validation = round(count * validation)
+    for rank, index in enumerate(order[: wanted_validation + round(count * test)]):
+        splits[index] = "validation" if rank < wanted_validation else "test"
+    return splits

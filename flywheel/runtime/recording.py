@@ -1,0 +1,149 @@
+"""Recording one planned episode: which plant, which start, which controller, which task."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel import __version__
+from flywheel.control import (
+    Controller,
+    Gait,
+    Hold,
+    Mppi,
+    RandomControls,
+    random_drop,
+    record_episode,
+)
+from flywheel.dynamics.plant import Plant, PlantDynamics
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.records import Episode, Provenance, State
+from flywheel.robots import Robot, load_robot
+from flywheel.runtime.config import RunConfig, config_digest
+from flywheel.runtime.measures import Walk
+from flywheel.runtime.plan import ORACLE, EpisodePlan
+from flywheel.runtime.watch import Watch
+from flywheel.tasks import Task, sample_task
+
+WALK_SECONDS = 0.5  # between two points of a walk
+SETTLE_SECONDS = 2.0
+
+
+class Recorder:
+    """Makes planned episodes; the same plan and weights give the same episode anywhere.
+
+    Args:
+      config: of the run.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        self.config = config
+        self.robot: Robot = load_robot(config.robot)
+        self._digest = config_digest(config)
+        self._settled: dict[int, State] = {}
+
+    def plant(self, dataset: int, task: Task | None = None) -> Plant:
+        """The plant of a data set, with the obstacles of a task."""
+        return Plant(
+            self.robot,
+            self.config.network.dt,
+            parameters=self.config.datasets[dataset].plant,
+            obstacles=() if task is None else task.obstacles,
+            threads=self.config.sim_threads,
+        )
+
+    def task(self, plan: EpisodePlan) -> Task | None:
+        """The task of a planned episode."""
+        if plan.task_seed is None:
+            return None
+        points = self.plant(0).observe(self._settled_state(0)).points[0]
+        rng = np.random.default_rng(plan.task_seed)
+        return sample_task(self.config.task.name, self.robot, points, rng, self.config.task)
+
+    def record(
+        self, plan: EpisodePlan, dynamics: Dynamics | None, model: str, watch: Watch
+    ) -> Episode:
+        """Record it.
+
+        Args:
+          plan: what to record.
+          dynamics: that MPPI plans with; None where nothing is planned.
+          model: digest of its weights, or "".
+          watch: told how far the episode is.
+
+        Raises:
+          ModelError: the plant diverged, or the model did.
+        """
+        task = self.task(plan)
+        plant = self.plant(plan.dataset, task)
+        if plan.controller == ORACLE:
+            dynamics = PlantDynamics(plant)
+        return record_episode(
+            plant,
+            self.config.measurement,
+            Watched(self._controller(plan, dynamics, model), watch, round(plan.seconds / plant.dt)),
+            task,
+            start=self._start(plan, plant),
+            seconds=plan.seconds,
+            seed=plan.seed,
+            episode_id=plan.id,
+            provenance=self._provenance(plan, model),
+            split=plan.split,
+            on_step=lambda done: watch.progress(min(1.0, done * plant.dt / plan.seconds)),
+        )
+
+    def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
+        """The episode seen from above; None without a task."""
+        task = self.task(plan)
+        if task is None or episode.outcome is None:
+            return None
+        trajectory = episode.trajectory
+        stride = max(1, round(WALK_SECONDS / trajectory.dt))
+        points = trajectory.observations.points
+        if trajectory.states is not None:  # as it was, not as it was measured
+            points = self.plant(0).observe(trajectory.states).points
+        centre = task.place(points[::stride])
+        return Walk(
+            path=tuple((float(x), float(y)) for x, y in np.round(centre, 4)),
+            goal=(float(task.goal[0]), float(task.goal[1])),
+            reached=episode.outcome.success,
+            seconds=episode.outcome.seconds,
+            distance=episode.outcome.distance,
+            seed=plan.seed,
+        )
+
+    def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
+        kind, _, gait = plan.controller.partition(":")
+        dt = self.config.network.dt
+        if kind == "gait":
+            return Gait(self.robot, gait, dt)
+        if kind == "random":
+            return RandomControls(self.robot, dt)
+        if kind == "drop":
+            return Hold(self.robot, dt)
+        assert dynamics is not None, "MPPI plans with a model"
+        return Mppi(dynamics, self.config.mppi, plan.controller, model)
+
+    def _start(self, plan: EpisodePlan, plant: Plant) -> State:
+        if plan.controller == "drop":
+            return random_drop(plant, np.random.default_rng(plan.seed), 1)
+        return self._settled_state(plan.dataset)
+
+    def _settled_state(self, dataset: int) -> State:
+        if dataset not in self._settled:
+            self._settled[dataset] = self.plant(dataset).settle(SETTLE_SECONDS)
+        return self._settled[dataset]
+
+    def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
+        data = self.config.datasets[plan.dataset]
+        return Provenance(
+            robot=self.robot.digest,
+            dataset=data.name,
+            controller=plan.controller,
+            model=model,
+            task=self.config.task.name if plan.task_seed is not None else "",
+            seed=plan.seed,
+            iteration=plan.iteration,
+            config=self._digest,
+            code=__version__,
+            plant=data.plant.changed(),
+        )

@@ -1,0 +1,147 @@
+"""Where a run keeps what, and whether a folder may be begun or continued.
+
+    config.yaml               resolved configuration
+    run.json                  who the run is
+    run.lock                  held by its one driver
+    store/                    trajectory store (unless the configuration names another)
+    cache/<snapshot>/         windows for training, made from a snapshot; may be deleted
+    models/i0001-mppi/        checkpoints and weights
+    iterations/i0001-mppi.json  what the iteration produced; its presence means that it is done
+    result.json               the run so far, for reports
+
+There is no file that says how far a run is: what is there says it.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+import uuid
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+from pydantic import BaseModel, ConfigDict
+
+from flywheel.errors import ConfigError, RunError
+from flywheel.runtime.config import RunConfig, config_digest, decisive
+from flywheel.runtime.config_files import differences, validated
+from flywheel.runtime.results import Arm, IterationResult, load, save
+from flywheel.runtime.served import WEIGHTS
+
+
+class Identity(BaseModel):
+    """Who a run is.
+
+    Attributes:
+      key: unique; MLflow finds the run by it.
+      config_digest: of what decides its results.
+      begun: local time.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    key: str
+    config_digest: str
+    begun: str
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The files of one run.
+
+    Attributes:
+      path: of the folder.
+    """
+
+    path: Path
+
+    @property
+    def lock(self) -> Path:
+        """Held by the driver."""
+        return self.path / "run.lock"
+
+    @property
+    def config_file(self) -> Path:
+        """Resolved configuration."""
+        return self.path / "config.yaml"
+
+    @property
+    def cache(self) -> Path:
+        """Windows for training; made again where missing."""
+        return self.path / "cache"
+
+    def store_url(self, config: RunConfig) -> str:
+        """Where the episodes are."""
+        return config.store or str((self.path / "store").absolute())
+
+    def model(self, iteration: int, arm: Arm) -> Path:
+        """Folder of an iteration's checkpoints and weights."""
+        return (self.path / "models" / name_of(iteration, arm)).absolute()
+
+    def weights(self, iteration: int, arm: Arm) -> Path:
+        """The weights of an iteration's model, in a folder that `served.read_served` reads."""
+        return self.model(iteration, arm) / "served" / WEIGHTS
+
+    def finished(self, iteration: int, arm: Arm) -> IterationResult | None:
+        """What an iteration produced, or None if it is not done."""
+        path = self._result(iteration, arm)
+        return load(IterationResult, path) if path.exists() else None
+
+    def finish(self, result: IterationResult) -> None:
+        """Note that an iteration is done, in one atomic step."""
+        save(result, self._result(result.iteration, result.arm))
+
+    def begin(self, config: RunConfig, resume: bool) -> Identity:
+        """Begin a run here, or go on with the one that is here.
+
+        Raises:
+          ConfigError: there is a run and `resume` is false, or its configuration was another.
+        """
+        if not self.config_file.exists():
+            return self._created(config)
+        if not resume:
+            raise ConfigError(
+                f"There is a run in {self.path} already. Continue it with --resume, or give "
+                "another folder."
+            )
+        stored = validated(
+            RunConfig, yaml.safe_load(self.config_file.read_text()), str(self.config_file)
+        )
+        if changes := list(differences(decisive(stored), decisive(config))):
+            lines = "\n".join(f"  {change}" for change in changes)
+            raise ConfigError(
+                f"The run in {self.path} was begun with another configuration:\n{lines}\n"
+                "Resume it with the one it has, or begin a new run in another folder."
+            )
+        return Identity.model_validate_json((self.path / "run.json").read_text())
+
+    def check_space(self, least_gb: float) -> None:
+        """Raises RunError where the disk is almost full."""
+        free = shutil.disk_usage(self.path).free / 1e9
+        if free < least_gb:
+            raise RunError(
+                f"Only {free:.1f} GB are free where {self.path} lies; a run wants at least "
+                f"{least_gb:g} GB (workers.least_free_gb)."
+            )
+
+    def _created(self, config: RunConfig) -> Identity:
+        identity = Identity(
+            key=f"{config.name}-{uuid.uuid4().hex[:8]}",
+            config_digest=config_digest(config),
+            begun=time.strftime("%F %T"),
+        )
+        (self.path / "run.json").write_text(identity.model_dump_json(indent=1))
+        text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
+        temporary = self.config_file.with_suffix(".tmp")
+        temporary.write_text(text)
+        temporary.replace(self.config_file)  # last: with it, the run has begun
+        return identity
+
+    def _result(self, iteration: int, arm: Arm) -> Path:
+        return self.path / "iterations" / f"{name_of(iteration, arm)}.json"
+
+
+def name_of(iteration: int, arm: Arm) -> str:
+    """What snapshots, models and results of an iteration are called."""
+    return f"i{iteration:04d}-{arm}"

@@ -1,0 +1,160 @@
+"""A run that is under way: what every stage has at hand, and what files say about the past."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flywheel.data import Snapshot, TrajectoryStore
+from flywheel.errors import RunError
+from flywheel.robots import Robot
+from flywheel.runtime.config import RunConfig
+from flywheel.runtime.jobs import Job, JobFailed, PoolReport
+from flywheel.runtime.measures import Errors
+from flywheel.runtime.plan import EpisodePlan, evaluation
+from flywheel.runtime.pool import WorkerPool
+from flywheel.runtime.progress import Progress
+from flywheel.runtime.results import Arm, IterationResult
+from flywheel.runtime.run_folder import RunFolder, name_of
+from flywheel.runtime.tracker import Tracker
+from flywheel.runtime.weights import Weights
+from flywheel.runtime.workers import EpisodeNote
+
+PLANNING = 20.0  # an episode with a planner takes about so many times longer to record
+NO_SPACE = "Errno 28"
+
+
+@dataclass(frozen=True)
+class Model:
+    """A trained model.
+
+    Attributes:
+      arm, iteration: that made it.
+      digest: of the weights.
+      path: of the weights.
+    """
+
+    arm: Arm
+    iteration: int
+    digest: str
+    path: Path
+
+
+@dataclass
+class Run:
+    """A run that is under way.
+
+    Attributes:
+      config: resolved.
+      folder: its files.
+      robot: it is about.
+      store: of its episodes.
+      pool: of its workers.
+      tracker: None where nothing is tracked.
+      progress: shows people how far it is.
+    """
+
+    config: RunConfig
+    folder: RunFolder
+    robot: Robot
+    store: TrajectoryStore
+    pool: WorkerPool
+    tracker: Tracker | None
+    progress: Progress
+    _shared: dict[str, Any] = field(default_factory=dict)
+
+    def arms(self, iteration: int) -> list[Arm]:
+        """Arms that have an iteration of their own; iteration 0 is common to both."""
+        return ["mppi", "control"] if iteration and self.config.control_arm else ["mppi"]
+
+    def arm_of(self, iteration: int, arm: Arm) -> Arm:
+        """Whose iteration it is that an arm builds on."""
+        return arm if arm in self.arms(iteration) else "mppi"
+
+    def finished(self, arm: Arm) -> list[IterationResult]:
+        """What an arm has produced so far, iteration 0 included."""
+        iterations = range(self.config.iterations + 1)
+        results = [self.folder.finished(i, self.arm_of(i, arm)) for i in iterations]
+        return [result for result in results if result is not None]
+
+    def latest(self, arm: Arm) -> IterationResult | None:
+        """The iteration that an arm goes on from; None before the first.
+
+        That is the champion's; the control arm, without a gate, goes on from its last usable model.
+        """
+        chosen = [r for r in self.finished(arm) if r.gate is None or r.gate.promoted]
+        return next((r for r in reversed(chosen) if usable(r.validation)), None)
+
+    def latest_model(self, arm: Arm) -> Model | None:
+        """The model that an arm plans with and trains on from; None before the first."""
+        result = self.latest(arm)
+        return None if result is None else self.model_of(result)
+
+    def model_of(self, result: IterationResult) -> Model:
+        """The model that an iteration produced."""
+        path = self.folder.weights(result.iteration, result.arm)
+        return Model(result.arm, result.iteration, result.model, path)
+
+    def weights(self, model: Model) -> Any:
+        """The model's weights, shared with all workers once, for as long as the run lasts."""
+        if model.digest not in self._shared:
+            self._shared[model.digest] = self.pool.share(Weights.read(model.path, model.digest))
+        return self._shared[model.digest]
+
+    def snapshot(self, name: str) -> Snapshot | None:
+        """A sealed snapshot, or None."""
+        return self.store.snapshot(name) if name in self.store.snapshots() else None
+
+    def test_episodes(self, iteration: int) -> list[str]:
+        """Ids of iteration 0's test episodes and of closed-loop ones up to an iteration."""
+        first = self.store.snapshot(name_of(0, "mppi"))
+        plans = [p.id for i in range(iteration + 1) for p in evaluation(self.config, i, "mppi")]
+        there = self.store.committed()
+        return [e.id for e in first.episodes if e.split == "test"] + [
+            p for p in plans if p in there
+        ]
+
+    def do(self, jobs: Sequence[Job], title: str) -> PoolReport:
+        """Run jobs on the pool.
+
+        Raises:
+          RunError: the disk is full.
+          JobFailed: a job raised an error.
+        """
+        if not jobs:
+            return PoolReport()
+        try:
+            return self.pool.run(jobs, progress=self.progress, title=title)
+        except JobFailed as error:
+            if NO_SPACE not in str(error):
+                raise
+            raise RunError(
+                f"The disk is full ({error}). What was committed is whole; free some space and "
+                "continue with --resume."
+            ) from error
+
+    def recordings(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
+        """Jobs that record episodes. Those already in the store only report what they are."""
+        return [
+            Job(
+                plan.id,
+                "sim",
+                "record",
+                (plan, self.weights(model)) if model and plan.controller == "mppi" else (plan,),
+                size=plan.seconds * (1.0 if plan.task_seed is None else PLANNING),
+            )
+            for plan in plans
+        ]
+
+
+def usable(errors: Errors | None) -> bool:
+    """The errors are finite numbers."""
+    return errors is not None and math.isfinite(errors.short.e_pos_rmse)
+
+
+def notes(report: PoolReport, plans: Sequence[EpisodePlan]) -> list[EpisodeNote]:
+    """What came of planned episodes, in the order of the plans; quarantined ones are missing."""
+    return [report.results[plan.id] for plan in plans if plan.id in report.results]

@@ -1,0 +1,38 @@
+"""Collect: record the episodes that an iteration adds to the data."""
+
+from __future__ import annotations
+
+from flywheel.errors import RunError
+from flywheel.runtime.config import RunConfig
+from flywheel.runtime.plan import collection
+from flywheel.runtime.results import Arm
+from flywheel.runtime.run_state import Run, notes
+from flywheel.runtime.stages.outcomes import Collected, Tally
+
+
+def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> dict[Arm, Collected]:
+    """Record them for every arm, with gaits, random controls and drops, or with MPPI."""
+    plans = {arm: collection(run.config, iteration, arm) for arm in arms}
+    jobs = [job for arm in arms for job in run.recordings(plans[arm], run.latest_model(arm))]
+    report = tally.add(run.do(jobs, f"{iteration}: collect"))
+    collected: dict[Arm, Collected] = {}
+    for arm in arms:
+        done = notes(report, plans[arm])
+        valid = [note for note in done if not note.invalid]
+        tally.problems += [f"{n.id} was thrown away: {n.invalid}" for n in done if n.invalid]
+        _check_enough(run.config, len(plans[arm]), len(valid), f"iteration {iteration} ({arm})")
+        collected[arm] = Collected(
+            segments=tuple(note.id for note in valid),
+            steps=sum(note.steps for note in valid),
+            invalid=len(done) - len(valid),
+            quarantined=len(plans[arm]) - len(done),
+        )
+    return collected
+
+
+def _check_enough(config: RunConfig, wanted: int, valid: int, what: str) -> None:
+    if valid < config.workers.least_episodes * wanted:
+        raise RunError(
+            f"Only {valid} of {wanted} episodes of {what} could be recorded; at least "
+            f"{config.workers.least_episodes:.0%} are wanted (workers.least_episodes)."
+        )

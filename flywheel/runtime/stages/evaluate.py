@@ -1,0 +1,95 @@
+"""Evaluate: what a model predicts, and what a planner reaches with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flywheel.data import Snapshot
+from flywheel.runtime.jobs import Job
+from flywheel.runtime.plan import evaluation
+from flywheel.runtime.results import Arm
+from flywheel.runtime.run_state import Run, usable
+from flywheel.runtime.scoring import by_split, navigation, score_jobs, scored
+from flywheel.runtime.stages.outcomes import Evaluated, Tally, Trained
+
+
+def evaluate(
+    run: Run,
+    iteration: int,
+    snapshots: dict[Arm, Snapshot],
+    trained: dict[Arm, Trained],
+    tally: Tally,
+) -> dict[Arm, Evaluated]:
+    """Judge every arm's model on validation data, then in closed loop, then on test data.
+
+    A model that predicts no finite numbers drives no robot.
+    """
+    found = _on_validation(run, iteration, snapshots, trained, tally)
+    fit = {arm: trained[arm] for arm, done in found.items() if usable(done.validation)}
+    if "mppi" in fit:
+        found["mppi"] = _in_closed_loop(run, iteration, fit["mppi"], found["mppi"], tally)
+    return found | _on_tests(run, iteration, fit, found, tally)
+
+
+def _on_validation(
+    run: Run,
+    iteration: int,
+    snapshots: dict[Arm, Snapshot],
+    trained: dict[Arm, Trained],
+    tally: Tally,
+) -> dict[Arm, Evaluated]:
+    new: dict[Arm, list[Job]] = {}
+    old: dict[Arm, list[Job]] = {}
+    for arm, frozen in snapshots.items():
+        episodes = by_split(frozen.episodes)["validation"]
+        new[arm] = score_jobs(run, f"{arm}-new", run.weights(trained[arm].model), episodes, False)
+        champion = run.latest_model(arm)
+        if champion is not None:
+            old[arm] = score_jobs(run, f"{arm}-old", run.weights(champion), episodes, False)
+    jobs = [job for part in (*new.values(), *old.values()) for job in part]
+    report = tally.add(run.do(jobs, f"{iteration}: validate"))
+    return {
+        arm: Evaluated(scored(report, new[arm]), scored(report, old.get(arm, [])))
+        for arm in snapshots
+    }
+
+
+def _in_closed_loop(
+    run: Run, iteration: int, trained: Trained, found: Evaluated, tally: Tally
+) -> Evaluated:
+    plans = evaluation(run.config, iteration, "mppi")
+    report = tally.add(run.do(run.recordings(plans, trained.model), f"{iteration}: navigate"))
+    champion = run.latest("mppi")
+    return replace(
+        found,
+        navigation=navigation(run, "mppi", report, plans),
+        champion_navigation=None if champion is None else champion.navigation,
+    )
+
+
+def _on_tests(
+    run: Run,
+    iteration: int,
+    fit: dict[Arm, Trained],
+    found: dict[Arm, Evaluated],
+    tally: Tally,
+) -> dict[Arm, Evaluated]:
+    """Tests of iteration 0, and the closed-loop episodes up to now."""
+    episodes = run.test_episodes(iteration)
+    scores: dict[Arm, list[Job]] = {}
+    overlays: dict[Arm, Job] = {}
+    for arm, trained in fit.items():
+        weights = run.weights(trained.model)
+        scores[arm] = score_jobs(run, f"{arm}-test", weights, episodes)
+        if episodes:
+            overlays[arm] = Job(f"overlay-{arm}", "sim", "overlay", (weights, episodes[-1]))
+    jobs = [*(job for part in scores.values() for job in part), *overlays.values()]
+    report = tally.add(run.do(jobs, f"{iteration}: test"))
+    return {
+        arm: replace(
+            found[arm],
+            test=scored(report, scores[arm]),
+            overlay=report.results.get(f"overlay-{arm}"),
+        )
+        for arm in fit
+    }

@@ -1,0 +1,54 @@
+"""Train: a model per arm, on its snapshot."""
+
+from __future__ import annotations
+
+from flywheel.data import Snapshot
+from flywheel.dynamics.gnn import load_weights
+from flywheel.errors import RunError
+from flywheel.runtime.jobs import Job
+from flywheel.runtime.plan import ceiling
+from flywheel.runtime.results import Arm
+from flywheel.runtime.run_state import Model, Run
+from flywheel.runtime.seeds import derive_seed
+from flywheel.runtime.served import write_served
+from flywheel.runtime.stages.outcomes import Tally, Trained
+from flywheel.runtime.workers import TrainingNote, TrainingOrder
+
+SIZE = 2000.0  # of a training beside an episode's seconds, for the progress that is shown
+
+
+def train(
+    run: Run, iteration: int, snapshots: dict[Arm, Snapshot], tally: Tally
+) -> dict[Arm, Trained]:
+    """Train from the arm's latest weights if there are any, else from new ones.
+
+    While the very first model trains, cores that it leaves idle record the ceiling's episodes.
+
+    Raises:
+      RunError: a training took three trainers down with it.
+    """
+    jobs = {arm: _job(run, iteration, arm, frozen) for arm, frozen in snapshots.items()}
+    ahead = run.recordings(ceiling(run.config)) if iteration == 0 else []
+    report = tally.add(run.do([*jobs.values(), *ahead], f"{iteration}: train"))
+    trained: dict[Arm, Trained] = {}
+    for arm, job in jobs.items():
+        note: TrainingNote | None = report.results.get(job.id)
+        if note is None:
+            raise RunError(f"Training {job.id} failed: {tally.problems[-1]}")
+        network = load_weights(note.weights, run.robot)
+        path = run.folder.weights(iteration, arm)
+        write_served(path.parent, run.robot, network, snapshots[arm].digest)
+        trained[arm] = Trained(Model(arm, iteration, note.digest, path), note)
+    return trained
+
+
+def _job(run: Run, iteration: int, arm: Arm, frozen: Snapshot) -> Job:
+    before = run.latest_model(arm)
+    order = TrainingOrder(
+        snapshot=frozen.name,
+        folder=run.folder.model(iteration, arm),
+        cache=run.folder.cache / frozen.name,
+        initial=None if before is None else before.path,
+        seed=derive_seed(run.config.seed, "train", iteration),
+    )
+    return Job(f"train-{frozen.name}", "trainer", "train", (order,), size=SIZE)

@@ -1,0 +1,296 @@
+"""What happens inside worker processes: plain classes that a test can call without a cluster.
+
+Only ids and numbers go back to the driver; episodes go to the store, weights to files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.dynamics import Persistence
+from flywheel.dynamics.gnn import LearnedDynamics
+from flywheel.dynamics.plant import RestartedPlant
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.errors import ModelError
+from flywheel.evaluation import ErrorTable, score, score_full
+from flywheel.records import Episode
+from flywheel.runtime.config import RunConfig
+from flywheel.runtime.jobs import Beat
+from flywheel.runtime.lock import hold
+from flywheel.runtime.measures import Overlay, TrainingPoint, Walk
+from flywheel.runtime.overlays import overlay
+from flywheel.runtime.plan import EpisodePlan
+from flywheel.runtime.recording import Recorder
+from flywheel.runtime.watch import Watch
+from flywheel.runtime.weights import Weights
+from flywheel.training import Trainer, TrainingProgress
+
+MODELS_KEPT = 4
+FLOOR, PERSISTENCE = "floor", "persistence"
+
+
+@dataclass(frozen=True)
+class EpisodeNote:
+    """What the driver is told about a recorded episode.
+
+    Attributes:
+      id: of the episode.
+      steps: control steps; 0 where invalid.
+      walk: seen from above, for tasks.
+      plan_seconds: wall time of its plans [s].
+      invalid: why it was thrown away, or "".
+    """
+
+    id: str
+    steps: int = 0
+    walk: Walk | None = None
+    plan_seconds: tuple[float, ...] = ()
+    invalid: str = ""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Errors over a share of the episodes; the shares add.
+
+    Attributes:
+      short: from random starts.
+      full: over whole episodes.
+      problem: why there are none, or "".
+    """
+
+    short: ErrorTable | None = None
+    full: ErrorTable | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class TrainingOrder:
+    """What to train.
+
+    Attributes:
+      snapshot: its name.
+      folder: for checkpoints and weights.
+      cache: folder for the windows.
+      initial: weights to start from, or None.
+      seed: of the training.
+    """
+
+    snapshot: str
+    folder: Path
+    cache: Path
+    initial: Path | None
+    seed: int
+
+
+@dataclass(frozen=True)
+class TrainingNote:
+    """What the driver is told about a finished training.
+
+    Attributes:
+      weights: their file.
+      digest: of them.
+      curve: of the training.
+    """
+
+    weights: Path
+    digest: str
+    curve: tuple[TrainingPoint, ...]
+
+
+class SimWorker:
+    """Records episodes and scores models.
+
+    Args:
+      config: of the run.
+      store: URL of the trajectory store.
+    """
+
+    def __init__(self, config: RunConfig, store: str) -> None:
+        self._recorder = Recorder(config)
+        self._config = config
+        self._store = TrajectoryStore(store)
+        self._watch = Watch()
+        self._models: dict[str, LearnedDynamics] = {}
+
+    @property
+    def beat(self) -> Beat:
+        """Latest sign of progress."""
+        return self._watch.beat
+
+    def record(self, plan: EpisodePlan, weights: Weights | None = None) -> EpisodeNote:
+        """Record and commit an episode, unless the store has it already.
+
+        An episode in which the plant or the model diverges is not stored; its note says why.
+        """
+        self._watch.start(plan.id)
+        if plan.id in self._store.committed():
+            return self._note(plan, self._store.read(plan.id))
+        dynamics = None if weights is None else self._model(weights)
+        digest = "" if weights is None else weights.digest
+        try:
+            episode = self._recorder.record(plan, dynamics, digest, self._watch)
+        except ModelError as error:
+            return EpisodeNote(plan.id, invalid=str(error))
+        self._store.commit(plan.id, [episode])
+        return self._note(plan, episode)
+
+    def score(
+        self, subject: Weights | str, episodes: Sequence[str], seed: int, full: bool
+    ) -> Scores:
+        """Score a model, the floor or persistence on episodes of the store.
+
+        Args:
+          subject: weights, or "floor" or "persistence".
+          episodes: ids.
+          seed: of the starts.
+          full: also predict whole episodes.
+        """
+        name = subject if isinstance(subject, str) else subject.digest[:8]
+        self._watch.start(f"scoring {name}")
+        scores: Scores | None = None
+        for dynamics, group in self._by_dynamics(subject, episodes):
+            try:
+                part = self._scored(dynamics, group, seed, full)
+            except ModelError as error:
+                return Scores(problem=str(error))
+            scores = part if scores is None else added(scores, part)
+            self._watch.progress(0.5)
+        return scores or Scores(problem="no episode")
+
+    def overlay(self, weights: Weights, episode: str) -> Overlay | None:
+        """A window of an episode, measured and predicted; None if the model cannot."""
+        self._watch.start("overlay")
+        try:
+            return overlay(
+                self._model(weights),
+                self._store.read(episode),
+                self._config.evaluate.horizon_seconds,
+                self._config.dataset_numbers(),
+            )
+        except ModelError:
+            return None
+
+    def _note(self, plan: EpisodePlan, episode: Episode) -> EpisodeNote:
+        seconds = np.round(episode.timing.get("plan_seconds", np.zeros(0)), 5)
+        return EpisodeNote(
+            plan.id,
+            steps=episode.trajectory.steps,
+            walk=self._recorder.walk(plan, episode),
+            plan_seconds=tuple(float(s) for s in seconds),
+        )
+
+    def _by_dynamics(
+        self, subject: Weights | str, names: Sequence[str]
+    ) -> list[tuple[Dynamics, list[Episode]]]:
+        episodes = [self._store.read(name) for name in names]
+        robot, dt = self._recorder.robot, episodes[0].trajectory.dt if episodes else 0.01
+        if isinstance(subject, Weights):
+            return [(self._model(subject), episodes)]
+        if subject == PERSISTENCE:
+            return [(Persistence(robot, dt), episodes)]
+        by_plant: dict[int, list[Episode]] = {}
+        for episode in (e for e in episodes if e.provenance.source == "sim"):
+            number = self._config.dataset_numbers()[episode.provenance.dataset]
+            by_plant.setdefault(number, []).append(episode)
+        return [(RestartedPlant(self._recorder.plant(n)), part) for n, part in by_plant.items()]
+
+    def _scored(
+        self, dynamics: Dynamics, episodes: Sequence[Episode], seed: int, full: bool
+    ) -> Scores:
+        evaluate, datasets = self._config.evaluate, self._config.dataset_numbers()
+        steps = round(evaluate.horizon_seconds / dynamics.dt)
+        long = [e for e in episodes if e.trajectory.steps >= steps]
+        empty = ErrorTable.empty(dynamics.robot, dynamics.dt)
+        short = (
+            score(
+                dynamics,
+                long,
+                horizon_seconds=evaluate.horizon_seconds,
+                starts_per_episode=evaluate.starts,
+                seed=seed,
+                datasets=datasets,
+            )
+            if long
+            else empty
+        )
+        whole = score_full(dynamics, long, datasets=datasets) if full and long else None
+        return Scores(short, whole)
+
+    def _model(self, weights: Weights) -> LearnedDynamics:
+        if weights.digest not in self._models:
+            while len(self._models) >= MODELS_KEPT:
+                del self._models[next(iter(self._models))]
+            self._models[weights.digest] = weights.dynamics(
+                self._recorder.robot, self._config.sim_threads
+            )
+        return self._models[weights.digest]
+
+
+def added(one: Scores, other: Scores) -> Scores:
+    """Errors over both shares of the episodes."""
+    if problem := one.problem or other.problem:
+        return Scores(problem=problem)
+    assert one.short is not None and other.short is not None
+    if one.full is None or other.full is None:
+        return Scores(one.short + other.short, one.full or other.full)
+    return Scores(one.short + other.short, one.full + other.full)
+
+
+class TrainerWorker:
+    """Trains models.
+
+    Args:
+      config: of the run.
+      store: URL of the trajectory store.
+    """
+
+    def __init__(self, config: RunConfig, store: str) -> None:
+        self._config = config
+        self._robot = Recorder(config).robot
+        self._store = TrajectoryStore(store)
+        self._watch = Watch()
+
+    @property
+    def beat(self) -> Beat:
+        """Latest sign of progress."""
+        return self._watch.beat
+
+    def train(self, order: TrainingOrder) -> TrainingNote:
+        """Train from the last checkpoint in the order's folder, or from the beginning."""
+        self._watch.start("reading the snapshot")
+        # A trainer whose driver was killed lives on for some seconds.
+        with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
+            snapshot = self._store.snapshot(order.snapshot)
+            caches = [
+                WindowCache.build(self._store, snapshot, split, order.cache / split)
+                for split in ("train", "validation")
+            ]
+            trainer = Trainer(
+                self._config.training.model_copy(update={"seed": order.seed}),
+                self._config.network,
+                self._robot,
+                *caches,
+                order.folder,
+                order.initial,
+            )
+            result = trainer.run(self._progress)
+        points = tuple(
+            TrainingPoint(
+                step=p.step,
+                loss=p.loss,
+                learning_rate=p.learning_rate,
+                validation_e_pos_rmse=p.e_pos_rmse,
+                validation_e_rot=p.e_rot,
+            )
+            for p in result.curve
+        )
+        return TrainingNote(result.weights, result.digest, points)
+
+    def _progress(self, now: TrainingProgress) -> None:
+        words = f"step {now.point.step}, loss {now.point.loss:.3g}"
+        self._watch.progress(now.point.step / now.steps, words)

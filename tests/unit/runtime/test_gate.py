@@ -1,0 +1,53 @@
+"""The gate: who becomes champion, and with which words."""
+
+import math
+
+import pytest
+
+from flywheel.runtime.config import GateConfig
+from flywheel.runtime.gate import decide_champion
+from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation, Walk
+
+GATE = GateConfig(error_ratio=1.05, success_drop=0.25)
+
+
+def errors(rmse: float) -> Errors:
+    return Errors(short=ErrorNumbers(e_pos_mse=1.0, e_pos_rmse=rmse, e_rot=3.0, windows=10))
+
+
+def walks(reached: int, of: int) -> Navigation:
+    each = [Walk(goal=(1, 0), reached=i < reached, seconds=9, distance=0) for i in range(of)]
+    return Navigation(walks=tuple(each))
+
+
+def decide(*arguments):
+    return decide_champion(GATE, 2.0, *arguments)
+
+
+def test_the_first_model_with_finite_errors_becomes_champion():
+    decision = decide(errors(5.0), None)
+    assert decision.promoted and decision.number == 5.0 and decision.reference is None
+    assert decision.measure == "validation e_pos_rmse at 2 s [%]"
+
+
+@pytest.mark.parametrize("candidate", [None, errors(math.nan), errors(math.inf)])
+def test_a_model_without_finite_numbers_is_never_promoted(candidate):
+    decision = decide(candidate, None)
+    assert not decision.promoted
+    assert "finite" in decision.reason
+
+
+@pytest.mark.parametrize(("new", "old", "promoted"), [(4, 5, True), (5.2, 5, True), (5.3, 5, False)])
+def test_the_error_may_not_be_worse_than_the_ratio_allows(new, old, promoted):
+    assert decide(errors(new), errors(old)).promoted is promoted
+
+
+def test_a_model_that_reaches_far_fewer_goals_is_not_promoted():
+    better = errors(4.0), errors(5.0)
+    assert decide(*better, walks(6, 8), walks(8, 8)).promoted
+    refused = decide(*better, walks(5, 8), walks(8, 8))
+    assert not refused.promoted and "38% lower" in refused.reason
+
+
+def test_a_champion_that_has_become_useless_is_beaten_by_any_finite_model():
+    assert decide(errors(90.0), errors(math.nan)).promoted

@@ -1,0 +1,78 @@
+"""The configuration of a run: presets, digests, and what may change in a continuation."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from flywheel.dynamics.gnn import NetworkConfig
+from flywheel.errors import ConfigError
+from flywheel.runtime.config import RunConfig, config_digest, load_config
+from flywheel.runtime.config_files import validated
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda p: p.name)
+def test_every_shipped_configuration_is_valid(path):
+    assert load_config(path).iterations >= 1
+
+
+def test_a_network_preset_can_be_named_and_changed():
+    config = RunConfig.model_validate({"network": {"preset": "paper", "width": 32}})
+    assert config.network == NetworkConfig.paper(width=32)
+
+
+def test_an_unknown_preset_lists_the_known_ones():
+    with pytest.raises(ValidationError, match="Known: lean, paper"):
+        RunConfig.model_validate({"network": {"preset": "lena"}})
+
+
+def test_a_stored_configuration_reads_back_as_it_was():
+    config = RunConfig.model_validate({"network": {"preset": "paper"}, "seed": 3})
+    text = yaml.safe_dump(config.model_dump(mode="json"))
+    again = validated(RunConfig, yaml.safe_load(text), "x")
+    assert again == config and config_digest(again) == config_digest(config)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"workers": {"sim": 7, "stall_seconds": 5}},
+        {"name": "other"},
+        {"tracking": {"uri": "http://somewhere:5000"}},
+    ],
+)
+def test_who_computes_does_not_change_the_digest(change):
+    assert config_digest(RunConfig.model_validate(change)) == config_digest(RunConfig())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"seed": 1}, {"sim_threads": 2}, {"training": {"threads": 1}}, {"mppi": {"samples": 7}}],
+)
+def test_whatever_changes_a_number_changes_the_digest(change):
+    assert config_digest(RunConfig.model_validate(change)) != config_digest(RunConfig())
+
+
+def test_data_sets_of_one_name_are_refused():
+    with pytest.raises(ValidationError, match="different names"):
+        RunConfig.model_validate({"datasets": [{"name": "a"}, {"name": "a"}]})
+
+
+def test_recordings_have_a_place_of_their_own_in_the_one_hot():
+    config = RunConfig.model_validate({"datasets": [{"name": "a"}, {"name": "b"}]})
+    assert config.dataset_numbers() == {"a": 0, "b": 1, "recording": 2}
+
+
+def test_more_data_sets_than_the_network_has_places_for_are_refused():
+    with pytest.raises(ValidationError, match="network.datasets"):
+        RunConfig.model_validate({"network": {"datasets": 1}})
+
+
+def test_a_misspelt_setting_is_told_its_neighbour(tmp_path):
+    path = tmp_path / "a.yaml"
+    path.write_text("collect: {gait: 3}\n")
+    with pytest.raises(ConfigError, match="collect.gait: unknown key. Did you mean 'gaits'"):
+        load_config(path)
