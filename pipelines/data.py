@@ -41,8 +41,11 @@ def show_store(run: Path, snapshot: str) -> None:
         out.print(
             table(
                 f"Episodes of {snapshot}",
-                ["episode", "split", "controller", "data set", "duration [s]"],
-                [(e.id, e.split, e.controller, e.dataset, e.seconds) for e in chosen.episodes],
+                ["episode", "split", "controller", "data set", "duration [s]", "reached"],
+                [
+                    (e.id, e.split, e.controller, e.dataset, e.seconds, _reached(e.success))
+                    for e in chosen.episodes
+                ],
             )
         )
         return
@@ -55,6 +58,10 @@ def show_store(run: Path, snapshot: str) -> None:
     columns = ["snapshot", "digest", "parent", "#episodes", "#train", "#validation", "#test"]
     out.print(table(f"Snapshots of {run}", columns, rows))
     out.print(f"{len(store.committed())} segments are committed.", highlight=False)
+
+
+def _reached(success: bool | None) -> str | None:
+    return None if success is None else ("yes" if success else "no")
 
 
 def open_store(run: Path) -> TrajectoryStore:

@@ -31,9 +31,11 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
 
 
 def cell(value: object) -> str:
-    """A value as a table shows it: four digits of a number, a dash for what there is not."""
+    """A value as a table shows it: about four digits of a number, a dash for what there is not."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
+    if isinstance(value, float) and 1e4 <= abs(value) < 1e12:
+        return f"{value:,.0f}"
     if isinstance(value, float):
         return f"{value:.4g}"
     return str(value).replace("[", r"\[")
