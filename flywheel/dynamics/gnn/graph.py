@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from flywheel.dynamics.gnn.config import NetworkConfig
@@ -129,7 +130,7 @@ class RobotGraph:
     def _tensor(self, array: Floats) -> Tensor:
         return torch.as_tensor(array, dtype=torch.float32, device=self.device)
 
-    def _index(self, array: Floats | list[int]) -> Tensor:
+    def _index(self, array: NDArray[np.int64]) -> Tensor:
         return torch.as_tensor(np.asarray(array, dtype=np.int64), device=self.device)
 
     def _designate(self) -> tuple[int, int]:

@@ -2,22 +2,47 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cached_property, partial
 from typing import Literal
 
+import numpy as np
+import torch
+from torch import Tensor
+
+from flywheel.dynamics.gnn.features import GraphFeatures
+from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.network import ChunkNetwork
+from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction
+from flywheel.dynamics.gnn.simulator import Simulator, Start
+from flywheel.dynamics.gnn.weights import weights_digest
+from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Robot
+
+Precision = Literal["float32", "bfloat16"]
 
 
 class LearnedDynamics:
     """Predicts with a network; answers `flywheel.dynamics.protocol.Dynamics`.
 
+    The batch is computed in blocks, small enough that a block's arrays stay in the processor's cache.
+    Each block runs on one thread; blocks run beside each other on `threads` of them. Where candidates
+    fall within blocks changes predictions by rounding only (about 1e-6 relative).
+
     Args:
       robot: the robot.
-      network: its weights; they are copied, later changes have no effect.
+      network: its weights; they are taken as they are now, later changes have no effect.
       threads: Python threads that share the batch, block by block.
       block: candidates computed at a time.
-      precision: of the latents.
+      precision: of the latents and products; positions are integrated in float32 in any case.
+      compile: let torch compile the network; the first calls then take a minute or more.
+
+    Raises:
+      ModelError: the network was made for another robot.
     """
 
     def __init__(
@@ -26,15 +51,107 @@ class LearnedDynamics:
         network: ChunkNetwork,
         threads: int = 1,
         block: int = 64,
-        precision: Literal["float32", "bfloat16"] = "float32",
+        precision: Precision = "float32",
+        compile: bool = False,
     ) -> None:
         self.robot, self.dt, self.history = robot, network.config.dt, network.config.history
-        self.digest = ""
+        self.digest = weights_digest(network)
+        prepare = partial(FusedForward, dtype=getattr(torch, precision))
+        self._simulator = Simulator(robot, network.config, prepare=prepare)
+        network = copy.deepcopy(network).requires_grad_(False).to("cpu")
+        self._forward = self._simulator.prepare(network)
+        if compile:
+            self._forward = _Compiled(self._forward)
+        self._threads, self._block = threads, block
+
+    @cached_property
+    def _pool(self) -> ThreadPoolExecutor:
+        return ThreadPoolExecutor(self._threads, "learned", torch.set_num_threads, (1,))
 
     def rollout(self, past: Past, controls: Floats) -> Rollout:
         """Predict the points under `controls` (B, H, W).
 
         Raises:
-          ModelError: shapes do not fit the robot, or the prediction is not finite.
+          ModelError: shapes do not fit the robot, the data set is unknown to the network, a point was
+            never seen in the past, or the prediction is not finite.
         """
-        raise NotImplementedError
+        past = past.latest(self.history, self.robot.holding(past.winch[:, 0]))
+        seen, batch = past.observations.points, len(controls)
+        self._simulator.check(seen, past.controls, past.winch, controls)
+        self._check_data_set(past.dataset)
+        with one_thread_per_operation():
+            shared = self._start(past, slice(None)) if len(seen) == 1 else None
+            blocks = [slice(i, i + self._block) for i in range(0, batch, self._block)]
+            run = partial(self._run, past, controls, shared)
+            alone = self._threads == 1 or len(blocks) == 1
+            parts = list(map(run, blocks) if alone else self._pool.map(run, blocks))
+        points, winch = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        if not (np.isfinite(points).all() and np.isfinite(winch).all()):
+            raise ModelError(self._not_finite(points, winch))
+        return Rollout(points, winch)
+
+    def _start(self, past: Past, rows: slice) -> Start:
+        return self._simulator.start(
+            _tensor(past.observations.points[rows]),
+            _tensor(past.controls[rows]),
+            _tensor(past.winch[rows]),
+        )
+
+    @torch.inference_mode()
+    def _run(
+        self, past: Past, controls: Floats, shared: Start | None, rows: slice
+    ) -> tuple[Floats, Floats]:
+        """Points (b, H + 1, P, 3) and winch (b, H + 1, W) of one block, from the present on."""
+        start = shared or self._start(past, rows)
+        commands, dataset = _tensor(controls[rows]), torch.tensor([past.dataset])
+        unrolled = self._simulator.roll(self._forward, start, commands, dataset)
+        points, winch = (
+            torch.cat([now.expand(len(commands), *now.shape[1:])[:, None], ahead], dim=1)
+            for now, ahead in zip(
+                self._simulator.present(start), (unrolled.points, unrolled.winch), strict=True
+            )
+        )
+        return points.double().numpy(), winch.double().numpy()
+
+    def _check_data_set(self, dataset: int) -> None:
+        known = self._simulator.config.datasets
+        if not 0 <= dataset < known:
+            raise ModelError(
+                f"The network tells {known} data sets apart, numbers 0 to {known - 1}; got {dataset}."
+            )
+
+    def _not_finite(self, points: Floats, winch: Floats) -> str:
+        wrong = ~np.isfinite(points).all(axis=(2, 3)) | ~np.isfinite(winch).all(axis=2)
+        candidate, step = np.argwhere(wrong)[0]
+        count = len(np.unique(np.argwhere(wrong)[:, 0]))
+        return (
+            f"The network {self.digest[:12]} predicts no finite number for candidate {candidate} from "
+            f"{step * self.dt:.2f} s on ({count} of {len(points)} candidates)."
+        )
+
+
+class _Compiled:
+    """A forward pass compiled by torch; the LSTM's warm-up, called rarely, is left as it is."""
+
+    def __init__(self, forward: Forward) -> None:
+        self.remember = forward.remember
+        self._call = torch.compile(forward.__call__, dynamic=False)
+
+    def __call__(self, features: GraphFeatures, memory: Memory | None) -> Prediction:
+        prediction: Prediction = self._call(features, memory)
+        return prediction
+
+
+@contextmanager
+def one_thread_per_operation() -> Iterator[None]:
+    """Keep torch from spreading one small operation over threads, which is slower on a busy machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _tensor(array: Floats) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array))

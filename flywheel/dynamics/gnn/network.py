@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import cast
 
 import torch
 from torch import nn
 
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.features import Field, feature_fields
+from flywheel.dynamics.gnn.features import GRAVITY, Field, feature_fields
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.robots import Robot
 
@@ -27,7 +28,8 @@ class Perceptron(nn.Module):
     def __init__(self, inputs: int, width: int, outputs: int, layers: int) -> None:
         super().__init__()
         sizes = [inputs] + [width] * (layers - 1) + [outputs]
-        self.linears = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(sizes))
+        linears = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(sizes))
+        self.linears = cast("list[nn.Linear]", linears)
 
 
 class Normaliser(nn.Module):
@@ -70,13 +72,21 @@ class Round(nn.Module):
         super().__init__()
         width = config.width
         layers = config.mlp_layers if config.edge_updates else 1
-        self.messages = nn.ModuleDict(
-            {name: Perceptron(3 * width, width, width, layers) for name in relations}
-        )
+        messages = {name: Perceptron(3 * width, width, width, layers) for name in relations}
+        self.messages = cast("dict[str, Perceptron]", nn.ModuleDict(messages))
         update_layers = max(config.mlp_layers, 2)
         inputs = (1 + len(relations)) * width
         self.update = Perceptron(inputs, width, width, update_layers)
         self.norm = nn.LayerNorm(width) if config.layer_norm else None
+
+
+def natural_scales(robot: Robot, config: NetworkConfig) -> tuple[torch.Tensor, torch.Tensor]:
+    """(n,) velocity [m/s] and winch position changes [m] since a chunk's start, before any data.
+
+    Those of free fall, and of a winch that takes ten seconds for the length of the robot.
+    """
+    seconds = torch.arange(1, config.chunk + 1) * config.dt
+    return GRAVITY * seconds, 0.1 * robot.length * seconds
 
 
 class ChunkNetwork(nn.Module):
@@ -116,9 +126,9 @@ class ChunkNetwork(nn.Module):
         if graph.ground >= 0:
             extra |= {"ground_node": 0, "contact": 0}
         self._build(config, {name: fields[name] for name in extra}, extra, list(graph.relations))
-        pace = torch.arange(1, config.chunk + 1) * config.dt
-        self.register_buffer("velocity_scale", 9.81 * pace)
-        self.register_buffer("winch_scale", 0.1 * robot.length * pace)
+        velocity, winch = natural_scales(robot, config)
+        self.register_buffer("velocity_scale", velocity)
+        self.register_buffer("winch_scale", winch)
 
     def _build(
         self,
@@ -128,17 +138,17 @@ class ChunkNetwork(nn.Module):
         relations: list[str],
     ) -> None:
         width, layers = config.width, config.mlp_layers
-        self.normalisers = nn.ModuleDict({name: Normaliser(f) for name, f in fields.items()})
+        normalisers = {name: Normaliser(f) for name, f in fields.items()}
         sizes = {name: sum(f.width for f in fs) + extra[name] for name, fs in fields.items()}
-        self.encoders = nn.ModuleDict(
-            {name: Perceptron(size, width, width, layers) for name, size in sizes.items()}
-        )
-        self.encoder_norms = nn.ModuleDict(
-            {name: nn.LayerNorm(width) for name in sizes if config.layer_norm}
-        )
+        encoders = {name: Perceptron(size, width, width, layers) for name, size in sizes.items()}
+        norms = {name: nn.LayerNorm(width) for name in sizes if config.layer_norm}
+        self.normalisers = cast("dict[str, Normaliser]", nn.ModuleDict(normalisers))
+        self.encoders = cast("dict[str, Perceptron]", nn.ModuleDict(encoders))
+        self.encoder_norms = cast("dict[str, nn.LayerNorm]", nn.ModuleDict(norms))
         self.memory = nn.LSTMCell(width, width) if config.recurrent else None
         self.memory_norm = nn.LayerNorm(width) if config.recurrent and config.layer_norm else None
-        self.rounds = nn.ModuleList(Round(config, relations) for _ in range(config.rounds))
+        rounds = nn.ModuleList(Round(config, relations) for _ in range(config.rounds))
+        self.rounds = cast("list[Round]", rounds)
         self.node_decoder = self._decoder(3 * config.chunk)
         self.cable_decoder = None if config.winch == "analytic" else self._decoder(config.chunk)
 

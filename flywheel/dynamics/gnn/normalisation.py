@@ -5,34 +5,147 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
+import torch
 from torch import Tensor
 
-from flywheel.dynamics.gnn.network import ChunkNetwork
+from flywheel.dynamics.gnn.features import GraphFeatures
+from flywheel.dynamics.gnn.network import ChunkNetwork, natural_scales
 from flywheel.dynamics.gnn.simulator import Simulator
+from flywheel.errors import DataError, ModelError
+
+_LEAST = 1e-3  # of an output's natural size: what it keeps however little it changes in the data
 
 
 class Windows(Protocol):
-    """Windows of measured data, split at their present (`flywheel.training.batches.Batch`)."""
+    """Windows of measured data, split at their present.
 
-    past_points: Tensor
-    past_controls: Tensor
-    past_winch: Tensor
-    controls: Tensor
-    points: Tensor
-    winch: Tensor
-    dataset: Tensor
+    Attributes:
+      past_points: (B, h + 1, P, 3) [m].
+      past_controls: (B, h, W).
+      past_winch: (B, h + 1, W) [m].
+      controls: (B, S, W) of the steps to come; S >= n.
+      points: (B, S + 1, P, 3) from the present on [m]; NaN where missing.
+      winch: (B, S, W) at the steps to come [m]; NaN where unknown.
+      dataset: (B,) index of the data set.
+    """
+
+    @property
+    def past_points(self) -> Tensor: ...
+    @property
+    def past_controls(self) -> Tensor: ...
+    @property
+    def past_winch(self) -> Tensor: ...
+    @property
+    def controls(self) -> Tensor: ...
+    @property
+    def points(self) -> Tensor: ...
+    @property
+    def winch(self) -> Tensor: ...
+    @property
+    def dataset(self) -> Tensor: ...
 
 
+class _Moments:
+    """Running mean and variance of the rows of arrays (F, ...), in float64; NaN is left out."""
+
+    def __init__(self) -> None:
+        self._count: Tensor | float = 0.0
+        self._sum: Tensor | float = 0.0
+        self._squares: Tensor | float = 0.0
+
+    def add(self, values: Tensor) -> None:
+        flat = values.detach().double().flatten(1).cpu()
+        present = torch.isfinite(flat)
+        flat = torch.where(present, flat, torch.zeros_like(flat))
+        self._count = self._count + present.sum(1)
+        self._sum = self._sum + flat.sum(1)
+        self._squares = self._squares + (flat * flat).sum(1)
+
+    def mean_std(self) -> tuple[Tensor, Tensor]:
+        count = torch.as_tensor(self._count).clamp(min=1)
+        mean = self._sum / count
+        return mean, (self._squares / count - mean * mean).clamp(min=0.0).sqrt()
+
+    def size(self, natural: Tensor) -> Tensor:
+        """Root mean square, at least a small part of the natural size; that itself without data."""
+        count = torch.as_tensor(self._count)
+        size = (self._squares / count.clamp(min=1)).sqrt().to(natural)
+        return torch.where(count.to(natural) > 0, torch.maximum(size, _LEAST * natural), natural)
+
+
+@torch.no_grad()
 def fit_normalisation(
     simulator: Simulator, network: ChunkNetwork, batches: Iterable[Windows]
 ) -> None:
     """Set the network's normalisation from training windows of at least one prediction chunk.
 
+    Features get the mean and standard deviation they have at the windows' presents; outputs the root
+    mean square of the changes that they stand for.
+
     Args:
       simulator: of the network's robot.
       network: whose buffers are set.
-      batches: training windows with past_points (B, h + 1, P, 3), past_controls (B, h, W), past_winch
-        (B, h + 1, W), controls (B, S, W), points (B, S + 1, P, 3) from the present on, winch (B, S, W)
-        and dataset (B,); S >= n. NaN where missing.
+      batches: training windows.
+
+    Raises:
+      DataError: there is no window, or one shorter than a chunk.
+      ModelError: the features are not finite.
     """
-    raise NotImplementedError
+    features: dict[str, _Moments] = {name: _Moments() for name in network.normalisers}
+    velocity, winch = _Moments(), _Moments()
+    count = 0
+    for batch in batches:
+        count += len(batch.controls)
+        shown = _features(simulator, batch)
+        for name, values in {**shown.nodes, **shown.edges}.items():
+            features[name].add(values)
+        velocity.add(_velocity_changes(simulator, batch))
+        winch.add(_winch_changes(simulator, batch))
+    if count == 0:
+        raise DataError("There is no training window to fit the normalisation to.")
+    for name, normaliser in network.normalisers.items():
+        mean, std = features[name].mean_std()
+        if not torch.isfinite(mean).all():
+            raise ModelError(f"The training windows give {name} features that are not finite.")
+        normaliser.fit(mean, std)
+    natural = natural_scales(simulator.robot, network.config)
+    network.velocity_scale.copy_(velocity.size(natural[0]))
+    network.winch_scale.copy_(winch.size(natural[1]))
+
+
+def _features(simulator: Simulator, batch: Windows) -> GraphFeatures:
+    parts, config = simulator.parts(batch.controls.device), simulator.config
+    start = simulator.start(batch.past_points, batch.past_controls, batch.past_winch)
+    state = start.states[-1]
+    controls = batch.controls.new_zeros(
+        len(simulator.robot.winches), len(batch.controls), config.control_history + config.chunk
+    )  # controls are in units of their range already
+    heading = parts.builder.heading(state)
+    return parts.builder(state, start.origin, heading, controls, batch.dataset)
+
+
+def _velocity_changes(simulator: Simulator, batch: Windows) -> Tensor:
+    """(n, ...) of the nodes since the present, by backward differences [m/s]."""
+    steps = simulator.config.chunk
+    if batch.points.shape[1] < steps + 1:
+        raise DataError(
+            f"Normalisation needs windows of {steps} steps after the present, got "
+            f"{batch.points.shape[1] - 1}."
+        )
+    before = batch.past_points[:, -2:-1].to(batch.points)
+    nodes = simulator.node_positions(torch.cat([before, batch.points[:, : steps + 1]], dim=1))
+    velocities = nodes.diff(dim=1) / simulator.dt
+    return (velocities[:, 1:] - velocities[:, :1]).transpose(0, 1)
+
+
+def _winch_changes(simulator: Simulator, batch: Windows) -> Tensor:
+    """(n, ...) of the winch positions since the present, beyond the nominal where that is given [m]."""
+    steps = simulator.config.chunk
+    winches = simulator.parts(batch.controls.device).winches
+    commands = winches.clipped(batch.controls[:, :steps].permute(1, 2, 0))
+    past = batch.past_winch.permute(1, 2, 0)
+    present = winches.present(past, winches.clipped(batch.past_controls.permute(1, 2, 0)))
+    reached = batch.winch[:, :steps].permute(1, 2, 0)
+    if simulator.config.winch == "learned":
+        return reached - present
+    return reached - winches.nominal(present, commands)

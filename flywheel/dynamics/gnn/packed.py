@@ -139,7 +139,7 @@ def _encoder(network: ChunkNetwork, graph: RobotGraph, name: str) -> Encoder:
         tail=first.weight[changing + len(constants) :],
         middle=tuple(middle),
         last=last,
-        norm=network.encoder_norms.get(name, None),
+        norm=network.encoder_norms[name] if network.config.layer_norm else None,
     )
 
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from flywheel.dynamics.gnn.config import NetworkConfig
@@ -30,6 +32,8 @@ from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.dynamics.gnn.winches import Winches
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
+
+Array = Tensor | NDArray[np.floating]
 
 
 @dataclass(frozen=True)
@@ -159,7 +163,7 @@ class Simulator:
         Raises:
           ModelError: shapes, robot or configuration do not fit, or a point was never seen.
         """
-        self._check(past_points, past_controls, past_winch, controls)
+        self.check(past_points, past_controls, past_winch, controls)
         forward = self.prepare(network, controls.device)
         start = self.start(past_points, past_controls, past_winch)
         return self.roll(forward, start, controls, dataset)
@@ -268,7 +272,15 @@ class Simulator:
             winch=winch.permute(2, 0, 1),
         )
 
-    def _check(self, points: Tensor, past: Tensor, winch: Tensor, controls: Tensor) -> None:
+    def present(self, start: Start) -> tuple[Tensor, Tensor]:
+        """(K, P, 3) tracked points and (K, W) winch positions that predictions start from [m]."""
+        state, frames = start.states[-1], self.parts(start.origin.device).frames
+        shift = torch.cat([start.origin, torch.zeros_like(start.origin[:1])]).t()
+        points = torch.matmul(frames.to_points, state.frames).permute(2, 1, 0) + shift[:, None]
+        return points, state.winch.t()
+
+    def check(self, points: Array, past: Array, winch: Array, controls: Array) -> None:
+        """Refuse shapes that do not fit, by a `ModelError`; arguments as of `unroll`."""
         robot, history = self.robot, self.config.history
         batch, winches = len(points), len(robot.winches)
         wanted = {
