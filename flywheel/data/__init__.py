@@ -1,0 +1,17 @@
+"""Where episodes are kept, and how training reads them."""
+
+from flywheel.data.catalogue import Damage, EpisodeSummary, Receipt, Snapshot
+from flywheel.data.splits import assign_split
+from flywheel.data.store import TrajectoryStore
+from flywheel.data.windows import WindowBatch, WindowCache
+
+__all__ = [
+    "Damage",
+    "EpisodeSummary",
+    "Receipt",
+    "Snapshot",
+    "TrajectoryStore",
+    "WindowBatch",
+    "WindowCache",
+    "assign_split",
+]

@@ -2,7 +2,7 @@
 
 from flywheel.evaluation.errors import ErrorTable, LeadTimeErrors
 from flywheel.evaluation.intervals import Interval, median_interval, success_interval
-from flywheel.evaluation.pasts import known_winch, past_at
+from flywheel.evaluation.pasts import past_at
 from flywheel.evaluation.scoring import (
     BINS,
     Window,
@@ -34,7 +34,6 @@ __all__ = [
     "LeadTimeErrors",
     "Window",
     "com_weights",
-    "known_winch",
     "median_interval",
     "past_at",
     "rotation_error",

@@ -10,26 +10,6 @@ from flywheel.records import Episode, Floats, Observation, Past, State
 from flywheel.robots import Robot
 
 
-def known_winch(robot: Robot, observed: Floats, controls: Floats, dt: float) -> Floats:
-    """Best knowledge of the winch positions (..., T + 1, W) [m] over an episode.
-
-    Measured where a winch's channel is complete, else dead-reckoned from the commands, from the
-    first measured position if there is one, else from the keyframe's.
-
-    Args:
-      observed: (..., T + 1, W) measured positions, NaN where not measured [m].
-      controls: (..., T, W) commands.
-      dt: control step [s].
-    """
-    measured = np.isfinite(observed).all(axis=-2, keepdims=True)
-    if measured.all():
-        return np.asarray(observed)
-    nominal = np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches])
-    first = observed[..., 0, :]
-    start = np.where(np.isfinite(first), first, nominal)
-    return np.where(measured, observed, robot.dead_reckon(start, controls, dt))
-
-
 def past_at(
     episode: Episode, robot: Robot, start: int, history: int, winch: Floats, dataset: int = 0
 ) -> Past:
@@ -40,7 +20,7 @@ def past_at(
       robot: it was recorded on.
       start: index of the present observation.
       history: past steps wanted; a start earlier than that is padded by a robot at rest.
-      winch: (T + 1, W) of the episode, from `known_winch` [m].
+      winch: (T + 1, W) of the episode, from `Robot.known_winch` [m].
       dataset: index of the data set.
     """
     trajectory = episode.trajectory

@@ -10,7 +10,7 @@ import numpy as np
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError
 from flywheel.evaluation.errors import ErrorTable
-from flywheel.evaluation.pasts import known_winch, past_at, stacked
+from flywheel.evaluation.pasts import past_at, stacked
 from flywheel.records import Episode, Floats
 
 Truth = Callable[[Episode], Floats]
@@ -162,8 +162,8 @@ def _score_batch(
     for window in windows:
         trajectory = window.episode.trajectory
         if window.episode.id not in winches:
-            winches[window.episode.id] = known_winch(
-                robot, trajectory.observations.winch, trajectory.controls, trajectory.dt
+            winches[window.episode.id] = robot.known_winch(
+                trajectory.observations.winch, trajectory.controls, trajectory.dt
             )
         winch = winches[window.episode.id]
         pasts.append(past_at(window.episode, robot, window.start, dynamics.history, winch, dataset))

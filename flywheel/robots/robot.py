@@ -126,6 +126,7 @@ class Winch:
         (control = rest length wanted [m], reached with a first-order lag).
       cables: indices into `Robot.cables`.
       actuators: indices of the MJCF's actuators that this control drives.
+      activation: place of its position in `State.act`.
       control_range: (low, high) of the control [m/s or m].
       rest_range: (low, high) of the rest length of its first cable [m].
       time_constant: of the lag of a position winch [s]; 0 for a rate winch.
@@ -140,6 +141,7 @@ class Winch:
     rest_range: tuple[float, float]
     time_constant: float
     measured: bool
+    activation: int
 
 
 @dataclass(frozen=True)
@@ -209,6 +211,28 @@ class Robot:
     def holding(self, winch: Floats) -> Floats:
         """The command (..., W) that keeps the winches at the positions `winch` (..., W) [m]."""
         return np.where(self.rate_driven, 0.0, winch)
+
+    def winch_of(self, state: State) -> Floats:
+        """Winch positions (..., W) of a plant's state [m]."""
+        return state.act[..., [w.activation for w in self.winches]]
+
+    def known_winch(self, observed: Floats, controls: Floats, dt: float) -> Floats:
+        """Best knowledge of the winch positions (..., T + 1, W) [m] over an episode.
+
+        Measured where a winch's channel is complete, else dead-reckoned from the commands, from the
+        first measured position if there is one, else from the keyframe's.
+
+        Args:
+          observed: (..., T + 1, W) measured positions, NaN where not measured [m].
+          controls: (..., T, W) commands.
+          dt: control step [s].
+        """
+        measured = np.isfinite(observed).all(axis=-2, keepdims=True)
+        if measured.all():
+            return np.asarray(observed)
+        first = observed[..., 0, :]
+        start = np.where(np.isfinite(first), first, self.winch_of(self.keyframe))
+        return np.where(measured, observed, self.dead_reckon(start, controls, dt))
 
     def dead_reckon(self, start: Floats, controls: Floats, dt: float) -> Floats:
         """Winch positions that nominal winches would have under `controls`.

@@ -74,6 +74,7 @@ def _winch(
         rest_range=(float(rest_range[0]), float(rest_range[1])),
         time_constant=float(model.actuator_dynprm[first, 0]) if kind == "position" else 0.0,
         measured=bool(measured & set(actuators)),
+        activation=int(model.actuator_actadr[first]),
     )
 
 

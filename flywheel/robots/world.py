@@ -1,4 +1,4 @@
-"""What stands around a robot: box obstacles that its plant collides with and its tasks plan around."""
+"""What stands around a robot: boxes that its plant collides with and its tasks plan around."""
 
 from __future__ import annotations
 

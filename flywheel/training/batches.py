@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -23,10 +24,10 @@ class Batch:
     Attributes:
       past_points: (B, h + 1, P, 3) [m].
       past_controls: (B, h, W).
-      past_winch: (B, h + 1, W) [m].
+      past_winch: (B, h + 1, W) best knowledge of the winch positions [m].
       controls: (B, S, W) of the steps to be predicted.
       points: (B, S + 1, P, 3) measured at the present and at those steps [m]; NaN where missing.
-      winch: (B, S, W) measured at those steps [m]; NaN where not.
+      winch: (B, S, W) the plant's, or as measured, at those steps [m]; NaN where neither is known.
       dataset: (B,) index of the data set, int64.
     """
 
@@ -84,7 +85,7 @@ def to_batch(windows: WindowBatch, history: int, device: str = "cpu") -> Batch:
         past_winch=_tensor(windows.winch[:, : history + 1], device),
         controls=_tensor(windows.controls[:, history:], device),
         points=_tensor(points[:, history:], device),
-        winch=_tensor(windows.winch[:, history + 1 :], device),
+        winch=_tensor(windows.winch_truth[:, history + 1 :], device),
         dataset=torch.as_tensor(np.asarray(windows.dataset), dtype=torch.int64, device=device),
     )
 
@@ -111,7 +112,7 @@ def noisy(
 
 
 def _with_points(windows: WindowBatch, points: Floats) -> WindowBatch:
-    return WindowBatch(points, windows.controls, windows.winch, windows.dataset)
+    return dataclasses.replace(windows, points=points)
 
 
 def _ground_center(points: Floats) -> Floats:

@@ -32,7 +32,7 @@ def robot() -> Robot:
             for i, (offset, owner) in enumerate(zip(offsets, owners, strict=True))
         ),
         cables=(cable,),
-        winches=(Winch("winch", "rate", (0,), (0,), (-0.5, 0.5), (0.2, 1.5), 0.0, False),),
+        winches=(Winch("winch", "rate", (0,), (0,), (-0.5, 0.5), (0.2, 1.5), 0.0, False, 0),),
         keyframe=State(np.zeros(14), np.zeros(12), np.array([0.7])),
         timestep=0.005,
         length=2.0,

@@ -6,7 +6,7 @@ import pytest
 
 from flywheel.dynamics.baselines import Persistence
 from flywheel.errors import DataError, ModelError
-from flywheel.evaluation import BINS, known_winch, past_at, score, score_by, score_full
+from flywheel.evaluation import BINS, past_at, score, score_by, score_full
 from flywheel.records import Observation, Past, Rollout
 
 
@@ -134,8 +134,8 @@ def test_a_prediction_that_is_not_finite_is_an_error(robot, make_episode):
 
 def test_a_start_before_the_history_is_padded_by_rest(robot, make_episode):
     episode = make_episode("a", 300)
-    winch = known_winch(
-        robot, episode.trajectory.observations.winch, episode.trajectory.controls, 0.01
+    winch = robot.known_winch(
+        episode.trajectory.observations.winch, episode.trajectory.controls, 0.01
     )
     past = past_at(episode, robot, 3, 10, winch)
     assert past.observations.points.shape == (1, 11, 5, 3)
@@ -145,10 +145,10 @@ def test_a_start_before_the_history_is_padded_by_rest(robot, make_episode):
 
 def test_unmeasured_winches_are_dead_reckoned_from_the_keyframe(robot):
     controls = np.full((2, 4, 1), 0.5)
-    got = known_winch(robot, np.full((2, 5, 1), np.nan), controls, 0.01)
+    got = robot.known_winch(np.full((2, 5, 1), np.nan), controls, 0.01)
     np.testing.assert_allclose(got[:, :, 0], [0.7 + 0.005 * np.arange(5)] * 2)
     measured = np.random.default_rng().uniform(0.3, 1.0, (2, 5, 1))
-    np.testing.assert_array_equal(known_winch(robot, measured, controls, 0.01), measured)
+    np.testing.assert_array_equal(robot.known_winch(measured, controls, 0.01), measured)
 
 
 def test_persistence_falls_back_to_where_a_point_was_last_seen(robot, resting):

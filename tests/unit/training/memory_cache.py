@@ -32,6 +32,7 @@ class MemoryCache:
             self.points[episode[:, None], rows],
             self.controls[episode[:, None], rows[:, :-1]],
             self.winch[episode[:, None], rows],
+            self.winch[episode[:, None], rows],
             self.dataset[episode],
         )
 
