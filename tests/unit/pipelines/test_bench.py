@@ -1,0 +1,52 @@
+"""`flywheel bench` measures in turns, says what it measured on, and refuses nonsense."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from flywheel.errors import ConfigError
+from pipelines.bench import BENCHES, parsed_threads
+from pipelines.cli import app
+from pipelines.timing import LEAST_ROUNDS, interleaved
+
+run = CliRunner().invoke
+
+
+def test_contenders_are_called_in_turns_after_warming_up() -> None:
+    calls: list[str] = []
+    taken = interleaved({"a": lambda: calls.append("a"), "b": lambda: calls.append("b")}, 0.0)
+    assert calls == ["a", "b"] * (LEAST_ROUNDS + 1)
+    assert all(seconds >= 0 for seconds in taken.values())
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "bench.json"
+    done = run(
+        app,
+        ["bench", "--only", name, "--threads", "1", "--seconds", "0.01", "--output", str(file)],
+        catch_exceptions=False,
+    )
+    assert done.exit_code == 0
+    record = json.loads(file.read_text())
+    assert record["machine"]["cores"] >= 1
+    assert record["measurements"]
+    for measured in record["measurements"]:
+        assert measured["value"] > 0
+        assert measured["of"] in done.output
+
+
+@pytest.mark.parametrize("text", ["", "0", "1,", "two", "1,-2"])
+def test_threads_that_are_no_numbers_are_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="1,2"):
+        parsed_threads(text)
+
+
+def test_an_unknown_bench_is_bad_input_and_the_known_ones_are_listed() -> None:
+    done = run(app, ["bench", "--only", "plants"])
+    assert done.exit_code == 2
+    assert "Did you mean 'plant'" in done.stderr
