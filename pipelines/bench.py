@@ -132,7 +132,7 @@ def bench_plan(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
     """Time of one plan of MPPI, with the lean network and with the plant as its model."""
     torch.manual_seed(0)
     network = ChunkNetwork(robot, NetworkConfig.lean())
-    models = {
+    models: dict[str, Dynamics] = {
         "lean": LearnedDynamics(robot, network, threads=threads),
         "plant": PlantDynamics(Plant(robot, threads=threads)),
     }

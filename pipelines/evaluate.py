@@ -8,12 +8,13 @@ from flywheel.errors import DataError
 from flywheel.runtime.measures import ErrorNumbers
 from flywheel.runtime.progress import console_progress
 from flywheel.runtime.run_folder import name_of
+from flywheel.runtime.seeds import derive_seed
 from flywheel.runtime.weights import Weights
 from flywheel.runtime.workers import FLOOR, PERSISTENCE, Scores, SimWorker
-from pipelines.runs import WEIGHTS, OpenRun, open_run
+from pipelines.runs import OpenRun, open_run
 from pipelines.show import console, table
 
-SEED = 0  # of the starts: the same for every model, so that they are compared on the same windows
+ERRORS = ("e_pos MSE/L [%]", "e_pos RMSE/L [%]", "e_rot [deg]")
 SPLITS = ("train", "validation", "test")
 
 
@@ -37,16 +38,16 @@ def score_models(
     config = opened.config.model_copy(update={"evaluate": evaluate})
     worker = SimWorker(config, opened.folder.store_url(opened.config))
     subjects = subjects_of(opened, weights)
+    seed = derive_seed(config.seed, "score")  # of the starts: those that the run itself used
     rows = []
     with console_progress().stage("score", len(subjects)) as stage:
         for done, (name, subject) in enumerate(subjects.items()):
             stage.update(done, name)
-            rows.append(_row(name, worker.score(subject, episodes, SEED, full)))
+            rows.append(_row(name, worker.score(subject, episodes, seed, full)))
     title = f"{len(episodes)} {split} episodes, {starts} starts each, {horizon:g} s ahead"
-    short = ["e_pos MSE/L [%]", "e_pos RMSE/L [%]", "e_rot [deg]"]
-    whole = [f"full {column}" for column in short] if full else []
+    columns = ["model", *ERRORS, *(f"full {name}" for name in ERRORS), "#predictions", "problem"]
     out = console()
-    out.print(table(title, ["model", *short, *whole, "#predictions", "problem"], rows))
+    out.print(table(title, columns, rows))
     out.print("full: whole episodes, from their start. floor: MuJoCo from the same observations.")
 
 
@@ -55,7 +56,12 @@ def episodes_of(run: OpenRun, split: str) -> list[str]:
     if split not in SPLITS:
         raise DataError(f"There is no split {split!r}. Known: {', '.join(SPLITS)}.")
     store = run.store
-    found = [e.id for segment in sorted(store.committed()) for e in store.episodes(segment)]
+    found = [
+        episode.id
+        for segment in sorted(store.committed())
+        for episode in store.episodes(segment)
+        if episode.split == split and episode.iteration >= 0  # not the oracle's
+    ]
     if not found:
         raise DataError(f"The run in {run.folder.path} has no {split} episodes.")
     return found
@@ -66,8 +72,8 @@ def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
     models: dict[str, Weights | str] = {}
     if weights is not None:
         if not weights.exists():
-            raise DataError(f"There is no weights file {weights}; a run has models/*/{WEIGHTS}.")
-        models[weights.stem] = Weights.read(weights, str(weights))
+            raise DataError(f"There is no weights file {weights}.")
+        models[weights.stem] = Weights.read(weights, str(weights), run.robot)
     else:
         models = {name_of(i.iteration, i.arm): run.weights(i) for i in run.result.iterations}
     return {PERSISTENCE: PERSISTENCE, **models, FLOOR: FLOOR}
@@ -75,10 +81,15 @@ def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
 
 def _row(name: str, scores: Scores) -> tuple[object, ...]:
     """One line of the table; a model that predicts nothing finite says so."""
-    cells: list[object] = [name]
-    for table_ in (scores.short, scores.full):
-        if table_ is None:
-            continue
-        numbers = ErrorNumbers.of(table_)
-        cells += [numbers.e_pos_mse, numbers.e_pos_rmse, numbers.e_rot]
-    return tuple(cells)
+    short, full = (
+        None if errors is None else ErrorNumbers.of(errors)
+        for errors in (scores.short, scores.full)
+    )
+    count = None if short is None else short.windows
+    return (name, *_numbers(short), *_numbers(full), count, scores.problem)
+
+
+def _numbers(errors: ErrorNumbers | None) -> tuple[float | None, ...]:
+    if errors is None:
+        return (None,) * len(ERRORS)
+    return (errors.e_pos_mse, errors.e_pos_rmse, errors.e_rot)

@@ -20,7 +20,7 @@ CODES = """\
 class Commands(TyperGroup):
     """Turns errors that were raised on purpose into a message and an exit code."""
 
-    def invoke(self, ctx: typer.Context) -> Any:
+    def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for."""
         from flywheel.errors import FlywheelError
 

@@ -79,16 +79,17 @@ def configs() -> Table:
 
 def runs() -> Table:
     """The runs in runs/."""
+    from flywheel.errors import FlywheelError
     from flywheel.runtime.results import RunResult
     from pipelines.runs import known_runs
 
-    rows = []
+    rows: list[tuple[object, ...]] = []
     for folder in known_runs():
         try:
             result = RunResult.load(folder)
             state = "finished" if result.finished else "not finished"
             rows.append((str(folder), result.robot, len(result.iterations), state))
-        except Exception as error:
+        except FlywheelError as error:
             rows.append((str(folder), None, None, str(error)))
     return table("Runs", ["folder", "robot", "#iterations", "state"], rows)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flywheel.dynamics.plant import render_episode
+from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.records import Episode
@@ -38,7 +38,7 @@ def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path
         iteration=-1,
         split="test",
         dataset=0,
-        seconds=config.evaluate.seconds,
+        seconds=config.task.seconds,
         seed=seed,
         task_seed=seed,
     )

@@ -13,8 +13,6 @@ from flywheel.runtime.results import IterationResult, RunResult
 from flywheel.runtime.run_folder import RunFolder, name_of
 from flywheel.runtime.weights import Weights
 
-WEIGHTS = "weights.npz"
-
 
 @dataclass(frozen=True)
 class OpenRun:
@@ -53,10 +51,8 @@ class OpenRun:
 
     def weights(self, iteration: IterationResult) -> Weights:
         """The weights that an iteration trained."""
-        path = self.folder.model(iteration.iteration, iteration.arm) / WEIGHTS
-        if not path.exists():
-            raise DataError(f"There are no weights {path}. Were they deleted?")
-        return Weights.read(path, iteration.model)
+        path = self.folder.weights(iteration.iteration, iteration.arm)
+        return Weights.read(path, iteration.model, self.robot)
 
     def iteration(self, name: str) -> IterationResult:
         """An iteration by its number ("2": MPPI's arm) or name ("i0002-control")."""
