@@ -291,7 +291,10 @@ class RayBackend:
 
 def _obituary(error: BaseException) -> str:
     """One line of Ray's paragraph about a dead actor."""
-    text = " ".join(str(error).split())
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if lines and "creation task" in lines[0]:
+        return f"it could not be made: {lines[-1][:300]}"
+    text = " ".join(lines)
     detail = re.search(r"exit detail: ([^.]*)", text)
     return f"{type(error).__name__}: {detail.group(1) if detail else text[:200]}"
 

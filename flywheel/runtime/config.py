@@ -91,6 +91,7 @@ class EvaluateConfig(_Frozen):
       full: also predict whole episodes.
       oracle: also run the tasks with a planner that knows the plant (the ceiling).
       floor: also score the plant restarted from partial observations (the floor).
+      floor_window: past steps from which the floor estimates velocities; more than 1 for noisy points.
       video: render one episode per iteration.
     """
 
@@ -100,6 +101,7 @@ class EvaluateConfig(_Frozen):
     full: bool = True
     oracle: bool = True
     floor: bool = True
+    floor_window: int = Field(default=1, ge=1)
     video: bool = True
 
 

@@ -25,7 +25,7 @@ def keep(run: Run, result: IterationResult) -> None:
             run.tracker,
             result,
             files=[run.folder.path / result.video] if result.video else [],
-            model_folder=run.folder.weights(result.iteration, result.arm).parent,
+            model_folder=run.model_of(result).path.parent if result.model else None,
             model_shape=(len(run.robot.points), len(run.robot.winches)),
         )
     run.folder.finish(result)

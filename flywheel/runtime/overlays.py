@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.evaluation import known_winch, past_at
+from flywheel.evaluation import past_at
 from flywheel.records import Episode
 from flywheel.runtime.measures import Overlay
 
@@ -32,7 +32,7 @@ def overlay(
         return None
     measured = trajectory.observations.points[start : start + steps + 1]
     controls = trajectory.controls
-    winch = known_winch(robot, trajectory.observations.winch, controls, trajectory.dt)
+    winch = robot.known_winch(trajectory.observations.winch, controls, trajectory.dt)
     dataset = datasets.get(episode.provenance.dataset, 0)
     past = past_at(episode, robot, start, dynamics.history, winch, dataset)
     predicted = dynamics.rollout(past, controls[None, start : start + steps]).points[0]

@@ -7,13 +7,13 @@ import numpy as np
 from flywheel import __version__
 from flywheel.control import (
     Controller,
-    Gait,
     Hold,
     Mppi,
     RandomControls,
     random_drop,
     record_episode,
 )
+from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Episode, Provenance, State
@@ -80,7 +80,7 @@ class Recorder:
         return record_episode(
             plant,
             self.config.measurement,
-            Watched(self._controller(plan, dynamics, model), watch, round(plan.seconds / plant.dt)),
+            self._controller(plan, dynamics, model),
             task,
             start=self._start(plan, plant),
             seconds=plan.seconds,

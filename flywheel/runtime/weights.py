@@ -1,44 +1,42 @@
-"""A model's files as arrays, so that they go to every worker once, through shared memory."""
+"""A model's weights on their way to the workers: once, as numpy, through shared memory."""
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flywheel.dynamics.gnn import LearnedDynamics, load_weights
+from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
+from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays
 from flywheel.robots import Robot
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights on their way to a worker.
+    """Weights as arrays.
 
     Attributes:
-      digest: of the weights; which model this is.
-      files: contents of each file by its suffix, as uint8.
+      digest: which model this is.
+      config: of its network.
+      arrays: by name.
     """
 
     digest: str
-    files: dict[str, NDArray[np.uint8]]
+    config: NetworkConfig
+    arrays: dict[str, np.ndarray]
 
     @classmethod
-    def read(cls, path: Path, digest: str) -> Weights:
-        """Read the files that `save_weights` wrote for `path`."""
-        files = {p.suffix: np.fromfile(p, np.uint8) for p in path.parent.glob(f"{path.stem}.*")}
-        return cls(digest, files)
-
-    def dynamics(self, robot: Robot, threads: int = 1) -> LearnedDynamics:
-        """The model itself.
+    def read(cls, path: Path, digest: str, robot: Robot) -> Weights:
+        """Read the file that `save_weights` wrote.
 
         Raises:
-          ModelError: the files are damaged, or for another robot.
+          ModelError: it is missing, damaged, or for another robot.
         """
-        with tempfile.TemporaryDirectory() as folder:
-            for suffix, content in self.files.items():
-                content.tofile(Path(folder) / f"weights{suffix}")
-            network = load_weights(Path(folder) / "weights.npz", robot)
+        network = load_weights(path, robot)
+        return cls(digest, network.config, weights_arrays(network))
+
+    def dynamics(self, robot: Robot, threads: int = 1) -> LearnedDynamics:
+        """The model itself."""
+        network = network_from_arrays(robot, self.config, self.arrays)
         return LearnedDynamics(robot, network, threads=threads)

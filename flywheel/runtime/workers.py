@@ -16,9 +16,9 @@ from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.errors import ModelError
+from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ErrorTable, score, score_full
-from flywheel.records import Episode
+from flywheel.records import Episode, Split
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
 from flywheel.runtime.lock import hold
@@ -31,6 +31,7 @@ from flywheel.runtime.weights import Weights
 from flywheel.training import Trainer, TrainingProgress
 
 MODELS_KEPT = 4
+SPLITS: tuple[Split, ...] = ("train", "validation")
 FLOOR, PERSISTENCE = "floor", "persistence"
 
 
@@ -95,11 +96,13 @@ class TrainingNote:
       weights: their file.
       digest: of them.
       curve: of the training.
+      problem: why there are no weights, or "".
     """
 
-    weights: Path
-    digest: str
-    curve: tuple[TrainingPoint, ...]
+    weights: Path = Path()
+    digest: str = ""
+    curve: tuple[TrainingPoint, ...] = ()
+    problem: str = ""
 
 
 class SimWorker:
@@ -128,8 +131,8 @@ class SimWorker:
         An episode in which the plant or the model diverges is not stored; its note says why.
         """
         self._watch.start(plan.id)
-        if plan.id in self._store.committed():
-            return self._note(plan, self._store.read(plan.id))
+        if (there := self._committed(plan.id)) is not None:
+            return self._note(plan, there)
         dynamics = None if weights is None else self._model(weights)
         digest = "" if weights is None else weights.digest
         try:
@@ -175,6 +178,18 @@ class SimWorker:
         except ModelError:
             return None
 
+    def _committed(self, name: str) -> Episode | None:
+        """The episode, if the store has it whole; a damaged one not in use yet is set aside."""
+        if name not in self._store.committed():
+            return None
+        try:
+            return self._store.read(name)
+        except DataError:
+            if any(name in self._store.snapshot(s).segments for s in self._store.snapshots()):
+                raise
+            self._store.quarantine(name)
+            return None
+
     def _note(self, plan: EpisodePlan, episode: Episode) -> EpisodeNote:
         seconds = np.round(episode.timing.get("plan_seconds", np.zeros(0)), 5)
         return EpisodeNote(
@@ -197,7 +212,11 @@ class SimWorker:
         for episode in (e for e in episodes if e.provenance.source == "sim"):
             number = self._config.dataset_numbers()[episode.provenance.dataset]
             by_plant.setdefault(number, []).append(episode)
-        return [(RestartedPlant(self._recorder.plant(n)), part) for n, part in by_plant.items()]
+        window = self._config.evaluate.floor_window
+        return [
+            (RestartedPlant(self._recorder.plant(number), window), part)
+            for number, part in by_plant.items()
+        ]
 
     def _scored(
         self, dynamics: Dynamics, episodes: Sequence[Episode], seed: int, full: bool
@@ -267,8 +286,8 @@ class TrainerWorker:
         with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
             snapshot = self._store.snapshot(order.snapshot)
             caches = [
-                WindowCache.build(self._store, snapshot, split, order.cache / split)
-                for split in ("train", "validation")
+                WindowCache.build(self._store, snapshot, split, order.cache, self._robot)
+                for split in SPLITS
             ]
             trainer = Trainer(
                 self._config.training.model_copy(update={"seed": order.seed}),
@@ -278,7 +297,10 @@ class TrainerWorker:
                 order.folder,
                 order.initial,
             )
-            result = trainer.run(self._progress)
+            try:
+                result = trainer.run(self._progress)
+            except ModelError as error:
+                return TrainingNote(problem=str(error))
         points = tuple(
             TrainingPoint(
                 step=p.step,

@@ -31,7 +31,7 @@ def decide(
                 arm=arm,
                 snapshot=snapshots[arm].digest,
                 parent_snapshot=_parent(run, iteration, arm),
-                model=trained[arm].model.digest,
+                model=trained[arm].note.digest,
                 validation=done.validation,
                 test=done.test,
                 navigation=done.navigation,

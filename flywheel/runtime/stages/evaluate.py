@@ -8,7 +8,7 @@ from flywheel.data import Snapshot
 from flywheel.runtime.jobs import Job
 from flywheel.runtime.plan import evaluation
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run_state import Run, usable
+from flywheel.runtime.run_state import Model, Run, usable
 from flywheel.runtime.scoring import by_split, navigation, score_jobs, scored
 from flywheel.runtime.stages.outcomes import Evaluated, Tally, Trained
 
@@ -24,41 +24,42 @@ def evaluate(
 
     A model that predicts no finite numbers drives no robot.
     """
-    found = _on_validation(run, iteration, snapshots, trained, tally)
-    fit = {arm: trained[arm] for arm, done in found.items() if usable(done.validation)}
+    models = {arm: done.model for arm, done in trained.items() if done.model is not None}
+    found = _on_validation(run, iteration, snapshots, models, tally)
+    fit = {arm: models[arm] for arm, done in found.items() if usable(done.validation)}
     if "mppi" in fit:
         found["mppi"] = _in_closed_loop(run, iteration, fit["mppi"], found["mppi"], tally)
-    return found | _on_tests(run, iteration, fit, found, tally)
+    found |= _on_tests(run, iteration, fit, found, tally)
+    return {arm: found.get(arm, Evaluated()) for arm in trained}
 
 
 def _on_validation(
     run: Run,
     iteration: int,
     snapshots: dict[Arm, Snapshot],
-    trained: dict[Arm, Trained],
+    models: dict[Arm, Model],
     tally: Tally,
 ) -> dict[Arm, Evaluated]:
     new: dict[Arm, list[Job]] = {}
     old: dict[Arm, list[Job]] = {}
-    for arm, frozen in snapshots.items():
-        episodes = by_split(frozen.episodes)["validation"]
-        new[arm] = score_jobs(run, f"{arm}-new", run.weights(trained[arm].model), episodes, False)
+    for arm, model in models.items():
+        episodes = by_split(snapshots[arm].episodes)["validation"]
+        new[arm] = score_jobs(run, f"{arm}-new", run.weights(model), episodes, False)
         champion = run.latest_model(arm)
         if champion is not None:
             old[arm] = score_jobs(run, f"{arm}-old", run.weights(champion), episodes, False)
     jobs = [job for part in (*new.values(), *old.values()) for job in part]
     report = tally.add(run.do(jobs, f"{iteration}: validate"))
     return {
-        arm: Evaluated(scored(report, new[arm]), scored(report, old.get(arm, [])))
-        for arm in snapshots
+        arm: Evaluated(scored(report, new[arm]), scored(report, old.get(arm, []))) for arm in models
     }
 
 
 def _in_closed_loop(
-    run: Run, iteration: int, trained: Trained, found: Evaluated, tally: Tally
+    run: Run, iteration: int, model: Model, found: Evaluated, tally: Tally
 ) -> Evaluated:
     plans = evaluation(run.config, iteration, "mppi")
-    report = tally.add(run.do(run.recordings(plans, trained.model), f"{iteration}: navigate"))
+    report = tally.add(run.do(run.recordings(plans, model), f"{iteration}: navigate"))
     champion = run.latest("mppi")
     return replace(
         found,
@@ -70,7 +71,7 @@ def _in_closed_loop(
 def _on_tests(
     run: Run,
     iteration: int,
-    fit: dict[Arm, Trained],
+    fit: dict[Arm, Model],
     found: dict[Arm, Evaluated],
     tally: Tally,
 ) -> dict[Arm, Evaluated]:
@@ -78,8 +79,8 @@ def _on_tests(
     episodes = run.test_episodes(iteration)
     scores: dict[Arm, list[Job]] = {}
     overlays: dict[Arm, Job] = {}
-    for arm, trained in fit.items():
-        weights = run.weights(trained.model)
+    for arm, model in fit.items():
+        weights = run.weights(model)
         scores[arm] = score_jobs(run, f"{arm}-test", weights, episodes)
         if episodes:
             overlays[arm] = Job(f"overlay-{arm}", "sim", "overlay", (weights, episodes[-1]))

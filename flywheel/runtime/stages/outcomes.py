@@ -64,9 +64,9 @@ class Collected:
 
 @dataclass(frozen=True)
 class Trained:
-    """A model and how it came about."""
+    """A model and how it came about; no model where the training diverged."""
 
-    model: Model
+    model: Model | None
     note: TrainingNote
 
 

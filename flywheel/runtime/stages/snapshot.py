@@ -23,4 +23,5 @@ def _sealed(run: Run, iteration: int, arm: Arm, new: Collected) -> Snapshot:
     else:
         parent = name_of(iteration - 1, run.arm_of(iteration - 1, arm))
         segments = tuple(run.store.snapshot(parent).segments)
-    return run.store.seal(name, [*segments, *new.segments], parent=parent)
+    datasets = list(run.config.dataset_numbers())  # in the order of the network's one-hot
+    return run.store.seal(name, [*segments, *new.segments], parent=parent, datasets=datasets)

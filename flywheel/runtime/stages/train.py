@@ -25,7 +25,7 @@ def train(
     While the very first model trains, cores that it leaves idle record the ceiling's episodes.
 
     Raises:
-      RunError: a training took three trainers down with it.
+      RunError: a training took three trainers down with it, or the very first one diverged.
     """
     jobs = {arm: _job(run, iteration, arm, frozen) for arm, frozen in snapshots.items()}
     ahead = run.recordings(ceiling(run.config)) if iteration == 0 else []
@@ -35,11 +35,20 @@ def train(
         note: TrainingNote | None = report.results.get(job.id)
         if note is None:
             raise RunError(f"Training {job.id} failed: {tally.problems[-1]}")
-        network = load_weights(note.weights, run.robot)
-        path = run.folder.weights(iteration, arm)
-        write_served(path.parent, run.robot, network, snapshots[arm].digest)
-        trained[arm] = Trained(Model(arm, iteration, note.digest, path), note)
+        if note.problem:
+            tally.problems.append(note.problem)
+            if iteration == 0:
+                raise RunError(f"The first training failed, there is no model: {note.problem}")
+        model = None if note.problem else _kept(run, iteration, arm, note, snapshots[arm].digest)
+        trained[arm] = Trained(model, note)
     return trained
+
+
+def _kept(run: Run, iteration: int, arm: Arm, note: TrainingNote, snapshot: str) -> Model:
+    """The weights in a folder that explains itself."""
+    path = run.folder.weights(iteration, arm)
+    write_served(path.parent, run.robot, load_weights(note.weights, run.robot), snapshot)
+    return Model(arm, iteration, note.digest, path)
 
 
 def _job(run: Run, iteration: int, arm: Arm, frozen: Snapshot) -> Job:

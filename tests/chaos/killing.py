@@ -1,0 +1,93 @@
+"""Starting drivers, finding their workers, killing them, and reading off what a run came to."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import psutil
+
+ROOT = Path(__file__).parents[2]
+KINDS = {
+    "trainer": ("train-",),
+    "MPPI worker": ("-mppi-collect-", "-evaluate-", "oracle-"),
+    "sim worker": ("i0000-", "-control-collect-", "score-", "overlay-"),
+}
+
+
+def start_driver(
+    config: Path, folder: Path, overrides: Sequence[str] = ()
+) -> subprocess.Popen[bytes]:
+    """Start a driver in a session of its own; its words go to `<folder>.log`."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    log = folder.with_suffix(".log").open("ab")
+    return subprocess.Popen(
+        [sys.executable, "-m", "tests.chaos.driver", str(config), str(folder), *overrides],
+        cwd=ROOT,
+        env={**os.environ, "RAY_AUTH_MODE": "disabled", "PYTHONPATH": str(ROOT)},
+        stdout=log,
+        stderr=log,
+        start_new_session=True,
+    )
+
+
+def busy_workers(driver: int) -> dict[int, str]:
+    """Workers below a driver that are busy: pid -> kind. Ray titles them by their job."""
+    found = {}
+    try:
+        below = psutil.Process(driver).children(recursive=True)
+    except psutil.Error:
+        return {}
+    for process in below:
+        try:
+            title = " ".join(process.cmdline())
+        except psutil.Error:
+            continue
+        for kind, marks in KINDS.items():
+            if title.startswith("ray::") and any(mark in title for mark in marks):
+                found[process.pid] = kind
+                break
+    return found
+
+
+def wait_for(driver: subprocess.Popen[bytes], kind: str, seconds: float) -> int | None:
+    """The pid of a busy worker of a kind, as soon as there is one; None if none comes in time."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until and driver.poll() is None:
+        for pid, what in busy_workers(driver.pid).items():
+            if what == kind:
+                return pid
+        time.sleep(0.1)
+    return None
+
+
+def kill(pid: int) -> bool:
+    """kill -9; whether there was such a process."""
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def outcome(folder: Path) -> dict[str, str]:
+    """Everything in a finished run that has to be the same after any interruption."""
+    result = json.loads((folder / "result.json").read_text())
+    assert result["finished"], f"{folder} is not finished"
+    found = {"config": result["config_digest"]}
+    for each in result["iterations"]:
+        name = f"{each['iteration']}-{each['arm']}"
+        found[f"{name} snapshot"] = each["snapshot"]
+        found[f"{name} model"] = each["model"]
+        found[f"{name} validation"] = json.dumps(each["validation"])
+        walks = (each["navigation"] or {}).get("walks")
+        found[f"{name} walks"] = json.dumps(walks)
+    found["pooled"] = json.dumps(result["pooled"])
+    found["floor"] = json.dumps(result["floor"])
+    return found
