@@ -37,7 +37,7 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
     for episode in episodes:
         _check(episode)
     tracks = [e.trajectory for e in episodes]
-    columns = {
+    columns: dict[str, list[NDArray[Any]]] = {
         "lengths": [np.array([t.steps], np.int64) for t in tracks],
         "points": [t.observations.points for t in tracks],
         "winch": [t.observations.winch for t in tracks],

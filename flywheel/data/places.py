@@ -195,7 +195,9 @@ class ObjectPlace:
         return target
 
     def move(self, folder: str, to: str) -> None:
-        self._files.mv(f"{self._root}/{folder}", f"{self._root}/{to}", recursive=True)
+        for name in self._files.find(f"{self._root}/{folder}"):
+            self._files.cp_file(name, name.replace(folder, to, 1))
+            self._files.rm_file(name)
 
     def sweep(self) -> int:
         """Remove what is left unfinished in the mirror; how many folders."""
