@@ -1,0 +1,162 @@
+"""Figures about prediction: errors by lead time, errors over iterations, training, one overlay."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from flywheel.reports import style
+from flywheel.runtime.results import Errors, IterationResult, Overlay, RunResult
+
+MEASURES = (("e_pos_rmse", "position error, RMSE/L [%]"), ("e_rot", "rotation error [deg]"))
+
+
+def error_by_lead_time(run: RunResult) -> Figure | None:
+    """How errors grow with lead time, for each iteration's model of the MPPI arm."""
+    turns = [(i, e) for i in run.of_arm("mppi") if (e := run.test_errors(i)) and e.by_lead_time]
+    if not turns:
+        return None
+    figure = Figure(figsize=(9.2, 3.6))
+    for axes, (measure, label) in zip(figure.subplots(1, 2), MEASURES, strict=True):
+        for place, (turn, errors) in enumerate(turns):
+            colour = style.iteration_colour(place, len(turns))
+            name = f"iteration {turn.iteration}"
+            _by_lead_time(axes, errors, measure, color=colour, label=name, zorder=3 + place)
+        top = max(max(getattr(e.by_lead_time, measure)) for _, e in turns if e.by_lead_time)
+        if run.floor is not None:
+            _by_lead_time(axes, run.floor, measure, label="floor", zorder=9, **style.FLOOR_LINE)
+        if run.persistence is not None:
+            line = style.PERSISTENCE_LINE
+            _by_lead_time(axes, run.persistence, measure, label="nothing moves", **line)
+        axes.set_xlabel("lead time [s]")
+        axes.set_ylabel(label)
+        axes.set_xlim(left=0)
+        axes.set_ylim(0, 1.15 * top)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right center")
+    return figure
+
+
+def error_over_iterations(run: RunResult) -> Figure | None:
+    """Short-horizon and full-trajectory errors of both arms, with the floor."""
+    if not any(run.test_errors(i) for i in run.iterations):
+        return None
+    figure = Figure(figsize=(9.2, 6.2))
+    grid = figure.subplots(2, 2)
+    for row, kind in zip(grid, ("short", "full"), strict=True):
+        for axes, (measure, label) in zip(row, MEASURES, strict=True):
+            _error_lines(axes, run, kind, measure)
+            axes.set_ylabel(label)
+            axes.set_ylim(0, 1.08 * axes.get_ylim()[1])
+        horizon = "short horizon" if kind == "short" else "full trajectory"
+        row[0].set_title(f"{horizon}, on test episodes")
+    style.legend_above(figure, grid[0][0])
+    return figure
+
+
+def training_curves(run: RunResult) -> Figure | None:
+    """Training loss and validation rotation error of each iteration of the MPPI arm."""
+    turns = [i for i in run.of_arm("mppi") if i.curve]
+    if not turns:
+        return None
+    figure = Figure(figsize=(9.2, 3.4))
+    loss, validation = figure.subplots(1, 2)
+    for place, turn in enumerate(turns):
+        look = {
+            "color": style.iteration_colour(place, len(turns)),
+            "label": f"iteration {turn.iteration}",
+        }
+        loss.plot([p.step for p in turn.curve], [p.loss for p in turn.curve], linewidth=1.5, **look)
+        points = [
+            (p.step, p.validation_e_rot) for p in turn.curve if p.validation_e_rot is not None
+        ]
+        validation.plot([s for s, _ in points], [e for _, e in points], marker="o", **look)
+    if all(p.loss > 0 for turn in turns for p in turn.curve):
+        loss.set_yscale("log")
+    loss.set_ylabel("training loss")
+    validation.set_ylabel("validation rotation error [deg]")
+    validation.set_ylim(bottom=0)
+    for axes in (loss, validation):
+        axes.set_xlabel("optimiser step")
+    loss.legend(loc="upper right")
+    return figure
+
+
+def overlay(run: RunResult) -> Figure | None:
+    """One test window from above, as it was and as the last iteration's model saw it coming."""
+    turns = [i for i in run.of_arm("mppi") if i.overlay is not None]
+    if not turns:
+        return None
+    turn = turns[-1]
+    assert turn.overlay is not None
+    figure = Figure(figsize=(9.2, 4.4))
+    above, distance = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    _seen_from_above(above, turn.overlay)
+    above.set_title(f"iteration {turn.iteration}, from above")
+    _distances(distance, turn, run.length)
+    return figure
+
+
+def _by_lead_time(axes: Axes, errors: Errors, measure: str, **look: Any) -> None:
+    if (lead := errors.by_lead_time) is not None:
+        axes.plot(lead.seconds, getattr(lead, measure), **look)
+
+
+def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
+    iterations: set[int] = {0}
+    for arm in reversed(run.arms):  # the MPPI arm lies on top
+        points = [
+            (turn.iteration, getattr(numbers, measure))
+            for turn in run.of_arm(arm)
+            if (errors := run.test_errors(turn)) and (numbers := getattr(errors, kind))
+        ]
+        iterations |= {iteration for iteration, _ in points}
+        axes.plot(
+            [k for k, _ in points],
+            [e for _, e in points],
+            marker=style.ARM_MARKERS[arm],
+            color=style.ARM_COLOURS[arm],
+            label=style.ARM_NAMES[arm],
+        )
+    floor = getattr(run.floor, kind) if run.floor is not None else None
+    if floor is not None:
+        name = "floor: MuJoCo restarted from the same observations"
+        axes.axhline(getattr(floor, measure), label=name, **style.FLOOR_LINE)
+    style.whole_steps(axes, sorted(iterations))
+
+
+def _seen_from_above(axes: Axes, window: Overlay) -> None:
+    measured, predicted = np.array(window.measured), np.array(window.predicted)
+    frames = np.unique(np.linspace(0, len(window.seconds) - 1, 3).round().astype(int))
+    for place, t in enumerate(frames):
+        strength = 0.3 + 0.7 * place / max(1, len(frames) - 1)
+        for cloud, colour, dashes in ((measured, style.INK, "-"), (predicted, style.MISSED, "--")):
+            for a, b in window.rods:
+                ends = cloud[t, [a, b], :2].T
+                axes.plot(*ends, dashes, color=colour, alpha=strength, linewidth=1.6)
+            axes.plot(*cloud[t, :, :2].T, "o", color=colour, alpha=strength, markersize=3.5)
+    for cloud, colour, dashes, name in (
+        (measured, style.INK, "-", "measured"),
+        (predicted, style.MISSED, "--", "predicted"),
+    ):
+        middle = cloud.mean(axis=1)[:, :2]
+        axes.plot(*middle.T, dashes, color=colour, linewidth=2.4, label=f"{name} (centre of caps)")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.14))
+
+
+def _distances(axes: Axes, turn: IterationResult, length: float) -> None:
+    window = turn.overlay
+    assert window is not None
+    gap = np.linalg.norm(np.array(window.predicted) - np.array(window.measured), axis=-1)
+    axes.plot(window.seconds, 100 * gap / length, color=style.FAINT, linewidth=1.2)
+    mean = 100 * gap.mean(axis=1) / length
+    axes.plot(window.seconds, mean, color=style.MISSED, label="mean of the end caps")
+    axes.set_xlabel("lead time [s]")
+    axes.set_ylabel("distance predicted to measured [% of L]")
+    axes.set_ylim(bottom=0)
+    axes.legend(loc="upper left")

@@ -1,0 +1,113 @@
+"""All figures of a run, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from flywheel.registry import lookup
+from flywheel.reports import error_figures, goal_figures, style
+from flywheel.runtime.results import RunResult
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One figure of a run.
+
+    Attributes:
+      draw: makes it, or gives None where the run has nothing to show yet.
+      title: above it.
+      caption: below it; says what each line and mark means.
+    """
+
+    draw: Callable[[RunResult], Figure | None]
+    title: str
+    caption: str
+
+
+FIGURES: dict[str, Picture] = {
+    "success": Picture(
+        goal_figures.success_over_iterations,
+        "Goals reached",
+        "Share of the evaluation tasks reached in time, with Wilson's 95% interval. The same "
+        "tasks in every iteration and arm. Iteration 0 is common to both arms.",
+    ),
+    "errors": Picture(
+        error_figures.error_over_iterations,
+        "Prediction errors over iterations",
+        "Test episodes are never trained on. The floor is the plant itself, restarted from what "
+        "the model may see: what is missing there cannot be known.",
+    ),
+    "lead-time": Picture(
+        error_figures.error_by_lead_time,
+        "Prediction errors by lead time",
+        "MPPI arm, light to dark from the first to the last iteration. Dashed: the floor. "
+        "Dotted: the prediction that nothing moves.",
+    ),
+    "walks": Picture(
+        goal_figures.walks,
+        "Where the robot went",
+        "Every evaluation episode from above, moved to a common start (+). Blue, solid: reached "
+        "its goal (circle, drawn to its tolerance). Orange, dashed: did not.",
+    ),
+    "times": Picture(
+        goal_figures.times_to_goal,
+        "Time to the goal",
+        "One dot per episode that reached its goal; the bar is their median. The grey line is the "
+        "time allowed.",
+    ),
+    "overlay": Picture(
+        error_figures.overlay,
+        "One prediction, from above",
+        "A test window at three moments, faint to strong. Right: distances of the predicted from "
+        "the measured end caps (grey: each; orange: their mean).",
+    ),
+    "training": Picture(
+        error_figures.training_curves,
+        "Training",
+        "Left: training loss. Right: rotation error of rollouts on validation episodes.",
+    ),
+    "planning": Picture(
+        goal_figures.planning_times,
+        "Planning time",
+        "Wall time of one MPPI plan in closed loop, all iterations together; lines are medians.",
+    ),
+}
+
+
+def draw(name: str, run: RunResult, format: Literal["svg", "png"] = "svg") -> bytes | None:
+    """One figure as a file's bytes, the same for the same run; None where there is nothing to show.
+
+    Raises:
+      UnknownNameError: no such figure.
+    """
+    picture = lookup(FIGURES, name, "figure")
+    with matplotlib.rc_context(style.RC):
+        figure = picture.draw(run)
+        if figure is None:
+            return None
+        file = BytesIO()
+        metadata = {"Date": None} if format == "svg" else {"Software": None}
+        figure.savefig(file, format=format, metadata=metadata, dpi=130)
+    return file.getvalue()
+
+
+def write_figures(
+    run: RunResult, folder: str | Path, format: Literal["svg", "png"] = "png"
+) -> list[Path]:
+    """Write every figure that the run has data for as `<folder>/<name>.<format>`."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name in FIGURES:
+        if (content := draw(name, run, format)) is not None:
+            path = folder / f"{name}.{format}"
+            path.write_bytes(content)
+            written.append(path)
+    return written

@@ -1,0 +1,182 @@
+"""Figures about reaching goals: success, times, paths from above, planning time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from flywheel.reports import style
+from flywheel.runtime.results import Navigation, RunResult
+
+Series = list[tuple[str, str, Navigation]]
+
+
+def success_over_iterations(run: RunResult) -> Figure | None:
+    """Success rate of both arms with 95% intervals, and of MPPI on the plant itself."""
+    if not any(turn.navigation for turn in run.iterations):
+        return None
+    figure = Figure(figsize=(7.4, 3.7))
+    axes = figure.subplots()
+    iterations: set[int] = set()
+    driven = [arm for arm in run.arms if any(i.arm == arm and i.navigation for i in run.iterations)]
+    for shift, arm in enumerate(reversed(driven)):
+        turns = [turn for turn in run.of_arm(arm) if turn.navigation is not None]
+        places = [turn.iteration for turn in turns]
+        iterations |= set(places)
+        counts = [turn.navigation.success for turn in turns if turn.navigation is not None]
+        rates = np.array([100 * count.rate for count in counts])
+        ends = 100 * np.array([count.interval for count in counts]).reshape(-1, 2).T
+        axes.errorbar(
+            np.array(places) + 0.03 * (2 * shift - 1) * (len(driven) > 1),
+            rates,
+            yerr=np.abs(ends - rates),
+            marker=style.ARM_MARKERS[arm],
+            color=style.ARM_COLOURS[arm],
+            label=style.ARM_NAMES[arm],
+            capsize=4,
+            elinewidth=1.2,
+        )
+    if run.oracle is not None:
+        count = run.oracle.success
+        name = f"oracle: MPPI on the plant ({count.reached}/{count.total})"
+        axes.axhline(100 * count.rate, label=name, **style.ORACLE_LINE)
+        low, high = count.interval
+        axes.axhspan(100 * low, 100 * high, color=style.ORACLE, alpha=0.1, linewidth=0)
+    style.whole_steps(axes, sorted(iterations))
+    axes.set_ylim(-3, 103)
+    axes.set_ylabel("goals reached in time [%]")
+    style.legend_above(figure, axes)
+    return figure
+
+
+def times_to_goal(run: RunResult) -> Figure | None:
+    """Each episode's time to the goal, the median, and how many missed it."""
+    series = _series(run)
+    if not series:
+        return None
+    figure = Figure(figsize=(max(4.5, 1.0 + 1.1 * len(series)), 3.9))
+    axes = figure.subplots()
+    allowed = max(navigation.seconds_allowed for _, _, navigation in series)
+    for place, (_, colour, navigation) in enumerate(series):
+        _times(axes, place, colour, navigation, allowed)
+    axes.axhline(allowed, color=style.FAINT, linewidth=1)
+    axes.set_xticks(range(len(series)), [name for name, _, _ in series])
+    axes.set_xlim(-0.6, len(series) - 0.4)
+    axes.set_ylim(0, 1.22 * allowed)
+    axes.set_ylabel("time to the goal [s]")
+    axes.grid(visible=False, axis="x")
+    return figure
+
+
+def walks(run: RunResult) -> Figure | None:
+    """Paths of all evaluation episodes from above, all begun at one point, with their goals."""
+    series = [(n, c, v) for n, c, v in _series(run) if any(walk.path for walk in v.walks)]
+    if not series:
+        return None
+    columns = min(len(series), 4 if len(series) in (4, 7, 8) else 3)
+    rows = math.ceil(len(series) / columns)
+    figure = Figure(figsize=(9.6, 9.6 / columns * rows + 0.3))
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for place, axes in enumerate(grid.flat):
+        axes.set_visible(place < len(series))
+        if place + columns >= len(series):  # nothing below it
+            axes.set_xlabel("x - start [m]")
+            axes.tick_params(labelbottom=True)
+    reach = 1.08 * max(_reach(navigation) for _, _, navigation in series)
+    for axes, (name, _, navigation) in zip(grid.flat, series, strict=False):
+        _paths(axes, navigation)
+        axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+        count = navigation.success
+        axes.set_title(f"{' '.join(name.split())}: {count.reached}/{count.total}")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("y - start [m]")
+    return figure
+
+
+def planning_times(run: RunResult) -> Figure | None:
+    """How long one plan takes, over all iterations of the MPPI arm, and for the oracle."""
+    own = [s for i in run.of_arm("mppi") if i.navigation for s in i.navigation.plan_seconds]
+    oracle = run.oracle.plan_seconds if run.oracle is not None else ()
+    if not own:
+        return None
+    figure = Figure(figsize=(6.6, 3.3))
+    axes = figure.subplots()
+    highest = 1000 * float(np.quantile([*own, *oracle], 0.995))
+    bins = np.linspace(0, 1.05 * highest, 50)
+    for seconds, colour, name in (
+        (own, style.MPPI, "on the learned model"),
+        (oracle, style.ORACLE, "on the plant"),
+    ):
+        if len(seconds):
+            middle, late = 1000 * np.quantile(seconds, [0.5, 0.95])
+            label = f"{name}: median {middle:.0f} ms, 95% under {late:.0f} ms"
+            axes.hist(
+                1000 * np.array(seconds),
+                bins.tolist(),
+                color=colour,
+                alpha=0.55,
+                label=label,
+                density=True,
+            )
+            axes.axvline(middle, color=colour, linewidth=1.6)
+    axes.set_xlabel("wall time of one plan [ms]")
+    axes.set_yticks([])
+    axes.set_ylabel("share of plans")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
+    return figure
+
+
+def _series(run: RunResult) -> Series:
+    """(label, colour, episodes): the MPPI arm's iterations, the control arm's last, the oracle."""
+    series: Series = [
+        (f"iteration\n{turn.iteration}", style.MPPI, turn.navigation)
+        for turn in run.of_arm("mppi")
+        if turn.navigation is not None
+    ]
+    control = [turn for turn in run.iterations if turn.arm == "control" and turn.navigation]
+    if control and control[-1].navigation is not None:
+        name = f"control arm\n{control[-1].iteration}"
+        series.append((name, style.CONTROL, control[-1].navigation))
+    if run.oracle is not None:
+        series.append(("oracle\n", style.ORACLE, run.oracle))
+    return series
+
+
+def _times(axes: Axes, place: int, colour: str, navigation: Navigation, allowed: float) -> None:
+    times = np.array(navigation.seconds_to_goal)
+    spread = np.linspace(-0.16, 0.16, max(1, len(times)))
+    order = np.random.default_rng(place).permutation(len(times))
+    axes.plot(place + spread[order], times, "o", color=colour, alpha=0.55, markersize=4.5)
+    if len(times):
+        middle = float(np.median(times))
+        axes.plot([place - 0.28, place + 0.28], [middle, middle], color=style.INK, linewidth=2.2)
+        axes.text(place + 0.31, middle, f"{middle:.0f}", va="center", fontsize=9)
+    missed = navigation.success.total - len(times)
+    note = f"{missed} missed" if missed else "none missed"
+    axes.text(place, 1.04 * allowed, note, ha="center", va="bottom", fontsize=8.5, color=style.INK)
+
+
+def _paths(axes: Axes, navigation: Navigation) -> None:
+    for walk in navigation.walks:
+        if not walk.path:
+            continue
+        path = np.array(walk.path[:: len(walk.path) // 60 + 1] + walk.path[-1:])
+        goal = np.array(walk.goal) - path[0]
+        path = path - path[0]
+        colour, dashes = (style.MPPI, "-") if walk.reached else (style.MISSED, "--")
+        axes.plot(*path.T, dashes, color=colour, linewidth=1.1, alpha=0.85)
+        size = max(navigation.tolerance, 0.05)
+        axes.add_patch(Circle(tuple(goal), size, fill=walk.reached, color=colour, alpha=0.3))
+        axes.add_patch(Circle(tuple(goal), size, fill=False, color=colour, linewidth=0.9))
+    axes.plot(0, 0, "k+", markersize=8)
+
+
+def _reach(navigation: Navigation) -> float:
+    """Farthest that any path or goal lies from its start along x or y [m]."""
+    walks = [walk for walk in navigation.walks if walk.path]
+    places = [np.array([*walk.path, walk.goal]) - np.array(walk.path[0]) for walk in walks]
+    return max((float(np.abs(place).max()) for place in places), default=1.0)

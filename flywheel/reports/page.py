@@ -1,0 +1,202 @@
+"""The page of a run: one HTML file that needs nothing else, neither network nor neighbours."""
+
+from __future__ import annotations
+
+import base64
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from flywheel.reports.figures import FIGURES, draw
+from flywheel.reports.verdicts import headline, verdicts
+from flywheel.runtime.results import Errors, IterationResult, Navigation, RunResult
+
+PAGE_FILE = "report.html"
+LARGEST_VIDEO = 16 * 2**20  # bytes; a page has to be mailed around
+
+LIMITS = (
+    "One seed: differences between iterations of one run are no proof for another seed.",
+    "Position errors are squared distances of centres of mass: MSE/L has the unit of a length and "
+    "is shown times 100, RMSE/L is a share of the robot's characteristic length L.",
+    "Intervals are Wilson's, at 95%; they cover the choice of tasks, not that of the training.",
+)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure as the template takes it."""
+
+    name: str
+    title: str
+    caption: str
+    uri: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table of results; every cell is ready to be shown."""
+
+    name: str
+    kind: str
+    episodes: str = ""
+    short_position: str = ""
+    short_rotation: str = ""
+    full_position: str = ""
+    full_rotation: str = ""
+    success: str = ""
+    seconds: str = ""
+    champion: str = ""
+
+
+def write_page(folder: str | Path) -> Path:
+    """Write `<folder>/report.html` from the run's `result.json` and videos; finished or not.
+
+    Raises:
+      DataError: the folder holds no run.
+    """
+    folder = Path(folder)
+    page = render_page(RunResult.load(folder), folder)
+    path = folder / PAGE_FILE
+    temporary = path.with_suffix(".html.tmp")
+    temporary.write_text(page, encoding="utf-8")
+    temporary.replace(path)
+    return path
+
+
+def render_page(run: RunResult, folder: Path) -> str:
+    """The page as text.
+
+    Args:
+      run: to show.
+      folder: that the videos' paths are relative to.
+    """
+    environment = Environment(
+        loader=PackageLoader("flywheel.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html.jinja").render(
+        run=run,
+        headline=headline(run),
+        verdicts=verdicts(run),
+        rows=result_rows(run),
+        figures=_figures(run),
+        videos=_videos(run, folder),
+        config=yaml.safe_dump(run.config, sort_keys=False, allow_unicode=True),
+        stages=list(dict.fromkeys(s for turn in run.iterations for s in turn.seconds)),
+        limits=[*run.notes, *_missing(run), *LIMITS],
+    )
+
+
+def result_rows(run: RunResult) -> list[Row]:
+    """Every iteration of both arms, then the lines that they are judged by."""
+    rows = [_iteration_row(run, turn) for arm in run.arms for turn in run.of_arm(arm)
+            if turn.arm == arm]  # fmt: skip
+    beside: list[tuple[str, Errors | None, Navigation | None]] = [
+        ("floor: plant restarted from the same observations", run.floor, None),
+        ("nothing moves", run.persistence, None),
+        ("oracle: MPPI on the plant", None, run.oracle),
+    ]
+    for name, errors, navigation in beside:
+        if errors is not None or navigation is not None:
+            rows.append(Row(name, "beside", **_errors(errors), **_goals(navigation)))
+    return rows
+
+
+def _iteration_row(run: RunResult, turn: IterationResult) -> Row:
+    name = f"iteration {turn.iteration}" + ("" if turn.arm == "mppi" else ", control arm")
+    champion = ""
+    if turn.gate is not None:
+        champion = "yes" if turn.gate.promoted else "no"
+    return Row(
+        name,
+        turn.arm,
+        episodes=str(turn.episodes),
+        champion=champion,
+        **_errors(run.test_errors(turn)),
+        **_goals(turn.navigation),
+    )
+
+
+def _errors(errors: Errors | None) -> dict[str, str]:
+    cells = {}
+    if errors is not None:
+        for kind, numbers in (("short", errors.short), ("full", errors.full)):
+            if numbers is not None:
+                position = f"{_number(numbers.e_pos_rmse)} ({_number(numbers.e_pos_mse)})"
+                cells[f"{kind}_position"] = position
+                cells[f"{kind}_rotation"] = _number(numbers.e_rot)
+    return cells
+
+
+def _goals(navigation: Navigation | None) -> dict[str, str]:
+    if navigation is None:
+        return {}
+    success = navigation.success
+    low, high = (100 * end for end in success.interval)
+    return {
+        "success": f"{success.reached}/{success.total} ({low:.0f} to {high:.0f}%)",
+        "seconds": _number(navigation.median_seconds),
+    }
+
+
+def _number(value: float) -> str:
+    """Three significant digits, never in powers of ten; a dash for NaN."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value) or abs(value) >= 1e6:
+        return f"{value:g}"
+    digits = 2 - math.floor(math.log10(abs(value))) if value else 1
+    return f"{value:.{min(max(digits, 0), 4)}f}"
+
+
+def _figures(run: RunResult) -> list[Shown]:
+    shown = []
+    for name, picture in FIGURES.items():
+        if (content := draw(name, run)) is not None:
+            uri = _data_uri(content, "image/svg+xml")
+            shown.append(Shown(name, picture.title, picture.caption, uri))
+    return shown
+
+
+def _videos(run: RunResult, folder: Path) -> list[Shown]:
+    """Of the first and the last iteration of the MPPI arm that have one."""
+    turns = [turn for turn in run.of_arm("mppi") if turn.video and (folder / turn.video).is_file()]
+    shown = []
+    for turn in turns if len(turns) < 2 else (turns[0], turns[-1]):
+        title = f"Iteration {turn.iteration}"
+        path = folder / turn.video
+        if path.stat().st_size > LARGEST_VIDEO:
+            shown.append(Shown(title, title, f"Too large for this page: see {turn.video}.", ""))
+        else:
+            uri = _data_uri(path.read_bytes(), "video/mp4")
+            shown.append(Shown(title, title, f"MPPI on this iteration's model ({path.name}).", uri))
+    return shown
+
+
+def _data_uri(content: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def _missing(run: RunResult) -> list[str]:
+    """What this run does not tell, because it was not measured (yet)."""
+    sentences = []
+    if not run.finished:
+        sentences.append("The run has not ended: what is measured at its end is missing here.")
+    if not run.pooled:
+        sentences.append(
+            "Test errors are on the test episodes that each iteration had, not on common ones: "
+            "they are not strictly comparable."
+        )
+    if run.floor is None:
+        sentences.append("No floor was measured: how small the errors can be is not known.")
+    if run.oracle is None:
+        sentences.append("No oracle was run: how many goals can be reached at all is not known.")
+    if "control" not in run.arms:
+        sentences.append("No control arm: more data and more training alone may explain a gain.")
+    return sentences

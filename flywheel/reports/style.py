@@ -1,0 +1,83 @@
+"""How every figure looks: one style, and colours that people with colour blindness can tell apart.
+
+The colours are those of Okabe and Ito (2008, jfly.uni-koeln.de/color); what they mean is the same
+in every figure, and nothing is told by colour alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, to_hex
+from matplotlib.figure import Figure
+
+INK = "#1f2933"
+FAINT = "#9aa5b1"
+MPPI = "#0072B2"
+CONTROL = "#E69F00"
+ORACLE = "#009E73"
+FLOOR = "#4a4a4a"
+MISSED = "#D55E00"
+ARM_COLOURS = {"mppi": MPPI, "control": CONTROL}
+ARM_NAMES = {"mppi": "MPPI arm", "control": "control arm (random controls)"}
+ARM_MARKERS = {"mppi": "o", "control": "s"}
+FLOOR_LINE: dict[str, Any] = {"color": FLOOR, "linestyle": (0, (5, 2)), "linewidth": 1.4}
+ORACLE_LINE: dict[str, Any] = {"color": ORACLE, "linestyle": (0, (5, 2)), "linewidth": 1.4}
+PERSISTENCE_LINE: dict[str, Any] = {"color": FAINT, "linestyle": (0, (1, 1.6)), "linewidth": 1.4}
+
+RC: dict[str, Any] = {
+    "axes.edgecolor": FAINT,
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.labelsize": 10,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlecolor": INK,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 11,
+    "axes.titleweight": "bold",
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 110,
+    "figure.facecolor": "white",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.8,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "lines.linewidth": 2.0,
+    "lines.markersize": 6,
+    "svg.hashsalt": "flywheel",
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.labelsize": 9,
+    "ytick.labelsize": 9,
+}
+
+_RAMP = LinearSegmentedColormap.from_list("iterations", ["#a6cbe3", "#3d8dc4", "#08306b"])
+
+
+def iteration_colour(place: int, count: int) -> str:
+    """Light for the first iteration, dark for the last of `count`."""
+    return to_hex(_RAMP(place / (count - 1) if count > 1 else 1.0))
+
+
+def whole_steps(axes: Axes, iterations: list[int]) -> None:
+    """Mark exactly the iterations on the x-axis."""
+    axes.set_xticks(iterations)
+    low, high = min(iterations), max(iterations)
+    room = 0.12 * max(1, high - low)
+    axes.set_xlim(low - room, high + room)
+    axes.set_xlabel("iteration")
+
+
+def legend_above(figure: Figure, axes: Axes) -> None:
+    """One legend for the whole figure from the lines of `axes`, the MPPI arm first."""
+    entries = sorted(
+        zip(*axes.get_legend_handles_labels(), strict=True),
+        key=lambda entry: entry[1] != ARM_NAMES["mppi"],
+    )
+    handles, labels = zip(*entries, strict=True)
+    figure.legend(handles, labels, loc="outside upper left", ncols=3)

@@ -1,0 +1,157 @@
+"""What a run shows, in sentences that follow from its numbers, whichever way they came out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from flywheel.runtime.results import ErrorNumbers, IterationResult, RunResult, Success
+
+Answer = Literal["yes", "no", "open"]
+GOAL_ROTATION = 1.1  # of the floor's error
+GOAL_POSITION = 2.5  # of the floor's error
+GOAL_SUCCESS = 0.8  # of the oracle's rate
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One question to a run.
+
+    Attributes:
+      answer: "open" where the numbers do not decide, or are not there yet.
+      text: one or two sentences with the numbers.
+    """
+
+    answer: Answer
+    text: str
+
+
+def headline(run: RunResult) -> str:
+    """One sentence: did the error fall, did success rise."""
+    turns = run.of_arm("mppi")
+    if len(turns) < 2:
+        state = "No iteration has ended yet" if not turns else "Only iteration 0 has ended"
+        return f"{state}: there is nothing to compare."
+    error, success = _error_verdict(run, turns), _success_verdict(turns)
+    start = f"From iteration {turns[0].iteration} to {turns[-1].iteration}"
+    tail = "." if run.finished else " (so far: the run has not ended)."
+    falls = {
+        "yes": "the prediction error fell",
+        "no": "the prediction error did not fall",
+        "open": "whether the prediction error fell is not decided",
+    }[error.answer]
+    rises = {
+        "yes": "success rose",
+        "no": "success did not rise",
+        "open": "whether success rose is not decided",
+    }[success.answer]
+    joint = "and" if error.answer == success.answer else "but"
+    return f"{start}, {falls} {joint} {rises}{tail}"
+
+
+def verdicts(run: RunResult) -> list[Verdict]:
+    """The questions that a run can answer by now, in the order of their weight."""
+    turns = run.of_arm("mppi")
+    if len(turns) < 2:
+        return []
+    found = [_error_verdict(run, turns), _success_verdict(turns)]
+    if "control" in run.arms:
+        found.append(_control_verdict(run, turns[-1]))
+    if run.floor is not None and (errors := run.test_errors(turns[-1])) is not None:
+        found.append(_floor_verdict(errors.short, run.floor.short))
+    if run.oracle is not None and turns[-1].navigation is not None:
+        found.append(_oracle_verdict(turns[-1].navigation.success, run.oracle.success))
+    return found
+
+
+def rate(success: Success) -> str:
+    """A success rate with its counts and interval."""
+    if not success.total:
+        return "no episodes"
+    low, high = success.interval
+    return f"{success.reached}/{success.total} ({success.rate:.0%}, {low:.0%} to {high:.0%})"
+
+
+def _error_verdict(run: RunResult, turns: tuple[IterationResult, ...]) -> Verdict:
+    first, last = run.test_errors(turns[0]), run.test_errors(turns[-1])
+    if first is None or last is None:
+        return Verdict("open", "The models were not scored on test episodes.")
+    pairs = [
+        (first.short.e_rot, last.short.e_rot),
+        (first.short.e_pos_rmse, last.short.e_pos_rmse),
+    ]
+    if not all(math.isfinite(value) for pair in pairs for value in pair):
+        return Verdict("no", "A prediction error on test episodes is not finite.")
+    fell = [after < before for before, after in pairs]
+    answer: Answer = "yes" if all(fell) else "open" if any(fell) else "no"
+    (rot, pos), where = pairs, "all test episodes of the run"
+    if run.pooled_errors(turns[0]) is None or run.pooled_errors(turns[-1]) is None:
+        where = "the test episodes that each iteration had (not the same ones)"
+        answer = "open" if all(fell) else answer
+    return Verdict(
+        answer,
+        f"Short-horizon errors on {where}: rotation {rot[0]:.2f} to {rot[1]:.2f} deg "
+        f"({_change(*rot)}), position {pos[0]:.2f} to {pos[1]:.2f} % RMSE/L ({_change(*pos)}).",
+    )
+
+
+def _success_verdict(turns: tuple[IterationResult, ...]) -> Verdict:
+    if turns[0].navigation is None or turns[-1].navigation is None:
+        return Verdict("open", "Goal reaching was not evaluated in the first and last iteration.")
+    first, last = turns[0].navigation.success, turns[-1].navigation.success
+    text = f"Goals reached: {rate(first)} to {rate(last)}."
+    if not first.total or not last.total or last.rate <= first.rate:
+        return Verdict("no", text)
+    if last.interval[0] <= first.interval[1]:
+        return Verdict("open", f"{text} The intervals overlap.")
+    return Verdict("yes", text)
+
+
+def _control_verdict(run: RunResult, last: IterationResult) -> Verdict:
+    control = run.of_arm("control")[-1]
+    ours, theirs = run.test_errors(last), run.test_errors(control)
+    if control.iteration != last.iteration or ours is None or theirs is None:
+        return Verdict("open", "The control arm has not come as far as the MPPI arm.")
+    better = [
+        ours.short.e_rot < theirs.short.e_rot,
+        ours.short.e_pos_rmse < theirs.short.e_pos_rmse,
+    ]
+    text = (
+        f"Against random controls instead of MPPI: rotation {ours.short.e_rot:.2f} against "
+        f"{theirs.short.e_rot:.2f} deg, position {ours.short.e_pos_rmse:.2f} against "
+        f"{theirs.short.e_pos_rmse:.2f} % RMSE/L"
+    )
+    if last.navigation is not None and control.navigation is not None:
+        mine, other = last.navigation.success, control.navigation.success
+        better.append(mine.rate > other.rate)
+        text += f", goals reached {rate(mine)} against {rate(other)}"
+    answer: Answer = "yes" if all(better) else "open" if any(better) else "no"
+    return Verdict(answer, f"{text}.")
+
+
+def _floor_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
+    rot, pos = _ratio(ours.e_rot, floor.e_rot), _ratio(ours.e_pos_rmse, floor.e_pos_rmse)
+    reached: Answer = "yes" if rot <= GOAL_ROTATION and pos <= GOAL_POSITION else "no"
+    return Verdict(
+        reached,
+        f"Against the floor: rotation error {rot:.2f} times, position error (RMSE/L) {pos:.2f} "
+        f"times that of the restarted plant (goals: {GOAL_ROTATION} and {GOAL_POSITION}).",
+    )
+
+
+def _oracle_verdict(ours: Success, oracle: Success) -> Verdict:
+    share = _ratio(ours.rate, oracle.rate)
+    return Verdict(
+        "yes" if share >= GOAL_SUCCESS else "no",
+        f"Against the oracle, which reached {rate(oracle)}: {share:.0%} of its rate "
+        f"(goal: {GOAL_SUCCESS:.0%}).",
+    )
+
+
+def _ratio(value: float, reference: float) -> float:
+    return value / reference if reference else math.nan
+
+
+def _change(before: float, after: float) -> str:
+    return f"{100 * (after - before) / before:+.0f}%" if before else "from zero"

@@ -1,0 +1,58 @@
+"""Every figure draws whatever a run has, and nothing where it has nothing."""
+
+import math
+
+import pytest
+
+from flywheel.errors import UnknownNameError
+from flywheel.reports.figures import FIGURES, draw, write_figures
+from flywheel.runtime.results import RunResult
+from tests.unit.reports.fake_run import fake_errors, fake_run
+
+
+@pytest.fixture(scope="module")
+def run():
+    return fake_run(2)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_is_drawn_from_a_run_and_not_at_all_from_nothing(name, run):
+    first = draw(name, run)
+    assert first is not None and first.startswith(b"<?xml")
+    assert draw(name, RunResult(name="empty", key="k")) is None
+
+
+def test_a_figure_is_the_same_file_for_the_same_run(run):
+    assert draw("success", run) == draw("success", run)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_of_one_iteration_or_of_an_unfinished_run_is_drawn(name):
+    assert draw(name, fake_run(1, finished=False)) is not None
+
+
+def test_a_run_with_holes_is_drawn_around_them(run):
+    bad = fake_errors(math.nan, full=False)
+    holes = [
+        run.iterations[0].model_copy(update={"navigation": None, "overlay": None}),
+        run.iterations[1].model_copy(update={"test": bad, "gate": None, "curve": ()}),
+        run.iterations[2].model_copy(update={"test": None, "navigation": None}),
+    ]
+    changes = {"iterations": tuple(holes), "pooled": (), "oracle": None, "floor": None}
+    holed = run.model_copy(update=changes)
+    drawn = {name for name in FIGURES if draw(name, holed) is not None}
+    assert drawn == set(FIGURES)
+
+
+def test_figures_are_written_under_their_names(tmp_path, run):
+    small = run.model_copy(update={"iterations": (), "oracle": None})
+    assert write_figures(small, tmp_path) == []
+    only = run.model_copy(update={"iterations": run.iterations[:1], "pooled": (), "oracle": None})
+    written = write_figures(only, tmp_path / "figures")
+    assert {path.stem for path in written} <= set(FIGURES)
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+
+
+def test_an_unknown_figure_is_refused_with_the_known_ones(run):
+    with pytest.raises(UnknownNameError, match="success"):
+        draw("succes", run)

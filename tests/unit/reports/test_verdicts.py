@@ -1,0 +1,92 @@
+"""The sentences of a page follow from the numbers, also where they are bad news."""
+
+import math
+
+import pytest
+
+from flywheel.reports.verdicts import headline, verdicts
+from flywheel.runtime.results import Navigation, PooledTest, RunResult, Walk
+from tests.unit.reports.fake_run import fake_errors, fake_iteration, fake_run
+
+
+def navigation(reached, total=24):
+    walks = [
+        Walk(goal=(1.0, 0.0), reached=k < reached, seconds=30.0, distance=0.0) for k in range(total)
+    ]
+    return Navigation(walks=tuple(walks))
+
+
+def two_iterations(levels, reached, pooled=True, finished=True):
+    turns = []
+    for k, (level, count) in enumerate(zip(levels, reached, strict=True)):
+        changes = {"test": fake_errors(level), "navigation": navigation(count)}
+        turns.append(fake_iteration(k).model_copy(update=changes))
+    tests = [
+        PooledTest(arm="mppi", iteration=t.iteration, model=t.model, errors=t.test) for t in turns
+    ]
+    return RunResult(
+        name="r",
+        key="k",
+        iterations=tuple(turns),
+        pooled=tuple(tests) if pooled else (),
+        finished=finished,
+    )
+
+
+@pytest.mark.parametrize(
+    ("levels", "reached", "error", "success"),
+    [
+        ((2.0, 1.0), (3, 20), "fell and", "success rose"),
+        ((1.0, 2.0), (3, 20), "did not fall but", "success rose"),
+        ((1.0, 2.0), (20, 3), "did not fall and", "success did not rise"),
+        ((2.0, 1.0), (3, 3), "fell but", "success did not rise"),
+        ((2.0, 1.0), (9, 12), "fell but", "whether success rose is not decided"),
+        ((2.0, math.nan), (3, 20), "did not fall but", "success rose"),
+        ((2.0, 1.0), (0, 0), "fell but", "success did not rise"),
+    ],
+)
+def test_the_headline_says_what_the_numbers_say(levels, reached, error, success):
+    sentence = headline(two_iterations(levels, reached))
+    assert f"prediction error {error}" in sentence
+    assert success in sentence
+    assert sentence.endswith(".")
+
+
+def test_errors_on_different_episodes_decide_nothing():
+    sentence = headline(two_iterations((2.0, 1.0), (3, 20), pooled=False, finished=False))
+    assert "whether the prediction error fell is not decided" in sentence
+    assert "has not ended" in sentence
+    worse = headline(two_iterations((1.0, 2.0), (3, 20), pooled=False))
+    assert "did not fall" in worse
+
+
+def test_a_run_without_two_iterations_claims_nothing():
+    for run in (RunResult(name="r", key="k"), fake_run(1)):
+        assert "nothing to compare" in headline(run)
+        assert verdicts(run) == []
+
+
+def test_a_control_arm_that_is_as_good_takes_the_credit_away():
+    run = fake_run(2)
+    ours = next(i for i in run.iterations if (i.arm, i.iteration) == ("mppi", 1))
+    copied = [
+        i.model_copy(update={"test": ours.test, "navigation": ours.navigation})
+        if i.arm == "control"
+        else i
+        for i in run.iterations
+    ]
+    same = run.model_copy(update={"iterations": tuple(copied), "pooled": ()})
+    control = next(v for v in verdicts(same) if "random controls" in v.text)
+    assert control.answer == "no"
+    assert next(v for v in verdicts(run) if "random controls" in v.text).answer == "yes"
+
+
+def test_floor_and_oracle_are_judged_by_the_goals_as_ratios():
+    run = two_iterations((2.0, 1.0), (3, 20))
+    near = run.model_copy(update={"floor": fake_errors(0.95), "oracle": navigation(24)})
+    far = run.model_copy(update={"floor": fake_errors(0.5), "oracle": navigation(24)})
+    floors = [next(v for v in verdicts(r) if "floor" in v.text) for r in (near, far)]
+    assert [verdict.answer for verdict in floors] == ["yes", "no"]
+    assert "1.05 times" in floors[0].text and "2.00 times" in floors[1].text
+    oracle = next(v for v in verdicts(near) if "oracle" in v.text)
+    assert oracle.answer == "yes" and "83%" in oracle.text
