@@ -1,6 +1,7 @@
 """A pool of workers that dies gracefully: every job is done once, or reported.
 
-* At most one job per worker, and at most as many threads as there are cores, are busy at once.
+* Workers start when there is work for them. At most one job per worker, and at most as many threads
+  as there are cores, are busy at once.
 * A worker that dies, or shows no sign of progress for too long, is replaced, and its job is done
   again by whoever is free. Jobs carry their own seeds, so the result is the same.
 * A job that takes `DEATHS_ALLOWED` workers down with it is set aside; the others go on.
@@ -81,9 +82,7 @@ class WorkerPool:
         self._clock = clock
         self._failed_starts: list[str] = []
         self.restarts = 0
-        self._workers = [
-            self._started(group) for group in self._groups.values() for _ in range(group.count)
-        ]
+        self._workers: list[_Worker] = []
 
     def share(self, value: Any) -> Any:
         """Put a large argument where every worker can read it."""
@@ -111,6 +110,7 @@ class WorkerPool:
         """
         if strangers := {job.group for job in jobs} - set(self._groups):
             raise RunError(f"No workers are called {strangers}; there are {sorted(self._groups)}.")
+        self._staff(jobs)
         before = self.restarts
         turn = _Turn(deque(jobs), PoolReport(), on_result)
         total = sum(job.size for job in jobs)
@@ -185,6 +185,13 @@ class WorkerPool:
                 )
 
     # --- steps of these ---------------------------------------------------------------------
+
+    def _staff(self, jobs: Sequence[Job]) -> None:
+        """Start the workers that these jobs can use and that are not there yet."""
+        for group in self._groups.values():
+            there = sum(worker.group.name == group.name for worker in self._workers)
+            useful = min(group.count, sum(job.group == group.name for job in jobs))
+            self._workers += [self._started(group) for _ in range(useful - there)]
 
     def _started(self, group: Group) -> _Worker:
         handle = self._backend.start(group)

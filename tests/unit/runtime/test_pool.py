@@ -77,7 +77,7 @@ def test_an_error_of_the_job_itself_is_not_tried_again():
 
 def test_workers_that_never_start_end_the_run_with_a_message():
     backend = FakeBackend(starts=False)
-    with pytest.raises(RunError, match="No sim worker has started for 30 s; 2 wanted"):
+    with pytest.raises(RunError, match="No sim worker has started for 30 s; 1 wanted"):
         pool_of(backend).run(jobs("a"))
 
 
