@@ -1,0 +1,6 @@
+"""What people look at: the figures and the page of a run."""
+
+from flywheel.reports.figures import FIGURES, draw, write_figures
+from flywheel.reports.page import write_page, write_report
+
+__all__ = ["FIGURES", "draw", "write_figures", "write_page", "write_report"]

@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from flywheel.reports.figures import FIGURES, draw
+from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.verdicts import headline, verdicts
 from flywheel.runtime.results import Errors, IterationResult, Navigation, RunResult
 
@@ -51,14 +51,24 @@ class Row:
     champion: str = ""
 
 
-def write_page(folder: str | Path) -> Path:
-    """Write `<folder>/report.html` from the run's `result.json` and videos; finished or not.
+def write_report(run: RunResult, folder: str | Path) -> list[Path]:
+    """Write the page and, as `figures/*.png`, its figures; returns all of these files."""
+    folder = Path(folder)
+    return [write_page(folder, run), *write_figures(run, folder / "figures")]
+
+
+def write_page(folder: str | Path, run: RunResult | None = None) -> Path:
+    """Write `<folder>/report.html` about a run, finished or not.
+
+    Args:
+      folder: of the run; holds its videos.
+      run: by default as the folder's `result.json` has it.
 
     Raises:
       DataError: the folder holds no run.
     """
     folder = Path(folder)
-    page = render_page(RunResult.load(folder), folder)
+    page = render_page(run or RunResult.load(folder), folder)
     path = folder / PAGE_FILE
     temporary = path.with_suffix(".html.tmp")
     temporary.write_text(page, encoding="utf-8")

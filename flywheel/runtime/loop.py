@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from flywheel.data import TrajectoryStore
+from flywheel.reports import write_report
 from flywheel.robots import load_robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.conclusion import conclude
@@ -60,7 +61,8 @@ def run(
     with hold(files.lock, f"The run in {folder}"), StopRequest() as stop:
         identity = files.begin(config, resume)
         if (done := finished_run(files)) is not None:
-            return done
+            with _tracked(config, files, identity, tracker):  # delivers what is still waiting
+                return done
         files.check_space(config.workers.least_free_gb)
         cluster = ClusterConfig(address, cores_of(config.workers))
         with Cluster(cluster) as ray, _tracked(config, files, identity, tracker) as log:
@@ -93,7 +95,7 @@ def _turn(run: Run, identity: Identity) -> RunResult:
         result.save(run.folder.path)
     result = conclude(run, result)
     if run.tracker is not None:
-        publish_end(run.tracker, result)
+        publish_end(run.tracker, result, write_report(result, run.folder.path))
     result.save(run.folder.path)
     return result
 

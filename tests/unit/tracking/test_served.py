@@ -29,7 +29,7 @@ def windows(robot, history, batch=2, horizon=18):
     """A present with its past near the keyframe, and controls to come."""
     seed = random.randrange(2**32)
     rng = np.random.default_rng(seed)
-    rest = np.array([p.offset + (0.0, 0.0, 2.0) for p in robot.points])
+    rest = np.stack([point.offset for point in robot.points]) + np.array([0.0, 0.0, 2.0])
     points = rest + rng.normal(0, 0.01, (batch, history + 1, len(robot.points), 3))
     winch = np.broadcast_to(
         np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches]),
