@@ -49,12 +49,13 @@ def show_store(run: Path, snapshot: str) -> None:
             )
         )
         return
+    sealed = {name: store.snapshot(name) for name in store.snapshots()}
+    names = {one.digest: name for name, one in sealed.items()}
     rows = []
-    for name in store.snapshots():
-        one = store.snapshot(name)
+    for name, one in sealed.items():
         splits = Counter(e.split for e in one.episodes)
         counts = [splits[split] for split in ("train", "validation", "test")]
-        rows.append((name, one.digest[:12], one.parent or None, len(one.episodes), *counts))
+        rows.append((name, one.digest[:12], names.get(one.parent), len(one.episodes), *counts))
     columns = ["snapshot", "digest", "parent", "#episodes", "#train", "#validation", "#test"]
     out.print(table(f"Snapshots of {run}", columns, rows))
     out.print(f"{len(store.committed())} segments are committed.", highlight=False)

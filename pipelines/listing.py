@@ -88,7 +88,7 @@ def runs() -> Table:
         try:
             result = RunResult.load(folder)
             state = "finished" if result.finished else "not finished"
-            rows.append((str(folder), result.robot, len(result.iterations), state))
+            rows.append((str(folder), result.robot, len(result.of_arm("mppi")), state))
         except FlywheelError as error:
             rows.append((str(folder), None, None, str(error)))
     return table("Runs", ["folder", "robot", "#iterations", "state"], rows)

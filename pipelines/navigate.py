@@ -42,10 +42,12 @@ def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path
         seed=seed,
         task_seed=seed,
     )
-    with console_progress().stage("navigate", 1.0) as stage:
+    progress = console_progress()
+    with progress.stage("navigate", 1.0) as stage:
         episode = recorder.record(plan, dynamics, digest, _ShownWatch(stage))
     out = console()
     out.print(_ending(episode), highlight=False)
+    progress.say("Filming; this takes longer than driving without a graphics card.")
     path = video or Path(f"navigate-{model}-{seed}.mp4")
     try:
         _film(recorder, plan, episode, path)

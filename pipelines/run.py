@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from rich.console import Console
 
+from flywheel.reports import write_page
 from flywheel.runtime.config import load_config
 from flywheel.runtime.dashboard import DATABASE
 from flywheel.runtime.loop import run
@@ -31,7 +31,6 @@ def turn(
       address: of an existing Ray cluster.
       folder: of the run; by default runs/<name of the file>.
     """
-    os.environ.setdefault("MUJOCO_GL", "egl")  # for the videos, before anything imports mujoco
     settings = load_config(config, overrides)
     place = folder or RUNS / config.stem
     progress = console_progress()
@@ -45,7 +44,7 @@ def show_summary(out: Console, result: RunResult, folder: Path) -> None:
     out.print(table(f"{result.name}: {result.robot}", COLUMNS, summary_rows(result)))
     for note in result.notes:
         out.print(note, soft_wrap=True, markup=False)
-    out.print(f"Page:      flywheel report {folder}", soft_wrap=True)
+    out.print(f"Page:      {write_page(folder)}", soft_wrap=True)
     if (folder / DATABASE).exists():
         out.print(f"Dashboard: flywheel ui {folder}", soft_wrap=True)
 

@@ -2,6 +2,11 @@
 
 import ctypes.util
 import os
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
 
 # Before anything imports torch, mujoco or ray; worker processes inherit it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -11,6 +16,10 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 import pytest
 
+from tests.readme_commands import the_two_commands
+
+ROOT = Path(__file__).parents[1]
+BIN = Path(sys.executable).parent
 NO_EGL = "libEGL is not installed: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
 
 
@@ -21,3 +30,37 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("renders"):
             item.add_marker(pytest.mark.skip(reason=NO_EGL))
+
+
+@dataclass(frozen=True)
+class Stranger:
+    """Someone who has only read the README, in a folder of their own.
+
+    Attributes:
+      folder: where they stand.
+    """
+
+    folder: Path
+
+    def run(self, command: str, seconds: float = 300, code: int = 0) -> tuple[str, str]:
+        """Run a command of the README at smoke size; its two outputs, if it ends with the code."""
+        small = command.replace(".venv/bin/", f"{BIN}/").replace("prism3", "smoke")
+        done = subprocess.run(
+            shlex.split(small), cwd=self.folder, capture_output=True, text=True, timeout=seconds
+        )
+        assert done.returncode == code, f"{small}\n{done.stdout}\n{done.stderr}"
+        return done.stdout, done.stderr
+
+
+@pytest.fixture(scope="session")
+def stranger(tmp_path_factory: pytest.TempPathFactory) -> Stranger:
+    """A folder with the configurations and nothing else."""
+    folder = tmp_path_factory.mktemp("stranger")
+    (folder / "configs").symlink_to(ROOT / "configs")
+    return Stranger(folder)
+
+
+@pytest.fixture(scope="session")
+def first_run(stranger: Stranger) -> tuple[str, str]:
+    """What the README's first command prints, without the installation, at smoke size."""
+    return stranger.run(the_two_commands()[0].split("&&")[-1].strip(), 900)
