@@ -4,5 +4,6 @@ from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.restarted import RestartedPlant
 
-__all__ = ["MeasurementModel", "Plant", "PlantDynamics", "PlantParameters"]
+__all__ = ["MeasurementModel", "Plant", "PlantDynamics", "PlantParameters", "RestartedPlant"]

@@ -84,6 +84,9 @@ class Plant:
         speed = np.array([p.winch_speed for p in sets])[:, None, None]
         self._speed = np.where(robot.rate_driven, speed, 1.0)  # (1 or B, 1, W)
         self._drive, self._drive_shift = _drive(base, robot)
+        self._spool = np.zeros((len(first), base.na))
+        for index, winch in enumerate(robot.winches):
+            self._spool[index, base.actuator_actadr[list(winch.actuators)]] = 1.0
 
     def rest(self, n: int = 1) -> State:
         """The keyframe, `n` times."""
@@ -102,6 +105,11 @@ class Plant:
     def winch(self, state: State) -> Floats:
         """Winch positions (..., W) of a state [m]."""
         return state.act[..., self._winch_act]
+
+    def activation(self, winch: Floats) -> Floats:
+        """Activations (..., na) of a state with winch positions (..., W) [m]."""
+        key = self.robot.keyframe.act
+        return key + (winch - key[self._winch_act]) @ self._spool
 
     def observe(self, state: State) -> Observation:
         """Noise-free observation of states of any leading shape; all winches count as measured."""

@@ -1,0 +1,223 @@
+"""Videos of a robot, drawn from stored states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import imageio_ffmpeg
+import mujoco
+import numpy as np
+
+from flywheel.dynamics.plant.world import scene
+from flywheel.errors import DataError
+from flywheel.records import Floats, State
+from flywheel.robots import Box, Robot
+
+GHOST = np.array([0.98, 0.55, 0.10, 0.55])
+GOAL = np.array([0.10, 0.65, 0.35, 0.85])
+TRAIL = np.array([0.15, 0.35, 0.75, 0.55])
+TRAIL_SECONDS = 0.25  # between the marks of the way gone
+SMOOTH_SECONDS = 0.8  # the camera follows this much behind
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a video looks.
+
+    Attributes:
+      size: (width, height) [pixels]; multiples of 16.
+      azimuth: of the camera, seen from the robot [degrees]; None: facing the goal, or from the side.
+      elevation: of the camera [degrees].
+      distance: of the camera, in extents of the robot.
+      goal_radius: of the goal's disc [m]; None: half the robot's length.
+    """
+
+    size: tuple[int, int] = (1280, 720)
+    azimuth: float | None = None
+    elevation: float = -22.0
+    distance: float = 2.6
+    goal_radius: float | None = None
+
+
+def render_episode(
+    robot: Robot,
+    states: State,
+    path: str | Path,
+    obstacles: Sequence[Box] = (),
+    goal: Floats | None = None,
+    fps: int = 25,
+    ghosts: Floats | None = None,
+    *,
+    dt: float = 0.01,
+    shot: Shot = Shot(),
+) -> Path:
+    """Write an mp4 of an episode, in real time.
+
+    Args:
+      robot: the robot.
+      states: (T,) states.
+      path: of the video; folders are made.
+      obstacles: boxes around it.
+      goal: (2,) where it is to go, or None [m].
+      fps: frames per second.
+      ghosts: (T, P, 3) predicted points to draw over it, or None; NaN is not drawn [m].
+      dt: time between the states [s].
+      shot: size and camera.
+
+    Returns:
+      The path.
+
+    Raises:
+      DataError: states, goal or ghosts do not fit.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    frames = render_frames(
+        robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot
+    )
+    writer = imageio_ffmpeg.write_frames(str(path), shot.size, fps=fps, quality=8)
+    writer.send(None)
+    try:
+        for frame in frames:
+            writer.send(np.ascontiguousarray(frame))
+    finally:
+        writer.close()
+    return path
+
+
+def render_frames(
+    robot: Robot,
+    states: State,
+    obstacles: Sequence[Box] = (),
+    goal: Floats | None = None,
+    fps: int = 25,
+    ghosts: Floats | None = None,
+    *,
+    dt: float = 0.01,
+    shot: Shot = Shot(),
+) -> Iterator[np.ndarray]:
+    """The frames (height, width, 3) uint8 that `render_episode` writes; arguments as there."""
+    _check(robot, states, goal, ghosts)
+    model = scene(robot, obstacles).compile()
+    model.vis.global_.offwidth = max(model.vis.global_.offwidth, shot.size[0])
+    model.vis.global_.offheight = max(model.vis.global_.offheight, shot.size[1])
+    data = mujoco.MjData(model)
+    times = np.arange(0, len(states.qpos) * dt, 1 / fps)
+    steps = np.minimum(np.round(times / dt).astype(int), len(states.qpos) - 1)
+    centers = np.array([_pose(model, data, states, step) for step in steps])
+    views = _smooth(centers, 1 / fps)
+    every = max(1, round(TRAIL_SECONDS * fps))
+    renderer = mujoco.Renderer(model, height=shot.size[1], width=shot.size[0])
+    try:
+        for number, step in enumerate(steps):
+            _pose(model, data, states, int(step))
+            camera = _camera(model, views[number], goal, shot)
+            renderer.update_scene(data, camera)
+            _draw_trail(renderer.scene, centers[: number + 1 : every])
+            if goal is not None:
+                _draw_goal(renderer.scene, robot, goal, shot.goal_radius or robot.length / 2)
+            if ghosts is not None:
+                _draw_ghosts(renderer.scene, robot, ghosts[step])
+            yield renderer.render()
+    finally:
+        renderer.close()
+
+
+def _check(robot: Robot, states: State, goal: Floats | None, ghosts: Floats | None) -> None:
+    if states.qpos.ndim != 2 or states.qpos.shape[1] != len(robot.keyframe.qpos):
+        raise DataError(
+            f"A video of {robot.name} needs states (T, {len(robot.keyframe.qpos)}), got "
+            f"{states.qpos.shape}."
+        )
+    if goal is not None and np.shape(goal) != (2,):
+        raise DataError(f"A goal is (x, y), got shape {np.shape(goal)}.")
+    wanted = (len(states.qpos), len(robot.points), 3)
+    if ghosts is not None and ghosts.shape != wanted:
+        raise DataError(f"Predicted points to draw must be {wanted}, got {ghosts.shape}.")
+
+
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, states: State, step: int) -> Floats:
+    """Pose the robot; its centre of mass (3,) [m]."""
+    data.qpos[:], data.act[:] = states.qpos[step], states.act[step]
+    mujoco.mj_forward(model, data)
+    moving = model.body_weldid != 0
+    return np.average(data.xipos[moving], axis=0, weights=model.body_mass[moving])
+
+
+def _smooth(centers: Floats, dt: float) -> Floats:
+    """(frames, 3) what the camera looks at: the centre, low-passed forth and back."""
+    share = min(1.0, dt / SMOOTH_SECONDS)
+    views = centers.copy()
+    for order in (range(1, len(views)), range(len(views) - 2, -1, -1)):
+        for i in order:
+            before = i - 1 if order.step > 0 else i + 1
+            views[i] = views[before] + share * (views[i] - views[before])
+    return views
+
+
+def _camera(
+    model: mujoco.MjModel, view: Floats, goal: Floats | None, shot: Shot
+) -> mujoco.MjvCamera:
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = view
+    camera.distance = shot.distance * model.stat.extent
+    camera.elevation = shot.elevation
+    camera.azimuth = _azimuth(view, goal) if shot.azimuth is None else shot.azimuth
+    return camera
+
+
+def _azimuth(view: Floats, goal: Floats | None) -> float:
+    return 130.0
+
+
+def _add(
+    scene: mujoco.MjvScene, kind: mujoco.mjtGeom, size: Floats, at: Floats, color: Floats
+) -> mujoco.MjvGeom | None:
+    """One more shape in the picture, upright; None if it is full."""
+    if scene.ngeom >= scene.maxgeom:
+        return None
+    geom = scene.geoms[scene.ngeom]
+    upright = np.eye(3).ravel()
+    mujoco.mjv_initGeom(geom, kind, np.asarray(size, float), at, upright, color.astype(np.float32))
+    scene.ngeom += 1
+    return geom
+
+
+def _draw_goal(scene: mujoco.MjvScene, robot: Robot, goal: Floats, radius: float) -> None:
+    """A disc on the ground and a pole with a ball."""
+    x, y = goal
+    height = 0.9 * robot.length
+    cylinder, sphere = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE
+    disc = GOAL * [1, 1, 1, 0.4]
+    _add(scene, cylinder, np.array([radius, radius, 0.01]), np.array([x, y, 0.011]), disc)
+    pole = np.array([0.012, 0.012, height / 2]) * [robot.length, robot.length, 1]
+    _add(scene, cylinder, pole, np.array([x, y, height / 2]), GOAL)
+    ball = np.full(3, 0.045 * robot.length)
+    _add(scene, sphere, ball, np.array([x, y, height]), GOAL)
+
+
+def _draw_ghosts(scene: mujoco.MjvScene, robot: Robot, points: Floats) -> None:
+    """A ball at each predicted point, and a line between those of one body."""
+    radius = 0.03 * robot.length
+    for point in points[np.isfinite(points).all(axis=-1)]:
+        _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), point, GHOST)
+    for body in robot.bodies:
+        for i, j in zip(body.points, body.points[1:], strict=False):
+            _draw_line(scene, points[i], points[j], radius / 3, GHOST)
+
+
+def _draw_trail(scene: mujoco.MjvScene, centers: Floats) -> None:
+    """The way gone, on the ground."""
+    on_ground = np.concatenate([centers[:, :2], np.full((len(centers), 1), 0.012)], axis=1)
+    for a, b in zip(on_ground, on_ground[1:], strict=False):
+        _draw_line(scene, a, b, 0.012, TRAIL)
+
+
+def _draw_line(scene: mujoco.MjvScene, a: Floats, b: Floats, radius: float, color: Floats) -> None:
+    if not np.isfinite([a, b]).all():
+        return
+    geom = _add(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.ones(3), a, color)
+    if geom is not None:
+        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)

@@ -1,0 +1,182 @@
+"""MuJoCo restarted from what is observed: what perfect physics makes of partial observation.
+
+It knows the robot exactly and sees what a learned model sees. What it cannot see it has to guess: the
+velocity, and how far each rod is turned about its own axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.dynamics.plant.plant import Plant
+from flywheel.errors import ModelError
+from flywheel.records import Floats, Past, Rollout, State
+from flywheel.robots import Body, Robot
+from flywheel.rotations import (
+    about_axis,
+    conjugate,
+    kabsch,
+    multiply,
+    rotate,
+    shortest,
+    unit,
+)
+
+FREE_POSITIONS, FREE_VELOCITIES = 7, 6
+ON_A_LINE = 1e-6  # singular value over the largest, below which points are collinear
+
+
+@dataclass(frozen=True)
+class RestartedPlant:
+    """MuJoCo started from a state estimated from the past observations.
+
+    Each tracked point is fitted by a polynomial in time over the last steps; each body takes the pose
+    and velocity that fit its points best. Where those lie on one line, the turn about it is that of the
+    keyframe plus a random angle, and the turning rate is zero.
+
+    Attributes:
+      plant: which parameters, obstacles and threads to predict with. All bodies must be free.
+      window: past steps that the fit looks back; 1 is the finite difference. More resists noise and
+        missing points: where too few are known, a point is taken to rest where it was last seen.
+      degree: of the polynomial: 1 or 2.
+      twist_seed: of the random angle of each body, the same in all rollouts; None: no such angle.
+    """
+
+    plant: Plant
+    window: int = 1
+    degree: int = 1
+    twist_seed: int | None = 0
+
+    def __post_init__(self) -> None:
+        robot = self.robot
+        if self.window < 1 or self.degree not in (1, 2):
+            raise ModelError(
+                f"window must be at least 1 and degree 1 or 2, got {self.window}, {self.degree}."
+            )
+        sizes = len(robot.keyframe.qpos), len(robot.keyframe.qvel)
+        bodies = len(robot.bodies)
+        if sizes != (FREE_POSITIONS * bodies, FREE_VELOCITIES * bodies):
+            raise ModelError(
+                f"{robot.name} cannot be restarted from its points: all its bodies must have free "
+                f"joints, but {bodies} bodies have {sizes[0]} positions and {sizes[1]} velocities."
+            )
+
+    @property
+    def robot(self) -> Robot:
+        return self.plant.robot
+
+    @property
+    def dt(self) -> float:
+        return self.plant.dt
+
+    @property
+    def history(self) -> int:
+        return self.window
+
+    def rollout(self, past: Past, controls: Floats) -> Rollout:
+        """Predict the points under `controls` (B, H, W).
+
+        Raises:
+          ModelError: a point was never seen, shapes do not fit, or the simulation diverged.
+        """
+        seen = self.plant.simulate(self.estimate(past), controls).observations
+        return Rollout(seen.points, seen.winch)
+
+    def estimate(self, past: Past) -> State:
+        """The state (B,) that fits the past best.
+
+        Raises:
+          ModelError: a point was not seen in the whole past.
+        """
+        recent = past.observations.points[:, -(self.window + 1) :]
+        points, speeds = fit_motion(recent, self.dt, self.degree)
+        points = np.where(np.isfinite(points), points, _last_seen(past.observations.points))
+        if not np.isfinite(points).all():
+            raise ModelError("A tracked point was not seen in the whole past; cannot restart there.")
+        twist = np.zeros(len(self.robot.bodies))
+        if self.twist_seed is not None:
+            twist = np.random.default_rng(self.twist_seed).uniform(0, 2 * np.pi, len(twist))
+        qpos, qvel = [], []
+        for index, body in enumerate(self.robot.bodies):
+            on_body = list(body.points)
+            pose = self._pose(index, body, points[:, on_body], twist[index])
+            qpos.append(pose)
+            qvel.append(self._velocity(body, pose, points[:, on_body], speeds[:, on_body]))
+        act = self.plant.activation(past.winch[:, -1])
+        return State(np.concatenate(qpos, axis=1), np.concatenate(qvel, axis=1), act)
+
+    def _offsets(self, body: Body) -> Floats:
+        """(n, 3) where its points are in the body frame [m]."""
+        return np.array([self.robot.points[i].offset for i in body.points])
+
+    def _pose(self, index: int, body: Body, points: Floats, twist: float) -> Floats:
+        """(B, 7) position and quaternion of the body whose points are at (B, n, 3)."""
+        offsets = self._offsets(body)
+        center, seen_center = offsets.mean(axis=0), points.mean(axis=1)
+        here, seen = offsets - center, points - seen_center[:, None]
+        joint = slice(FREE_POSITIONS * index + 3, FREE_POSITIONS * (index + 1))
+        reference = self.robot.keyframe.qpos[joint]
+        turn = _orientation(here, seen, reference, twist)
+        return np.concatenate([seen_center - rotate(turn, center), turn], axis=1)
+
+    def _velocity(self, body: Body, pose: Floats, points: Floats, speeds: Floats) -> Floats:
+        """(B, 6) velocity of the body frame [m/s] and turning rate in it [rad/s].
+
+        The rate is the smallest that fits the points' speeds best: none about a line they lie on.
+        """
+        turn = pose[:, 3:]
+        arms = rotate(turn[:, None], self._offsets(body) - self._offsets(body).mean(axis=0))
+        mean = speeds.mean(axis=1)
+        spread = np.cross(arms, speeds - mean[:, None]).sum(axis=1)
+        square = (arms**2).sum(axis=(1, 2))[:, None, None] * np.eye(3)
+        moment = square - np.swapaxes(arms, 1, 2) @ arms
+        rate = (np.linalg.pinv(moment, rcond=ON_A_LINE, hermitian=True) @ spread[..., None])[..., 0]
+        linear = mean + np.cross(rate, pose[:, :3] - points.mean(axis=1))
+        return np.concatenate([linear, rotate(conjugate(turn), rate)], axis=1)
+
+
+def fit_motion(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
+    """Where points are now and how fast, by a polynomial through their recent places.
+
+    Args:
+      points: (B, w + 1, P, 3), oldest first; NaN where missing [m].
+      dt: time between them [s].
+      degree: of the polynomial.
+
+    Returns:
+      (B, P, 3) places [m] and speeds [m/s]; NaN and zero where too few places are known for a fit.
+    """
+    steps = points.shape[1]
+    time = np.arange(1 - steps, 1) / max(1, steps - 1)
+    powers = time[:, None] ** np.arange(min(degree, steps - 1) + 1)
+    known = np.isfinite(points).all(axis=-1).swapaxes(1, 2)  # (B, P, w + 1)
+    places = np.where(known[..., None], points.swapaxes(1, 2), 0.0)
+    fit = np.linalg.pinv(known[..., None] * powers) @ places
+    enough = (known.sum(axis=-1) >= powers.shape[1])[..., None]
+    now = np.where(enough, fit[..., 0, :], np.nan)
+    if steps == 1:
+        return now, np.zeros_like(now)
+    return now, np.where(enough, fit[..., 1, :] / (dt * (steps - 1)), 0.0)
+
+
+def _orientation(here: Floats, seen: Floats, reference: Floats, twist: float) -> Floats:
+    """(B, 4) rotation that takes centred offsets (n, 3) onto centred points (B, n, 3)."""
+    _, spread, directions = np.linalg.svd(here)
+    spread = np.concatenate([spread, np.zeros(3)])
+    if spread[0] < ON_A_LINE:  # one point: nothing to see of the orientation
+        return np.broadcast_to(reference, (len(seen), 4))
+    if spread[1] > ON_A_LINE * spread[0]:
+        return kabsch(here, seen)
+    axis = directions[0]
+    seen_axis = unit(((here @ axis)[:, None] * seen).sum(axis=1))
+    aligned = multiply(shortest(rotate(reference, axis), seen_axis), reference)
+    return multiply(about_axis(seen_axis, np.full(len(seen), twist)), aligned)
+
+
+def _last_seen(points: Floats) -> Floats:
+    """(B, P, 3) the newest known place of each point of (B, h + 1, P, 3); NaN if there is none."""
+    known = np.isfinite(points).all(axis=-1)
+    newest = points.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
+    return np.take_along_axis(points, newest[:, None, :, None], axis=1)[:, 0]
