@@ -38,25 +38,31 @@ class _Gather(torch.autograd.Function):
 
 
 class _Senders:
-    """Takes the senders' rows for the edges of one group: (M, K, C) -> (R, d, K, C)."""
+    """Takes the senders' rows for the edges of one group: (M, K, C) -> (R, d, K, C).
 
-    def __init__(self, relation: Relation, group: Group, count: int) -> None:
-        self._index = relation.senders[group.edges].clone()
-        listed = self._index.tolist()
+    Rows come by family: those of the body nodes, and those of anchors and ground.
+    """
+
+    def __init__(self, relation: Relation, group: Group, graph: RobotGraph) -> None:
+        index = relation.senders[group.edges]
+        listed = index.tolist()
         self._shape = (len(group.receivers), group.degree)
-        self._single = len(set(listed)) == 1
-        self._first = listed[0]
-        self._run = listed == list(range(listed[0], listed[0] + len(listed)))
-        self._incidence = torch.zeros(count, len(listed), device=self._index.device)
+        families = {int(i >= graph.body_count) for i in listed}
+        self._family = families.pop() if len(families) == 1 else None
+        start, stop = graph.families[self._family or 0]
+        stop = graph.count if self._family is None else stop
+        listed = [i - start for i in listed]
+        self._index = index - start
+        self._broadcast = stop - start == 1
+        self._all = listed == list(range(stop - start))
+        self._incidence = torch.zeros(stop - start, len(listed), device=graph.device)
         self._incidence[self._index, torch.arange(len(listed))] = 1.0
 
-    def __call__(self, rows: Tensor) -> Tensor:
-        if self._single:
-            return rows[self._first : self._first + 1].unsqueeze(1)
-        if self._run:
-            taken = rows[self._first : self._first + len(self._index)]
-        else:
-            taken = _Gather.apply(rows, self._index, self._incidence)
+    def __call__(self, families: list[Tensor]) -> Tensor:
+        rows = torch.cat(families) if self._family is None else families[self._family]
+        if self._broadcast:
+            return rows.unsqueeze(1)
+        taken = rows if self._all else _Gather.apply(rows, self._index, self._incidence)
         return taken.unflatten(0, self._shape)
 
 
@@ -64,25 +70,31 @@ class _Route:
     """Where the messages of one group of edges come from and go to.
 
     Attributes:
+      name: of the relation.
+      place: of the relation among all, in the order of the packed weights.
+      part: which of the relation's groups.
       family: 0 if the receivers are body nodes, 1 if they are anchors or the ground.
       whole: the receivers are all nodes of their family, in order.
+      within_family: (R,) the receivers' numbers in their family.
     """
 
-    def __init__(self, relation: Relation, group: Group, graph: RobotGraph) -> None:
-        self.name, self.edges, self.degree = relation.name, group.edges, group.degree
-        self.senders = _Senders(relation, group, graph.count)
-        first, last = group.receivers[0], group.receivers[-1]
-        self.family = int(first >= graph.body_count)
-        start, stop = ((0, graph.body_count), (graph.body_count, graph.count))[self.family]
+    def __init__(self, relation: Relation, group: Group, part: int, graph: RobotGraph) -> None:
+        self.name, self.degree, self.part = relation.name, group.degree, part
+        self.place = list(graph.relations).index(relation.name)
+        self.senders = _Senders(relation, group, graph)
+        self.family = int(group.receivers[0] >= graph.body_count)
+        start, stop = graph.families[self.family]
         self.whole = group.receivers == tuple(range(start, stop))
-        self.run = slice(first, last + 1) if last - first + 1 == len(group.receivers) else None
-        index = torch.tensor(group.receivers, device=graph.device)
-        self._receivers, self.within_family = index, index - start
+        self.within_family = torch.tensor(group.receivers, device=graph.device) - start
+        self._incidence = torch.zeros(stop - start, len(group.receivers), device=graph.device)
+        self._incidence[self.within_family, torch.arange(len(group.receivers))] = 1.0
 
-    def receivers(self, rows: Tensor) -> Tensor:
+    def receivers(self, families: list[Tensor]) -> Tensor:
         """(R, 1, K, C) the receivers' rows."""
-        taken = rows[self.run] if self.run is not None else rows.index_select(0, self._receivers)
-        return taken.unsqueeze(1)
+        rows = families[self.family]
+        if not self.whole:
+            rows = _Gather.apply(rows, self.within_family, self._incidence)
+        return rows.unsqueeze(1)
 
 
 class FusedForward:
@@ -100,6 +112,10 @@ class FusedForward:
         self._graph, self._config, self._dtype = graph, network.config, dtype
         self._packed = pack(network, graph, dtype)
         self._routes = graph.cached("routes", _routes)
+        self._group_sizes = {
+            name: [group.size for group in relation.groups]
+            for name, relation in graph.relations.items()
+        }
 
     def remember(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""
@@ -218,39 +234,38 @@ class FusedForward:
     ) -> tuple[Tensor, dict[str, Tensor], dict[str, Tensor]]:
         """One round of message passing; returns nodes, edges and messages."""
         count, samples, width = nodes.shape
-        bodies = self._graph.body_count
-        projected = _linear(nodes.view(-1, width), weights.nodes).view(count, samples, -1)
-        moving, still = nodes[:bodies].view(-1, width), nodes[bodies:].reshape(-1, width)
-        families = [moving] if final or not len(still) else [moving, still]
+        parts = _linear(nodes.view(-1, width), weights.nodes).view(count, samples, -1)
+        split = [rows.split(width, dim=-1) for rows in parts.split(self._graph.family_sizes)]
+        projected = [[rows[i] for rows in split] for i in range(len(split[0]))]
+        grouped = {name: edges[name].split(sizes) for name, sizes in self._group_sizes.items()}
+        families = [rows.view(-1, width) for rows in nodes.split(self._graph.family_sizes)]
+        families = families[:1] if final else families
         sums = [_linear(rows, weights.self_part) for rows in families]
         latents: dict[str, list[Tensor]] = {name: [] for name in edges}
         for route in self._routes:
-            name = route.name
-            if route.family >= len(families) and name != "cable":
-                continue
-            message = self._message(weights, route, projected, edges[name])
+            name, ends = route.name, route.family >= len(families)
+            if ends and name != "cable":
+                continue  # nothing reads what anchors and ground would know after the last round
+            message = self._message(weights, route, projected, grouped[name][route.part])
             latents[name].append(message.flatten(0, 1))
-            if route.family < len(families):
-                shown = message * touching if name == "contact" else message
-                if name == "contact" and route.family:
-                    shown = message * touching.transpose(0, 1)
-                summed = shown.sum(1) if route.degree > 1 else shown.squeeze(1)
-                sums[route.family] = _add(
-                    sums[route.family], summed, weights.sum_parts[name], route
-                )
+            if ends:
+                continue
+            if name == "contact":
+                message = message * (touching.transpose(0, 1) if route.family else touching)
+            summed = message.sum(1) if route.degree > 1 else message.squeeze(1)
+            sums[route.family] = _add(sums[route.family], summed, weights.sum_parts[name], route)
         updated = [self._update(weights, s, r) for s, r in zip(sums, families, strict=True)]
         nodes = torch.cat(updated).view(-1, samples, width)
         messages = {n: torch.cat(m) if len(m) > 1 else m[0] for n, m in latents.items() if m}
         return nodes, messages if self._config.edge_updates else edges, messages
 
     def _message(
-        self, weights: PackedRound, route: _Route, projected: Tensor, edges: Tensor
+        self, weights: PackedRound, route: _Route, projected: list[list[Tensor]], edges: Tensor
     ) -> Tensor:
         """(R, d, K, width) the messages of one group of edges."""
-        width, at = self._config.width, 2 * self._config.width * self._place(route.name)
-        base = route.senders(projected[..., at : at + width])
-        base = base + route.receivers(projected[..., at + width : at + 2 * width])
-        edge = edges[route.edges].flatten(0, 1)
+        base = route.senders(projected[2 * route.place])
+        base = base + route.receivers(projected[2 * route.place + 1])
+        edge = edges.flatten(0, 1)
         hidden = torch.addmm(base.flatten(0, 2), edge, weights.edges[route.name])
         deeper = weights.deeper[route.name]
         if not deeper:
@@ -258,9 +273,6 @@ class FusedForward:
         for layer in deeper:
             hidden = _linear(hidden.relu_(), layer)
         return (edge + hidden).view_as(base)
-
-    def _place(self, name: str) -> int:
-        return list(self._graph.relations).index(name)
 
     def _update(self, weights: PackedRound, hidden: Tensor, before: Tensor) -> Tensor:
         for layer in weights.update:
@@ -292,9 +304,10 @@ class FusedForward:
 
 
 def _routes(graph: RobotGraph) -> tuple[_Route, ...]:
-    relations = graph.relations.values()
     return tuple(
-        _Route(relation, group, graph) for relation in relations for group in relation.groups
+        _Route(relation, group, part, graph)
+        for relation in graph.relations.values()
+        for part, group in enumerate(relation.groups)
     )
 
 

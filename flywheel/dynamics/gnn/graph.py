@@ -49,7 +49,12 @@ class Group:
     @property
     def edges(self) -> slice:
         """Where its edges are."""
-        return slice(self.first, self.first + self.degree * len(self.receivers))
+        return slice(self.first, self.first + self.size)
+
+    @property
+    def size(self) -> int:
+        """How many edges it has."""
+        return self.degree * len(self.receivers)
 
 
 @dataclass(frozen=True)
@@ -121,6 +126,17 @@ class RobotGraph:
         """N, the number of body nodes."""
         return len(self.nodes)
 
+    @property
+    def families(self) -> list[tuple[int, int]]:
+        """Numbers [start, stop) of the body nodes, and of anchors and ground if there are any."""
+        still = [(self.body_count, self.count)] if self.count > self.body_count else []
+        return [(0, self.body_count), *still]
+
+    @property
+    def family_sizes(self) -> list[int]:
+        """How many nodes each family has."""
+        return [stop - start for start, stop in self.families]
+
     def cached(self, name: str, make: Callable[[RobotGraph], T]) -> T:
         """What `make` makes of this graph, made once."""
         if name not in self._cache:
@@ -152,7 +168,7 @@ class RobotGraph:
         degree = np.bincount(to, minlength=self.count)
         groups: list[Group] = []
         ordered: list[int] = []
-        for family in (range(self.body_count), range(self.body_count, self.count)):
+        for family in (range(*numbers) for numbers in self.families):
             for d in sorted({int(degree[n]) for n in family} - {0}):
                 members = tuple(n for n in family if degree[n] == d)
                 groups.append(Group(len(ordered), d, members))

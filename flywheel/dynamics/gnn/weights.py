@@ -125,7 +125,7 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
         )
     try:
         config = NetworkConfig.model_validate(about["config"])
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise ModelError(f"There are no weights at {path}.") from None
