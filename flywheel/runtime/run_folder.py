@@ -92,6 +92,10 @@ class RunFolder:
         """Note that an iteration is done, in one atomic step."""
         save(result, self._result(result.iteration, result.arm))
 
+    def forget(self, iteration: int, arm: Arm) -> None:
+        """Take an iteration as not done, so that it is done again."""
+        self._result(iteration, arm).unlink(missing_ok=True)
+
     def begin(self, config: RunConfig, resume: bool) -> Identity:
         """Begin a run here, or go on with the one that is here.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,10 +15,11 @@ from pathlib import Path
 import psutil
 
 ROOT = Path(__file__).parents[2]
+# What the thread of a busy worker is called begins with its job's id, of which 15 characters fit.
 KINDS = {
-    "trainer": ("train-",),
-    "MPPI worker": ("-mppi-collect-", "-evaluate-", "oracle-"),
-    "sim worker": ("i0000-", "-control-collect-", "score-", "overlay-"),
+    "trainer": r"train-",
+    "MPPI worker": r"i\d{4}-mppi-(coll|eval)|oracle-",
+    "sim worker": r"i0000-(gait|random|drop)-|i\d{4}-control|score-|overlay-",
 }
 
 
@@ -38,22 +40,25 @@ def start_driver(
 
 
 def busy_workers(driver: int) -> dict[int, str]:
-    """Workers below a driver that are busy: pid -> kind. Ray titles them by their job."""
+    """Workers below a driver that are busy: pid -> kind."""
     found = {}
     try:
         below = psutil.Process(driver).children(recursive=True)
     except psutil.Error:
         return {}
     for process in below:
-        try:
-            title = " ".join(process.cmdline())
-        except psutil.Error:
-            continue
-        for kind, marks in KINDS.items():
-            if title.startswith("ray::") and any(mark in title for mark in marks):
-                found[process.pid] = kind
-                break
+        for name in _threads(process.pid):
+            for kind, pattern in KINDS.items():
+                if re.match(pattern, name):
+                    found[process.pid] = kind
     return found
+
+
+def _threads(pid: int) -> list[str]:
+    try:
+        return [path.read_text() for path in Path(f"/proc/{pid}/task").glob("*/comm")]
+    except OSError:
+        return []
 
 
 def wait_for(driver: subprocess.Popen[bytes], kind: str, seconds: float) -> int | None:

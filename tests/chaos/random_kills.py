@@ -2,8 +2,8 @@
 
     python -m tests.chaos.random_kills --kills 30 --work FOLDER --report docs/results/faults.md
 
-Each run is killed several times, resumed, and has to end with the digests, errors and walks of a run
-that was left in peace.
+Each run is killed several times, resumed, and has to end with the digests, errors and walks of a
+run that was left in peace.
 """
 
 from __future__ import annotations
@@ -91,9 +91,10 @@ def main() -> int:
         sys.stdout.write(lines[-1] + "\n")
         sys.stdout.flush()
     summary = (
-        f"{total} kills (seed {options.seed}): {', '.join(f'{n} x {k}' for k, n in counts.items())}; "
-        f"{run} runs, {wrong} with another outcome. Undisturbed, a run takes {duration:.0f} s and "
-        f"compares {len(expected)} values."
+        f"{total} kills (seed {options.seed}): "
+        f"{', '.join(f'{n} x {k}' for k, n in sorted(counts.items()))}; {run} runs, {wrong} with "
+        f"another outcome. A run that is left in peace takes {duration:.0f} s; {len(expected)} values "
+        "of each (digests, errors, walks) are compared with it."
     )
     sys.stdout.write(summary + "\n")
     if options.report:

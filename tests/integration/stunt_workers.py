@@ -80,17 +80,11 @@ class Stunt:
         return attempts
 
 
-def ray_processes(job: str, of: int | None = None) -> list[psutil.Process]:
-    """Worker processes below a process (this one by default) that work on a job.
-
-    Ray shows a job's name as the title of the process.
-    """
+def processes_at(job: str) -> list[psutil.Process]:
+    """Worker processes below this one with a thread that works on a job so named."""
     found = []
-    for process in psutil.Process(of or os.getpid()).children(recursive=True):
-        try:
-            title = " ".join(process.cmdline())
-        except psutil.Error:
-            continue
-        if title.startswith("ray::") and job in title:
+    for process in psutil.Process(os.getpid()).children(recursive=True):
+        names = [p.read_text() for p in Path(f"/proc/{process.pid}/task").glob("*/comm")]
+        if any(name.startswith(job) for name in names):
             found.append(process)
     return found

@@ -13,7 +13,7 @@ from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend, check_f
 from flywheel.runtime.interrupts import Interrupted, StopRequest
 from flywheel.runtime.jobs import Group, Job, JobFailed
 from flywheel.runtime.pool import Patience, WorkerPool
-from tests.integration.stunt_workers import Stunt, ray_processes
+from tests.integration.stunt_workers import Stunt, processes_at
 
 pytestmark = pytest.mark.ray
 PATIENCE = Patience(start=60, stall=4, drain=3, tick=0.2)
@@ -48,7 +48,7 @@ def test_killed_workers_are_replaced_and_their_jobs_give_the_same_numbers(pool_o
         deadline = time.monotonic() + 60
         while len(killed) < 3 and time.monotonic() < deadline:
             time.sleep(0.7)
-            for victim in ray_processes("draw-")[:1]:
+            for victim in processes_at("draw-")[:1]:
                 victim.kill()
                 killed.append(victim.pid)
 
