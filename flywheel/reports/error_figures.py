@@ -68,7 +68,9 @@ def training_curves(run: RunResult) -> Figure | None:
             "color": style.iteration_colour(place, len(turns)),
             "label": f"iteration {turn.iteration}",
         }
-        loss.plot([p.step for p in turn.curve], [p.loss for p in turn.curve], linewidth=1.5, **look)
+        few = "." if len(turn.curve) < 12 else ""
+        losses = [point.loss for point in turn.curve]
+        loss.plot([p.step for p in turn.curve], losses, marker=few, linewidth=1.5, **look)
         points = [
             (p.step, p.validation_e_rot) for p in turn.curve if p.validation_e_rot is not None
         ]
@@ -77,7 +79,7 @@ def training_curves(run: RunResult) -> Figure | None:
         loss.set_yscale("log")
     loss.set_ylabel("training loss")
     validation.set_ylabel("validation rotation error [deg]")
-    validation.set_ylim(bottom=0)
+    validation.set_ylim(0, 1.08 * validation.get_ylim()[1])
     for axes in (loss, validation):
         axes.set_xlabel("optimiser step")
     loss.legend(loc="upper right")

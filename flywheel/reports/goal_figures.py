@@ -79,7 +79,7 @@ def walks(run: RunResult) -> Figure | None:
         return None
     columns = min(len(series), 4 if len(series) in (4, 7, 8) else 3)
     rows = math.ceil(len(series) / columns)
-    figure = Figure(figsize=(9.6, 9.6 / columns * rows + 0.3))
+    figure = Figure(figsize=(9.6, (9.6 / columns + 0.35) * rows))
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for place, axes in enumerate(grid.flat):
         axes.set_visible(place < len(series))
@@ -179,4 +179,4 @@ def _reach(navigation: Navigation) -> float:
     """Farthest that any path or goal lies from its start along x or y [m]."""
     walks = [walk for walk in navigation.walks if walk.path]
     places = [np.array([*walk.path, walk.goal]) - np.array(walk.path[0]) for walk in walks]
-    return max((float(np.abs(place).max()) for place in places), default=1.0)
+    return navigation.tolerance + max((float(np.abs(p).max()) for p in places), default=1.0)

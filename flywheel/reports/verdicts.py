@@ -12,6 +12,7 @@ Answer = Literal["yes", "no", "open"]
 GOAL_ROTATION = 1.1  # of the floor's error
 GOAL_POSITION = 2.5  # of the floor's error
 GOAL_SUCCESS = 0.8  # of the oracle's rate
+LEAST_CHANGE = 0.02  # of an error; anything less counts as no difference
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def _error_verdict(run: RunResult, turns: tuple[IterationResult, ...]) -> Verdic
     ]
     if not all(math.isfinite(value) for pair in pairs for value in pair):
         return Verdict("no", "A prediction error on test episodes is not finite.")
-    fell = [after < before for before, after in pairs]
+    fell = [_lower(after, before) for before, after in pairs]
     answer: Answer = "yes" if all(fell) else "open" if any(fell) else "no"
     (rot, pos), where = pairs, "all test episodes of the run"
     if run.pooled_errors(turns[0]) is None or run.pooled_errors(turns[-1]) is None:
@@ -114,8 +115,8 @@ def _control_verdict(run: RunResult, last: IterationResult) -> Verdict:
     if control.iteration != last.iteration or ours is None or theirs is None:
         return Verdict("open", "The control arm has not come as far as the MPPI arm.")
     better = [
-        ours.short.e_rot < theirs.short.e_rot,
-        ours.short.e_pos_rmse < theirs.short.e_pos_rmse,
+        _lower(ours.short.e_rot, theirs.short.e_rot),
+        _lower(ours.short.e_pos_rmse, theirs.short.e_pos_rmse),
     ]
     text = (
         f"Against random controls instead of MPPI: rotation {ours.short.e_rot:.2f} against "
@@ -141,6 +142,8 @@ def _floor_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
 
 
 def _oracle_verdict(ours: Success, oracle: Success) -> Verdict:
+    if not oracle.reached:
+        return Verdict("open", f"The oracle reached {rate(oracle)}: it sets no measure.")
     share = _ratio(ours.rate, oracle.rate)
     return Verdict(
         "yes" if share >= GOAL_SUCCESS else "no",
@@ -149,9 +152,14 @@ def _oracle_verdict(ours: Success, oracle: Success) -> Verdict:
     )
 
 
+def _lower(error: float, reference: float) -> bool:
+    """Lower by more than what counts as no difference; never so if one is NaN."""
+    return error < (1 - LEAST_CHANGE) * reference
+
+
 def _ratio(value: float, reference: float) -> float:
     return value / reference if reference else math.nan
 
 
 def _change(before: float, after: float) -> str:
-    return f"{100 * (after - before) / before:+.0f}%" if before else "from zero"
+    return f"{100 * (after - before) / before:+.1f}%" if before else "from zero"

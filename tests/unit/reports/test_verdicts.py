@@ -41,6 +41,7 @@ def two_iterations(levels, reached, pooled=True, finished=True):
         ((1.0, 2.0), (20, 3), "did not fall and", "success did not rise"),
         ((2.0, 1.0), (3, 3), "fell but", "success did not rise"),
         ((2.0, 1.0), (9, 12), "fell but", "whether success rose is not decided"),
+        ((2.0, 1.99), (3, 20), "did not fall but", "success rose"),
         ((2.0, math.nan), (3, 20), "did not fall but", "success rose"),
         ((2.0, 1.0), (0, 0), "fell but", "success did not rise"),
     ],
@@ -90,3 +91,5 @@ def test_floor_and_oracle_are_judged_by_the_goals_as_ratios():
     assert "1.05 times" in floors[0].text and "2.00 times" in floors[1].text
     oracle = next(v for v in verdicts(near) if "oracle" in v.text)
     assert oracle.answer == "yes" and "83%" in oracle.text
+    helpless = run.model_copy(update={"oracle": navigation(0)})
+    assert next(v for v in verdicts(helpless) if "oracle" in v.text).answer == "open"
