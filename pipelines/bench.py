@@ -9,11 +9,13 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
 
 from flywheel.control import Mppi, MppiConfig
+from flywheel.data.benchmark import store_benchmark
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.plant.benchmark import SIMULATIONS, STEPS, contenders
@@ -172,7 +174,22 @@ def _planning(model: Dynamics, samples: int) -> Callable[[], object]:
     return plan
 
 
+def bench_store(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
+    """Committed bytes per second, and training windows per second beside plain memory."""
+    with TemporaryDirectory() as folder:
+        speed = store_benchmark(robot, Path(folder), repeats=max(1, round(20 * seconds)))
+    unit, windows, ram = "windows/s", speed.windows_per_s, speed.ram_windows_per_s
+    return [
+        Measurement("store, committed", speed.write_mb_per_s, "MB/s", threads),
+        Measurement("windows from plain memory", ram, unit, threads),
+        Measurement(
+            "windows from the cache", windows, unit, threads, "plain memory", windows / ram
+        ),
+    ]
+
+
 BENCHES: dict[str, Bench] = {
     "plant": bench_plant,
     "plan": bench_plan,
+    "store": bench_store,
 }

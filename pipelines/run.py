@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from flywheel.reports import write_page
+from flywheel.reports.page import PAGE_FILE
 from flywheel.runtime.config import load_config
 from flywheel.runtime.dashboard import DATABASE
 from flywheel.runtime.loop import run
@@ -44,7 +44,7 @@ def show_summary(out: Console, result: RunResult, folder: Path) -> None:
     out.print(table(f"{result.name}: {result.robot}", COLUMNS, summary_rows(result)))
     for note in result.notes:
         out.print(note, soft_wrap=True, markup=False)
-    out.print(f"Page:      {write_page(folder)}", soft_wrap=True)
+    out.print(f"Page:      {folder / PAGE_FILE}", soft_wrap=True)
     if (folder / DATABASE).exists():
         out.print(f"Dashboard: flywheel ui {folder}", soft_wrap=True)
 
