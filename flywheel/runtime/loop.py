@@ -56,7 +56,7 @@ def run(
       RunError: the run cannot go on; the message says why. What is finished is kept.
       Interrupted: the user asked to stop.
     """
-    files = RunFolder(Path(folder))
+    files = RunFolder(Path(folder).absolute())
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"), StopRequest() as stop:
         identity = files.begin(config, resume)
@@ -71,7 +71,7 @@ def run(
                 store = TrajectoryStore(files.store_url(config))
                 robot = load_robot(config.robot)
                 shown = progress or Quiet()
-                return _turn(Run(config, files, robot, store, pool, log, shown), identity)
+                return turn(Run(config, files, robot, store, pool, log, shown), identity)
 
 
 def finished_run(files: RunFolder) -> RunResult | None:
@@ -82,7 +82,8 @@ def finished_run(files: RunFolder) -> RunResult | None:
     return result if result.finished else None
 
 
-def _turn(run: Run, identity: Identity) -> RunResult:
+def turn(run: Run, identity: Identity) -> RunResult:
+    """Do whatever of a run is not done yet, and conclude it."""
     if run.tracker is not None:
         plain = run.config.model_dump(mode="json")
         publish_start(run.tracker, plain, start_tags(run.config, identity, run.robot.digest))

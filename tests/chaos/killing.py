@@ -32,7 +32,12 @@ def start_driver(
     return subprocess.Popen(
         [sys.executable, "-m", "tests.chaos.driver", str(config), str(folder), *overrides],
         cwd=ROOT,
-        env={**os.environ, "RAY_AUTH_MODE": "disabled", "PYTHONPATH": str(ROOT)},
+        env={
+            **os.environ,
+            "RAY_AUTH_MODE": "disabled",
+            "RAY_worker_niceness": "0",
+            "PYTHONPATH": str(ROOT),
+        },
         stdout=log,
         stderr=log,
         start_new_session=True,

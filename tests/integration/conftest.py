@@ -3,6 +3,7 @@
 import os
 
 os.environ.setdefault("RAY_AUTH_MODE", "disabled")
+os.environ.setdefault("RAY_worker_niceness", "0")
 
 import pytest
 

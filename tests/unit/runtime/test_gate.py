@@ -37,7 +37,9 @@ def test_a_model_without_finite_numbers_is_never_promoted(candidate):
     assert "finite" in decision.reason
 
 
-@pytest.mark.parametrize(("new", "old", "promoted"), [(4, 5, True), (5.2, 5, True), (5.3, 5, False)])
+@pytest.mark.parametrize(
+    ("new", "old", "promoted"), [(4, 5, True), (5.2, 5, True), (5.3, 5, False)]
+)
 def test_the_error_may_not_be_worse_than_the_ratio_allows(new, old, promoted):
     assert decide(errors(new), errors(old)).promoted is promoted
 

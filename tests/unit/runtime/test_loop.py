@@ -1,0 +1,259 @@
+"""The loop on the real plant, store, network and planner, with workers in this process."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from flywheel.data import TrajectoryStore
+from flywheel.errors import ModelError, RunError
+from flywheel.robots import load_robot
+from flywheel.runtime.config import RunConfig
+from flywheel.runtime.jobs import Group
+from flywheel.runtime.loop import turn
+from flywheel.runtime.pool import WorkerPool
+from flywheel.runtime.progress import Lines
+from flywheel.runtime.recording import Recorder
+from flywheel.runtime.run_folder import RunFolder
+from flywheel.runtime.run_state import Run
+from flywheel.runtime.workers import SimWorker, TrainerWorker
+from tests.unit.runtime.local_backend import LocalBackend
+
+TINY = {
+    "name": "tiny",
+    "iterations": 1,
+    "control_arm": False,
+    "collect": {
+        "gaits": 0,
+        "random": 5,
+        "random_seconds": 1.2,
+        "drops": 0,
+        "mppi": 2,
+        "mppi_seconds": 1.0,
+    },
+    "task": {"seconds": 1.0, "radius": [0.4, 0.6]},
+    "mppi": {"samples": 4, "horizon_seconds": 0.5, "elites": 1},
+    "network": {"width": 8, "rounds": 1, "warmup_chunks": 1},
+    "training": {
+        "threads": 1,
+        "initial": {
+            "steps": 4,
+            "stages": [{"chunks": 1, "share": 1}],
+            "learning_rate": 1e-3,
+            "warmup_steps": 1,
+        },
+        "fine_tuning": {
+            "steps": 2,
+            "stages": [{"chunks": 1, "share": 1}],
+            "learning_rate": 1e-3,
+            "warmup_steps": 1,
+        },
+        "chunks_per_batch": 8,
+        "validate_every": 2,
+        "validation_windows": 4,
+        "validation_seconds": 0.3,
+    },
+    "evaluate": {"tasks": 1, "horizon_seconds": 0.5, "starts": 2, "full": False, "video": False},
+    "workers": {"least_free_gb": 0},
+}
+
+
+class Bench:
+    """Runs in one folder, with everything that can be looked at afterwards."""
+
+    def __init__(self, folder, **changes) -> None:
+        self.config = RunConfig.model_validate({**TINY, **changes})
+        self.files = RunFolder(folder)
+        self.store = TrajectoryStore(self.files.store_url(self.config))
+        self.said: list[str] = []
+
+    def turn(self, resume: bool = False):
+        self.backend = LocalBackend()
+        arguments = (self.config, self.files.store_url(self.config))
+        groups = [Group("sim", SimWorker, arguments), Group("trainer", TrainerWorker, arguments)]
+        pool = WorkerPool(self.backend, groups, cores=2)
+        identity = self.files.begin(self.config, resume)
+        robot = load_robot(self.config.robot)
+        progress = Lines(self.said.append)
+        return turn(Run(self.config, self.files, robot, self.store, pool, None, progress), identity)
+
+    def digests(self) -> dict[str, str]:
+        """Of everything a finished run consists of."""
+        self.files.path.mkdir()
+        result = self.turn()
+        return {i.model: i.snapshot for i in result.iterations} | {
+            "walks": result.iterations[0].navigation.model_dump_json(exclude={"plan_seconds"})
+        }
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(tmp_path)
+
+
+def fail_at(monkeypatch, *marks: str, error: Exception | None = None) -> None:
+    """Let the recording of episodes whose id contains a mark fail."""
+    honest = Recorder.record
+
+    def record(self, plan, *arguments):
+        if any(mark in plan.id for mark in marks):
+            raise error or ModelError(f"{plan.id}: simulation 0 diverged at 0.4 s")
+        return honest(self, plan, *arguments)
+
+    monkeypatch.setattr(Recorder, "record", record)
+
+
+def test_a_run_turns_from_an_empty_folder_to_its_conclusion(bench):
+    result = bench.turn()
+    assert result.finished and [i.iteration for i in result.iterations] == [0, 1]
+    first, second = result.iterations
+    assert first.gate.promoted and first.gate.reference is None
+    assert second.parent_snapshot == first.snapshot
+    assert (first.episodes, second.episodes) == (3, 5)
+    assert result.oracle.success.total == 1
+    assert {p.iteration for p in result.pooled} == {0, 1}
+    assert all(math.isfinite(p.errors.short.e_rot) for p in result.pooled)
+
+
+def test_episodes_collected_in_a_later_iteration_are_planned_with_the_champions_weights(bench):
+    result = bench.turn()
+    for episode in bench.store.snapshot("i0001-mppi").episodes:
+        expected = result.iterations[0].model if episode.iteration == 1 else ""
+        assert episode.model == expected
+        assert episode.controller == ("mppi" if episode.iteration == 1 else "random")
+
+
+def test_an_interrupted_run_records_only_what_is_missing(bench, monkeypatch):
+    stop = RunError("stopped on purpose")
+    with monkeypatch.context() as patch:
+        fail_at(patch, "i0001-mppi-collect-0001", error=stop)
+        with pytest.raises(RunError, match="on purpose"):
+            bench.turn()
+    recorded = Counter[str]()
+    honest = Recorder.record
+
+    def record(self, plan, *arguments):
+        recorded[plan.id] += 1
+        return honest(self, plan, *arguments)
+
+    monkeypatch.setattr(Recorder, "record", record)
+    assert bench.turn(resume=True).finished
+    assert recorded == {"i0001-mppi-collect-0001": 1, "i0001-mppi-evaluate-0000": 1}
+
+
+def test_an_episode_whose_plant_diverges_is_not_stored_but_counted_and_told(bench, monkeypatch):
+    fail_at(monkeypatch, "i0001-mppi-collect-0000")
+    result = bench.turn()
+    assert result.iterations[1].invalid == 1
+    assert result.iterations[1].new_episodes == 1
+    assert "i0001-mppi-collect-0000" not in bench.store.committed()
+    assert any("thrown away" in note and "diverged at 0.4 s" in note for note in result.notes)
+    assert any("thrown away" in line for line in bench.said)
+
+
+def test_too_few_valid_episodes_end_the_run_with_the_numbers(bench, monkeypatch):
+    fail_at(monkeypatch, "collect-0000", "collect-0001")
+    with pytest.raises(RunError, match="Only 0 of 2 episodes of iteration 1"):
+        bench.turn()
+
+
+def test_a_model_that_predicts_no_numbers_is_rejected_and_the_champion_kept(bench, monkeypatch):
+    def poisoned(self, robot, threads=1):
+        dynamics = honest(self, robot, threads)
+        if self.digest == bad[0]:
+            monkeypatch.setattr(
+                dynamics, "rollout", lambda *a: (_ for _ in ()).throw(ModelError("NaN"))
+            )
+        return dynamics
+
+    from flywheel.runtime.weights import Weights
+
+    honest = Weights.dynamics
+    bad = [""]
+    monkeypatch.setattr(Weights, "dynamics", poisoned)
+    first_training = TrainerWorker.train
+
+    def train(self, order):
+        note = first_training(self, order)
+        if order.snapshot == "i0001-mppi":
+            bad[0] = note.digest
+        return note
+
+    monkeypatch.setattr(TrainerWorker, "train", train)
+    result = bench.turn()
+    second = result.iterations[1]
+    assert not second.gate.promoted and "finite" in second.gate.reason
+    assert second.navigation is None and math.isnan(second.validation.short.e_rot)
+    assert [p.iteration for p in result.pooled] == [0]
+    assert json.loads((bench.files.path / "result.json").read_text())["finished"]
+
+
+def test_a_training_that_diverges_leaves_the_champion_and_goes_on(bench, monkeypatch):
+    from flywheel.runtime.workers import TrainingNote
+
+    honest = TrainerWorker.train
+
+    def train(self, order):
+        if order.snapshot == "i0001-mppi":
+            return TrainingNote(problem="Training step 3: the loss is nan")
+        return honest(self, order)
+
+    monkeypatch.setattr(TrainerWorker, "train", train)
+    result = bench.turn()
+    assert result.finished and not result.iterations[1].gate.promoted
+    assert any("the loss is nan" in note for note in result.notes)
+
+
+def test_a_first_training_that_diverges_ends_the_run(bench, monkeypatch):
+    from flywheel.runtime.workers import TrainingNote
+
+    monkeypatch.setattr(TrainerWorker, "train", lambda self, order: TrainingNote(problem="nan"))
+    with pytest.raises(RunError, match="there is no model: nan"):
+        bench.turn()
+
+
+def test_a_damaged_episode_that_nothing_builds_on_is_set_aside_and_recorded_again(
+    bench, monkeypatch
+):
+    with monkeypatch.context() as patch:
+        fail_at(patch, "i0000-random-0004", error=RunError("stop"))
+        with pytest.raises(RunError):
+            bench.turn()
+    name = "i0000-random-0001"
+    files = [p for p in bench.files.path.rglob("*") if name in str(p) and ".zarr" in str(p)]
+    victim = max((p for p in files if p.is_file()), key=lambda p: p.stat().st_size)
+    content = bytearray(victim.read_bytes())
+    content[len(content) // 2] ^= 1
+    victim.write_bytes(content)
+    assert bench.turn(resume=True).finished
+    assert [q for q in bench.store.quarantined() if q.startswith(name)]
+    assert not bench.store.verify()
+
+
+def test_a_full_disk_is_told_as_such(bench, monkeypatch):
+    fail_at(monkeypatch, "random-0002", error=OSError(28, "No space left on device"))
+    with pytest.raises(RunError, match=r"The disk is full.*--resume"):
+        bench.turn()
+
+
+def test_two_runs_of_one_configuration_agree_to_the_bit_and_another_seed_does_not(tmp_path):
+    one, two, other = (
+        Bench(tmp_path / name, seed=seed, iterations=0).digests()
+        for name, seed in (("a", 3), ("b", 3), ("c", 4))
+    )
+    assert one == two
+    assert one != other
+
+
+def test_measurement_noise_reaches_what_is_stored(tmp_path):
+    bench = Bench(tmp_path, iterations=0, measurement={"noise": 0.01})
+    bench.turn()
+    episode = bench.store.read("i0000-random-0000")
+    recorder = Recorder(bench.config)
+    truth = recorder.plant(0).observe(episode.trajectory.states).points
+    spread = np.std(episode.trajectory.observations.points - truth)
+    assert spread == pytest.approx(0.01 * recorder.robot.length, rel=0.1)
