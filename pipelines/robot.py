@@ -8,10 +8,11 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from flywheel.control.gaits import Gait
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.plant import Plant
-from flywheel.errors import ModelError, RobotError, UnknownNameError
+from flywheel.errors import ConfigError, ModelError, RobotError, UnknownNameError
 from flywheel.robots import ROBOTS, Attachment, Robot, load_robot
 from pipelines.exits import FAILED
 from pipelines.show import console, table
@@ -41,7 +42,8 @@ def check_robot(mjcf: str) -> None:
     out.print(f"[{'green' if ok else 'red'}]{words}[/]", highlight=False)
     if not ok:
         raise typer.Exit(FAILED)
-    out.print(f"Run it with [bold]flywheel run configs/prism3.yaml robot={mjcf}[/bold]")
+    settings = f"robot={mjcf}" if has_gaits(robot) else f"robot={mjcf} collect.gaits=0"
+    out.print(f"Run it with [bold]flywheel run configs/prism3.yaml {settings}[/bold]")
 
 
 def settles(robot: Robot) -> tuple[bool, str]:
@@ -63,6 +65,15 @@ def settles(robot: Robot) -> tuple[bool, str]:
             f"It does not settle: {words}. Are cable damping and the keyframe's act right?",
         )
     return True, f"It settles: {words}."
+
+
+def has_gaits(robot: Robot) -> bool:
+    """Whether iteration 0 can begin with gaits."""
+    try:
+        Gait(robot, "roll", robot.timestep)
+    except ConfigError:
+        return False
+    return True
 
 
 def _loaded(mjcf: str) -> Robot:
