@@ -37,7 +37,7 @@ PATTERNS = {
 }
 
 # The robot looks the same from three sides: caps on the ground -> which target each cable takes.
-SIDES = {
+SIDES: dict[tuple[int, ...], tuple[int, ...]] = {
     (0, 2, 5): (0, 1, 2, 3, 4, 5),
     (0, 3, 5): (0, 1, 2, 3, 4, 5),
     (1, 2, 4): (1, 2, 0, 4, 5, 3),

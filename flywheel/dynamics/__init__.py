@@ -1,7 +1,13 @@
 """Dynamics models: everything that answers `rollout` (see `protocol.Dynamics`)."""
 
 from flywheel.dynamics.baselines import Persistence
-from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, PlantParameters
+from flywheel.dynamics.plant import (
+    MeasurementModel,
+    Plant,
+    PlantDynamics,
+    PlantParameters,
+    RestartedPlant,
+)
 from flywheel.dynamics.protocol import Dynamics
 
 __all__ = [
@@ -11,4 +17,5 @@ __all__ = [
     "Plant",
     "PlantDynamics",
     "PlantParameters",
+    "RestartedPlant",
 ]

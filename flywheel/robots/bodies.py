@@ -135,7 +135,7 @@ def _primitives(
     """The solid geoms of a body; their masses scaled to its mass where <inertial> gives that."""
     root = moving_bodies(model)[body]
     on_body = model.body_weldid[model.geom_bodyid] == root
-    geoms = [g for g in np.flatnonzero(on_body) if _shape(model, g) in SOLIDS]
+    geoms = [g for g in np.flatnonzero(on_body).tolist() if _shape(model, g) in SOLIDS]
     weighed = sum(mass[g] for g in geoms)
     scale = total / weighed if weighed > 0 else 0.0
     to_body = data.xmat[root].reshape(3, 3).T

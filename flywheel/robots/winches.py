@@ -14,6 +14,8 @@ length wanted [m], reached with the lag `dynprm` [s]. Several cables on one winc
 
 from __future__ import annotations
 
+from typing import Literal
+
 import mujoco
 import numpy as np
 
@@ -21,7 +23,7 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.robot import Winch
 
-KINDS = {
+KINDS: dict[int, Literal["rate", "position"]] = {
     int(mujoco.mjtDyn.mjDYN_INTEGRATOR): "rate",
     int(mujoco.mjtDyn.mjDYN_FILTEREXACT): "position",
 }

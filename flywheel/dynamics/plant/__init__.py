@@ -4,6 +4,19 @@ from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
+from flywheel.dynamics.plant.throughput import Throughput, plant_throughput
 
-__all__ = ["MeasurementModel", "Plant", "PlantDynamics", "PlantParameters", "RestartedPlant"]
+__all__ = [
+    "MeasurementModel",
+    "Plant",
+    "PlantDynamics",
+    "PlantParameters",
+    "RestartedPlant",
+    "Shot",
+    "Throughput",
+    "plant_throughput",
+    "render_episode",
+    "render_frames",
+]

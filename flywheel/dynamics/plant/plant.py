@@ -17,6 +17,7 @@ from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.robots import Box, Robot
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+NOMINAL = PlantParameters()
 OUTPUT_BYTES = 64 << 20  # of one call into MuJoCo; longer simulations are made of several
 
 
@@ -43,7 +44,7 @@ class Plant:
         self,
         robot: Robot,
         dt: float = 0.01,
-        parameters: PlantParameters | Sequence[PlantParameters] = PlantParameters(),
+        parameters: PlantParameters | Sequence[PlantParameters] = NOMINAL,
         obstacles: Sequence[Box] = (),
         threads: int = 1,
     ) -> None:
@@ -88,6 +89,11 @@ class Plant:
         for index, winch in enumerate(robot.winches):
             self._spool[index, base.actuator_actadr[list(winch.actuators)]] = 1.0
 
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model of the (first) simulation."""
+        return self._models[0]
+
     def rest(self, n: int = 1) -> State:
         """The keyframe, `n` times."""
         key = self.robot.keyframe
@@ -114,7 +120,7 @@ class Plant:
     def observe(self, state: State) -> Observation:
         """Noise-free observation of states of any leading shape; all winches count as measured."""
         lead = state.qpos.shape[:-1]
-        packed = self._pack(State(*(a.reshape(-1, a.shape[-1]) for a in _fields(state))))
+        packed = self.packed(State(*(a.reshape(-1, a.shape[-1]) for a in _fields(state))))
         _, sensors = self._run(packed, np.zeros((len(packed), 1, self._drive.shape[1])))
         points = sensors[:, 0, self._points]
         return Observation(points.reshape(*lead, *points.shape[1:]), self.winch(state))
@@ -135,10 +141,11 @@ class Plant:
         """
         controls = np.asarray(controls, float)
         batch, steps = self._check(state, controls)
-        commands = self._commands(controls)
+        controls = np.clip(controls, self.robot.control_low, self.robot.control_high)
+        commands = self.commands(controls)
         states = np.empty((batch, steps + 1, self._state_size))
         points = np.empty((batch, steps + 1, *self._points.shape))
-        states[:, 0] = self._pack(state)
+        states[:, 0] = self.packed(state)
         rows = self.substeps * max(1, batch) * (self._state_size + self._sensor_size) * 8
         stride = max(1, OUTPUT_BYTES // rows)
         for start in range(0, steps, stride):
@@ -152,6 +159,15 @@ class Plant:
         points[:, -1] = self.observe(full[:, -1]).points
         seen = Observation(points, self.winch(full))
         return Trajectory(seen, controls, self.dt, full)
+
+    def commands(self, controls: Floats) -> Floats:
+        """What MuJoCo's actuators get (B, T, nu) for winch controls (B, T, W) within their ranges."""
+        return (controls * self._speed) @ self._drive + self._drive_shift
+
+    def packed(self, state: State) -> Floats:
+        """MuJoCo's state vectors (B, 1 + nq + nv + na) of states (B,), at time 0."""
+        time = np.zeros((len(state.qpos), 1))
+        return np.concatenate([time, state.qpos, state.qvel, state.act], axis=1)
 
     def _check(self, state: State, controls: Floats) -> tuple[int, int]:
         """Batch size and steps of a call, or a ModelError."""
@@ -179,12 +195,6 @@ class Plant:
             )
         return batch, steps
 
-    def _commands(self, controls: Floats) -> Floats:
-        """What MuJoCo's actuators get (B, T, nu) for the winches' controls."""
-        robot = self.robot
-        clipped = np.clip(controls, robot.control_low, robot.control_high)
-        return (clipped * self._speed) @ self._drive + self._drive_shift
-
     def _run(self, packed: Floats, commands: Floats) -> tuple[Floats, Floats]:
         """States after, and sensors before, each of the substeps.
 
@@ -208,10 +218,6 @@ class Plant:
                 f"{when:.3f} s: MuJoCo found no finite acceleration. Softer contacts or cables, or a "
                 "smaller timestep in the MJCF, help."
             )
-
-    def _pack(self, state: State) -> Floats:
-        time = np.zeros((len(state.qpos), 1))
-        return np.concatenate([time, state.qpos, state.qvel, state.act], axis=1)
 
     def _unpack(self, packed: Floats) -> State:
         nq, nv = len(self.robot.keyframe.qpos), len(self.robot.keyframe.qvel)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -28,17 +29,20 @@ class Shot:
 
     Attributes:
       size: (width, height) [pixels]; multiples of 16.
-      azimuth: of the camera, seen from the robot [degrees]; None: facing the goal, or from the side.
+      azimuth: direction the camera looks in, counted from x [degrees].
       elevation: of the camera [degrees].
       distance: of the camera, in extents of the robot.
       goal_radius: of the goal's disc [m]; None: half the robot's length.
     """
 
-    size: tuple[int, int] = (1280, 720)
-    azimuth: float | None = None
+    size: tuple[int, int] = (960, 544)
+    azimuth: float = 130.0
     elevation: float = -22.0
     distance: float = 2.6
     goal_radius: float | None = None
+
+
+PLAIN = Shot()
 
 
 def render_episode(
@@ -51,7 +55,7 @@ def render_episode(
     ghosts: Floats | None = None,
     *,
     dt: float = 0.01,
-    shot: Shot = Shot(),
+    shot: Shot = PLAIN,
 ) -> Path:
     """Write an mp4 of an episode, in real time.
 
@@ -74,9 +78,7 @@ def render_episode(
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    frames = render_frames(
-        robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot
-    )
+    frames = render_frames(robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot)
     writer = imageio_ffmpeg.write_frames(str(path), shot.size, fps=fps, quality=8)
     writer.send(None)
     try:
@@ -96,7 +98,7 @@ def render_frames(
     ghosts: Floats | None = None,
     *,
     dt: float = 0.01,
-    shot: Shot = Shot(),
+    shot: Shot = PLAIN,
 ) -> Iterator[np.ndarray]:
     """The frames (height, width, 3) uint8 that `render_episode` writes; arguments as there."""
     _check(robot, states, goal, ghosts)
@@ -113,7 +115,8 @@ def render_frames(
     try:
         for number, step in enumerate(steps):
             _pose(model, data, states, int(step))
-            camera = _camera(model, views[number], goal, shot)
+            data.light_xpos[:, :2] += views[number, :2]  # the lights move with the robot
+            camera = _camera(model, views[number], shot)
             renderer.update_scene(data, camera)
             _draw_trail(renderer.scene, centers[: number + 1 : every])
             if goal is not None:
@@ -147,9 +150,10 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, states: State, step: int) 
 
 
 def _smooth(centers: Floats, dt: float) -> Floats:
-    """(frames, 3) what the camera looks at: the centre, low-passed forth and back."""
+    """(frames, 3) what the camera looks at: the centre at its mean height, low-passed both ways."""
     share = min(1.0, dt / SMOOTH_SECONDS)
     views = centers.copy()
+    views[:, 2] = centers[:, 2].mean()
     for order in (range(1, len(views)), range(len(views) - 2, -1, -1)):
         for i in order:
             before = i - 1 if order.step > 0 else i + 1
@@ -157,30 +161,29 @@ def _smooth(centers: Floats, dt: float) -> Floats:
     return views
 
 
-def _camera(
-    model: mujoco.MjModel, view: Floats, goal: Floats | None, shot: Shot
-) -> mujoco.MjvCamera:
+def _camera(model: mujoco.MjModel, view: Floats, shot: Shot) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     camera.lookat[:] = view
     camera.distance = shot.distance * model.stat.extent
     camera.elevation = shot.elevation
-    camera.azimuth = _azimuth(view, goal) if shot.azimuth is None else shot.azimuth
+    camera.azimuth = shot.azimuth
     return camera
 
 
-def _azimuth(view: Floats, goal: Floats | None) -> float:
-    return 130.0
-
-
 def _add(
-    scene: mujoco.MjvScene, kind: mujoco.mjtGeom, size: Floats, at: Floats, color: Floats
+    scene: mujoco.MjvScene,
+    kind: mujoco.mjtGeom,
+    size: Sequence[float],
+    at: Floats | Sequence[float],
+    color: Floats,
 ) -> mujoco.MjvGeom | None:
-    """One more shape in the picture, upright; None if it is full."""
+    """One more shape in the picture, upright, sized as in MJCF; None if the picture is full."""
     if scene.ngeom >= scene.maxgeom:
         return None
     geom = scene.geoms[scene.ngeom]
-    upright = np.eye(3).ravel()
-    mujoco.mjv_initGeom(geom, kind, np.asarray(size, float), at, upright, color.astype(np.float32))
+    place = np.asarray(at, float)
+    color = color.astype(np.float32)
+    mujoco.mjv_initGeom(geom, kind, np.asarray(size, float), place, np.eye(3).ravel(), color)
     scene.ngeom += 1
     return geom
 
@@ -191,33 +194,33 @@ def _draw_goal(scene: mujoco.MjvScene, robot: Robot, goal: Floats, radius: float
     height = 0.9 * robot.length
     cylinder, sphere = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE
     disc = GOAL * [1, 1, 1, 0.4]
-    _add(scene, cylinder, np.array([radius, radius, 0.01]), np.array([x, y, 0.011]), disc)
-    pole = np.array([0.012, 0.012, height / 2]) * [robot.length, robot.length, 1]
-    _add(scene, cylinder, pole, np.array([x, y, height / 2]), GOAL)
-    ball = np.full(3, 0.045 * robot.length)
-    _add(scene, sphere, ball, np.array([x, y, height]), GOAL)
+    _add(scene, cylinder, [radius, 0.01, 0], [x, y, 0.011], disc)
+    _add(scene, cylinder, [0.008 * robot.length, height / 2, 0], [x, y, height / 2], GOAL)
+    _add(scene, sphere, [0.04 * robot.length, 0, 0], [x, y, height], GOAL)
 
 
 def _draw_ghosts(scene: mujoco.MjvScene, robot: Robot, points: Floats) -> None:
     """A ball at each predicted point, and a line between those of one body."""
-    radius = 0.03 * robot.length
-    for point in points[np.isfinite(points).all(axis=-1)]:
-        _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), point, GHOST)
+    least = 0.03 * robot.length
+    for tracked, at in zip(robot.points, points, strict=True):
+        if np.isfinite(at).all():
+            radius = 1.05 * max(tracked.radius, least)
+            _add(scene, mujoco.mjtGeom.mjGEOM_SPHERE, [radius, 0, 0], at, GHOST)
     for body in robot.bodies:
-        for i, j in zip(body.points, body.points[1:], strict=False):
-            _draw_line(scene, points[i], points[j], radius / 3, GHOST)
+        for i, j in pairwise(body.points):
+            _draw_line(scene, points[i], points[j], least / 3, GHOST)
 
 
 def _draw_trail(scene: mujoco.MjvScene, centers: Floats) -> None:
     """The way gone, on the ground."""
     on_ground = np.concatenate([centers[:, :2], np.full((len(centers), 1), 0.012)], axis=1)
-    for a, b in zip(on_ground, on_ground[1:], strict=False):
+    for a, b in pairwise(on_ground):
         _draw_line(scene, a, b, 0.012, TRAIL)
 
 
 def _draw_line(scene: mujoco.MjvScene, a: Floats, b: Floats, radius: float, color: Floats) -> None:
     if not np.isfinite([a, b]).all():
         return
-    geom = _add(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.ones(3), a, color)
+    geom = _add(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, [1, 1, 1], a, color)
     if geom is not None:
         mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)

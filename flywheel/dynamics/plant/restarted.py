@@ -94,7 +94,9 @@ class RestartedPlant:
         points, speeds = fit_motion(recent, self.dt, self.degree)
         points = np.where(np.isfinite(points), points, _last_seen(past.observations.points))
         if not np.isfinite(points).all():
-            raise ModelError("A tracked point was not seen in the whole past; cannot restart there.")
+            raise ModelError(
+                "A tracked point was not seen in the whole past; cannot restart there."
+            )
         twist = np.zeros(len(self.robot.bodies))
         if self.twist_seed is not None:
             twist = np.random.default_rng(self.twist_seed).uniform(0, 2 * np.pi, len(twist))
@@ -151,7 +153,7 @@ def fit_motion(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
     steps = points.shape[1]
     time = np.arange(1 - steps, 1) / max(1, steps - 1)
     powers = time[:, None] ** np.arange(min(degree, steps - 1) + 1)
-    known = np.isfinite(points).all(axis=-1).swapaxes(1, 2)  # (B, P, w + 1)
+    known = np.swapaxes(np.isfinite(points).all(axis=-1), 1, 2)  # (B, P, w + 1)
     places = np.where(known[..., None], points.swapaxes(1, 2), 0.0)
     fit = np.linalg.pinv(known[..., None] * powers) @ places
     enough = (known.sum(axis=-1) >= powers.shape[1])[..., None]
@@ -177,6 +179,6 @@ def _orientation(here: Floats, seen: Floats, reference: Floats, twist: float) ->
 
 def _last_seen(points: Floats) -> Floats:
     """(B, P, 3) the newest known place of each point of (B, h + 1, P, 3); NaN if there is none."""
-    known = np.isfinite(points).all(axis=-1)
-    newest = points.shape[1] - 1 - known[:, ::-1].argmax(axis=1)
+    known = np.asarray(np.isfinite(points).all(axis=-1))
+    newest = points.shape[1] - 1 - np.flip(known, axis=1).argmax(axis=1)
     return np.take_along_axis(points, newest[:, None, :, None], axis=1)[:, 0]
