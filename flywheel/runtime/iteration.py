@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from flywheel.runtime.filming import filmed
 from flywheel.runtime.keeping import keep
 from flywheel.runtime.publishing import publish_iteration_start
 from flywheel.runtime.results import IterationResult
@@ -31,7 +32,7 @@ def run_iteration(run: Run, iteration: int) -> list[str]:
     with tally.timed("evaluate"):
         evaluated = evaluate(run, iteration, snapshots, trained, tally)
     for result in decide(run, iteration, collected, snapshots, trained, evaluated, tally):
-        keep(run, result)
+        keep(run, filmed(run, result))
         run.progress.say(summary(result))
     return tally.problems
 

@@ -1,0 +1,50 @@
+"""One video per iteration: an evaluation episode, sped up, filmed from its stored states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flywheel.dynamics.plant.render import Shot, render_episode
+from flywheel.runtime.plan import evaluation
+from flywheel.runtime.recording import Recorder
+from flywheel.runtime.results import IterationResult
+from flywheel.runtime.run_folder import name_of
+from flywheel.runtime.run_state import Run
+
+FPS = 20
+SPEED = 4  # times real time
+SHOT = Shot(size=(640, 368))
+
+
+def filmed(run: Run, result: IterationResult) -> IterationResult:
+    """The result with a video of its first evaluation episode, where one was asked for.
+
+    A machine that cannot render has no video; that is no reason to end a run.
+    """
+    wanted = run.config.evaluate.video and result.navigation is not None
+    plans = [p for p in evaluation(run.config, result.iteration, result.arm) if wanted]
+    there = run.store.committed()
+    plan = next((plan for plan in plans if plan.id in there), None)
+    if plan is None:
+        return result
+    name = f"videos/{name_of(result.iteration, result.arm)}.mp4"
+    recorder = Recorder(run.config)
+    task, trajectory = recorder.task(plan), run.store.read(plan.id).trajectory
+    if task is None or trajectory.states is None:
+        return result
+    stride = max(1, round(SPEED / FPS / trajectory.dt))
+    try:
+        render_episode(
+            run.robot,
+            trajectory.states[::stride],
+            run.folder.path / name,
+            task.obstacles,
+            task.goal,
+            FPS,
+            dt=1.0 / FPS,
+            shot=replace(SHOT, goal_radius=task.tolerance),
+        )
+    except Exception as error:  # whatever a graphics driver throws
+        run.progress.say(f"No video of iteration {result.iteration}: {error}")
+        return result
+    return result.model_copy(update={"video": name})
