@@ -39,6 +39,10 @@ class Batch:
     winch: Tensor
     dataset: Tensor
 
+    def __getitem__(self, rows: slice) -> Batch:
+        """Some of the windows."""
+        return Batch(*(getattr(self, field.name)[rows] for field in dataclasses.fields(self)))
+
 
 def generator(seed: int, step: int, purpose: int) -> np.random.Generator:
     """Random numbers of one step: a pure function of its arguments."""

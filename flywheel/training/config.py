@@ -71,7 +71,8 @@ class TrainingConfig(_Frozen):
       position_weight: of the node positions' loss.
       rest_weight: of the rest lengths' loss, where their truth is known.
       lead_power: errors in chunk j are divided by (1 + j) to this power (positions: twice it).
-      yaw_augmentation: turn every window about the vertical by a random angle.
+      yaw_augmentation: turn every window about the vertical by a random angle, unless the network's
+        predictions turn with the robot anyway (`NetworkConfig.yaw_frame`).
       noise: standard deviation added to the past's points, as a fraction of the robot's length.
       mix: share of each data set in a batch; empty draws every window equally often.
       validate_every: steps between validations; also done at the end.
@@ -81,7 +82,9 @@ class TrainingConfig(_Frozen):
       patience: validations of the last stage without a better one before stopping early; 0 = never.
       checkpoint_every: steps between checkpoints; also written at the end of each stage.
       device: torch device.
-      threads: torch threads within an operation.
+      threads: parts that each batch is cut into, to be computed at the same time, with one thread
+        each: threads within single operations gain little on arrays of this size, and lose much
+        where something else runs. Part of the result: sums are rounded differently.
       seed: of the weights, the order of the data and the augmentation.
     """
 

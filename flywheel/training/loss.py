@@ -59,6 +59,26 @@ class Losses:
     rest: Tensor
     total: Tensor
 
+    def __add__(self, other: Losses) -> Losses:
+        return Losses(
+            self.velocity + other.velocity,
+            self.position + other.position,
+            self.rest + other.rest,
+            self.total + other.total,
+        )
+
+    def times(self, factor: float) -> Losses:
+        """Every part multiplied by `factor`."""
+        return Losses(
+            factor * self.velocity, factor * self.position, factor * self.rest, factor * self.total
+        )
+
+    def detached(self) -> Losses:
+        """The same numbers without their gradients."""
+        return Losses(
+            self.velocity.detach(), self.position.detach(), self.rest.detach(), self.total.detach()
+        )
+
 
 def residual_scales(positions: Tensor, winch: Tensor, dt: float) -> Scales:
     """Measure the scales on windows of measured nodes.

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+from concurrent.futures import Executor
+
 import torch
+from torch import Tensor
 
 from flywheel.data import WindowCache
 from flywheel.dynamics.gnn import ChunkNetwork, Simulator
@@ -41,9 +46,29 @@ class Objective:
         }
         self._scales = self._measured_scales().to(config.device)
 
-    def loss(self, network: ChunkNetwork, step: int) -> Losses:
-        """Losses of one optimiser step's batch."""
+    def backward(self, network: ChunkNetwork, step: int, pool: Executor | None = None) -> Losses:
+        """Losses of one optimiser step's batch; their gradient is left in the weights' `grad`.
+
+        The batch is cut into `threads` parts, which `pool` computes at the same time. Their sum is
+        taken in a fixed order, so that it does not depend on which is ready first.
+        """
         batch = self.batch(step)
+        weights = [w for w in network.parameters() if w.requires_grad]
+
+        def part(rows: slice) -> tuple[Losses, tuple[Tensor | None, ...]]:
+            piece = batch[rows]
+            losses = self.loss(network, piece).times(len(piece.points) / len(batch.points))
+            return losses.detached(), torch.autograd.grad(losses.total, weights, allow_unused=True)
+
+        rows = _cut(len(batch.points), self._config.threads)
+        parts = list((pool.map if pool else map)(part, rows))
+        for weight, *pieces in zip(weights, *(gradients for _, gradients in parts), strict=True):
+            present = [piece for piece in pieces if piece is not None]
+            weight.grad = functools.reduce(torch.add, present) if present else None
+        return functools.reduce(Losses.__add__, (losses for losses, _ in parts))
+
+    def loss(self, network: ChunkNetwork, batch: Batch) -> Losses:
+        """Losses of a batch, averaged over its windows."""
         predicted = self._simulator.unroll(
             network,
             batch.past_points,
@@ -71,7 +96,7 @@ class Objective:
         starts = self._draws[chunks](generator(config.seed, step, _ORDER), windows)
         gathered = self._cache.gather(starts, self._history + chunks * self._chunk)
         rng = generator(config.seed, step, _AUGMENTATION)
-        if config.yaw_augmentation:
+        if config.yaw_augmentation and not self._simulator.config.yaw_frame:
             gathered = turned(gathered, rng)
         if config.noise > 0:
             gathered = noisy(
@@ -93,3 +118,10 @@ class Objective:
             torch.cat([batch.past_winch[:, -1:], batch.winch], dim=1),
             self._simulator.dt,
         )
+
+
+def _cut(length: int, parts: int) -> list[slice]:
+    """At most `parts` slices of nearly equal length that together are 0..length."""
+    parts = min(parts, length)
+    edges = [length * i // parts for i in range(parts + 1)]
+    return [slice(low, high) for low, high in itertools.pairwise(edges)]

@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import time
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -110,19 +111,20 @@ class Trainer:
           ConfigError, DataError: the folder's checkpoint cannot be continued.
         """
         threads = torch.get_num_threads()
-        torch.set_num_threads(self._config.threads)
+        torch.set_num_threads(1)
         try:
-            return self._run(on_progress or (lambda progress: None))
+            with ThreadPoolExecutor(self._config.threads) as pool:
+                return self._run(on_progress or (lambda progress: None), pool)
         finally:
             torch.set_num_threads(threads)
 
-    def _run(self, on_progress: OnProgress) -> TrainingResult:
+    def _run(self, on_progress: OnProgress, pool: Executor) -> TrainingResult:
         config, steps = self._config, self._schedule.steps
         state = self._start()
         kept_at = {span.stop for span in spans(self._schedule)}
         began, first = time.perf_counter(), state.step
         while state.step < steps and not self._stale(state):
-            losses = self._train_step(state)
+            losses = self._train_step(state, pool)
             last = state.step == steps
             if last or state.step % config.validate_every == 0:
                 self._validate(state, self._point(state, losses))
@@ -172,13 +174,11 @@ class Trainer:
         fit_normalisation(self._simulator, network, [self._objective.measured()])
         return network
 
-    def _train_step(self, state: _State) -> Losses:
+    def _train_step(self, state: _State, pool: Executor) -> Losses:
         for group in state.optimiser.param_groups:
             group["lr"] = learning_rate(self._schedule, state.step)
         state.network.train()
-        state.optimiser.zero_grad(set_to_none=True)
-        losses = self._objective.loss(state.network, state.step)
-        losses.total.backward()
+        losses = self._objective.backward(state.network, state.step, pool)
         norm = torch.nn.utils.clip_grad_norm_(state.network.parameters(), self._config.clip)
         state.step += 1
         if not (math.isfinite(losses.total.item()) and math.isfinite(norm.item())):

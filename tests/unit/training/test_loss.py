@@ -102,7 +102,7 @@ def test_scales_of_a_free_fall_are_what_gravity_says():
     positions[..., 2] = (-0.5 * 9.81 * time**2).view(1, -1, 1)
     winch = (0.3 * time[1:]).view(1, -1, 1).repeat(3, 1, 2)
     scales = residual_scales(positions, winch, dt)
-    i = torch.arange(1, steps + 1)
+    i = torch.arange(1, steps + 1, dtype=torch.float64)
     torch.testing.assert_close(scales.velocity, 9.81 * i * dt / 3**0.5)
     torch.testing.assert_close(scales.position, 9.81 * dt**2 * i * (i + 1) / 2 / 3**0.5)
     torch.testing.assert_close(scales.winch, torch.tensor(0.003, dtype=torch.float64))

@@ -1,3 +1,5 @@
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,7 +26,7 @@ def test_the_stages_fill_the_budget_without_gap_or_overlap(schedule):
     stages = spans(schedule)
     assert stages[0].start == 0
     assert stages[-1].stop == schedule.steps
-    for before, after in zip(stages, stages[1:], strict=False):
+    for before, after in itertools.pairwise(stages):
         assert before.stop == after.start
     assert all(stage.stop > stage.start for stage in stages)
     assert [s.chunks for s in stages] == [s.chunks for s in schedule.stages]
