@@ -6,7 +6,6 @@ from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
-from flywheel.dynamics.plant.throughput import Throughput, plant_throughput
 
 __all__ = [
     "MeasurementModel",
@@ -15,8 +14,6 @@ __all__ = [
     "PlantParameters",
     "RestartedPlant",
     "Shot",
-    "Throughput",
-    "plant_throughput",
     "render_episode",
     "render_frames",
 ]
