@@ -149,6 +149,9 @@ class FeatureBuilder:
             name: eye[relation.senders] - eye[relation.receivers]
             for name, relation in graph.relations.items()
         }
+        if "contact" in graph.relations:
+            relation = graph.relations["contact"]
+            self._contact = relation.origin % self._count, relation.constants
 
     def heading(self, state: MechanicalState) -> Tensor | None:
         """(2, K) cos and sin of the robot's heading; None if features are in world axes."""
@@ -254,9 +257,7 @@ class FeatureBuilder:
 
     def _contact_features(self, view: _View) -> Tensor:
         """Of both directions, ordered as the relation's edges are; vectors point to the receiver."""
-        relation = self._graph.relations["contact"]
-        body = relation.origin % self._count
-        sign = relation.constants
+        body, sign = self._contact
         speed = (view.velocities * view.normal).sum(0, keepdim=True)
         slide = view.velocities - speed * view.normal
         normal = view.normal.expand_as(slide)

@@ -37,6 +37,13 @@ class _Gather(torch.autograd.Function):
         return summed.view(-1, *gradient.shape[1:]), None, None
 
 
+def _gather(rows: Tensor, index: Tensor, incidence: Tensor) -> Tensor:
+    if torch.is_grad_enabled():
+        taken: Tensor = _Gather.apply(rows, index, incidence)
+        return taken
+    return rows.index_select(0, index)
+
+
 class _Senders:
     """Takes the senders' rows for the edges of one group: (M, K, C) -> (R, d, K, C).
 
@@ -62,7 +69,7 @@ class _Senders:
         rows = torch.cat(families) if self._family is None else families[self._family]
         if self._broadcast:
             return rows.unsqueeze(1)
-        taken = rows if self._all else _Gather.apply(rows, self._index, self._incidence)
+        taken = rows if self._all else _gather(rows, self._index, self._incidence)
         return taken.unflatten(0, self._shape)
 
 
@@ -93,7 +100,7 @@ class _Route:
         """(R, 1, K, C) the receivers' rows."""
         rows = families[self.family]
         if not self.whole:
-            rows = _Gather.apply(rows, self.within_family, self._incidence)
+            rows = _gather(rows, self.within_family, self._incidence)
         return rows.unsqueeze(1)
 
 
@@ -219,8 +226,8 @@ class FusedForward:
         passive = encoder.first.bias.expand(1, samples, -1)
         rows = torch.cat([driven, passive])
         graph = self._graph
-        taken = _Gather.apply(rows, graph.cable_winch, graph.cached("winch_rows", _winch_rows))
-        return taken.flatten(0, 1)
+        incidence = graph.cached("winch_rows", _winch_rows)
+        return _gather(rows, graph.cable_winch, incidence).flatten(0, 1)
 
     # --- processor ------------------------------------------------------------------------------
 

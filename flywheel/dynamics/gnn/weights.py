@@ -83,7 +83,7 @@ def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") ->
     }
     temporary = path.with_name(path.name + ".part")
     with temporary.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, **arrays)  # type: ignore[arg-type]
     temporary.replace(path)
     temporary.write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
     temporary.replace(path.with_suffix(".json"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 
 import numpy as np
 import pytest
@@ -39,7 +38,7 @@ def test_weights_come_back_to_the_bit(robots, saved):
 
 
 def test_the_digest_tells_content_and_not_time(saved, tmp_path):
-    network, path, digest = saved
+    network, _, digest = saved
     assert save_weights(network, tmp_path / "later.npz") == digest
     with torch.no_grad():
         bias = network.node_decoder.linears[0].bias
@@ -65,7 +64,7 @@ def test_weights_of_another_robot_are_refused(robots, saved):
 def test_missing_weights_are_refused(robots, saved, tmp_path):
     with pytest.raises(ModelError, match="no weights"):
         load_weights(tmp_path / "nowhere.npz", robots["prism3"])
-    os.remove(saved[1])
+    saved[1].unlink()
     with pytest.raises(ModelError, match="no weights"):
         load_weights(saved[1], robots["prism3"])
 
