@@ -1,7 +1,7 @@
 """How every figure looks: one style, and colours that people with colour blindness can tell apart.
 
 The colours are those of Okabe and Ito (2008, jfly.uni-koeln.de/color); what they mean is the same
-in every figure, and nothing is told by colour alone.
+in every figure and on MLflow's charts, and nothing is told by colour alone.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
+from flywheel.runtime.charts import COLOURS
+
 INK = "#1f2933"
 FAINT = "#9aa5b1"
-MPPI = "#0072B2"
-CONTROL = "#E69F00"
-ORACLE = "#009E73"
-FLOOR = "#4a4a4a"
+MPPI = COLOURS["mppi"]
+CONTROL = COLOURS["control arm"]
+ORACLE = COLOURS["oracle"]
+FLOOR = COLOURS["floor"]
 MISSED = "#D55E00"
 ARM_COLOURS = {"mppi": MPPI, "control": CONTROL}
 ARM_NAMES = {"mppi": "MPPI arm", "control": "control arm (random controls)"}

@@ -21,6 +21,12 @@ from flywheel.runtime.results import (
 )
 
 Values = dict[str, float]
+COLOURS = {  # of Okabe and Ito (2008, jfly.uni-koeln.de/color); the figures have the same
+    "mppi": "#0072B2",
+    "control arm": "#E69F00",
+    "floor": "#4a4a4a",
+    "oracle": "#009E73",
+}
 
 
 def iteration_values(result: IterationResult) -> Values:

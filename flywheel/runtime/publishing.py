@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from flywheel.runtime.charts import (
+    COLOURS,
     curve_values,
     error_values,
     flattened,
@@ -37,7 +38,8 @@ def publish_start(
       name: for people; the run's key by default.
     """
     prefixed = {f"flywheel.{key}": value for key, value in tags.items()}
-    tracker.open(tracker.key, name or tracker.key, {"flywheel.kind": "run", **prefixed})
+    look = {"flywheel.kind": "run", "mlflow.runColor": COLOURS["mppi"]}
+    tracker.open(tracker.key, name or tracker.key, look | prefixed)
     tracker.describe(tracker.key, params=flattened(config))
 
 
@@ -145,7 +147,7 @@ def _arm(tracker: Tracker, arm: Arm) -> str:
 def _line(tracker: Tracker, name: str) -> str:
     run = f"{tracker.key}/{name.replace(' ', '-')}"
     tags = {"flywheel.kind": "line", "flywheel.beside": tracker.key}
-    tracker.open(run, f"{name}, {tracker.key}", tags)
+    tracker.open(run, f"{name}, {tracker.key}", tags | {"mlflow.runColor": COLOURS[name]})
     return run
 
 

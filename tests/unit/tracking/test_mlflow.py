@@ -140,7 +140,7 @@ def wait_for(url, server, log, seconds=90):
     raise AssertionError(log.read_text()[-2000:])
 
 
-def first_problem(tracker, seconds=30):
+def first_problem(tracker, seconds=90):
     """Why delivery fails, once it does."""
     deadline = time.monotonic() + seconds
     while not tracker.problem:
@@ -169,14 +169,14 @@ def test_a_run_lands_in_its_own_sqlite_file_once_however_often_it_is_delivered(t
     receiver = Twice(tmp_path, TrackingConfig(), "prism3")
     tracker = Tracker(tmp_path, run.key, receiver, retry_seconds=(0.001, 0.001))
     publish(tracker, run, tmp_path)
-    assert tracker.close(60), tracker.problem
+    assert tracker.close(120), tracker.problem
     assert not (tmp_path / "outbox.rejected.jsonl").exists()
     held = contents(f"sqlite:///{tmp_path / 'mlflow.db'}")
     check(held, run)
 
     again = open_tracker(tmp_path, run.key, "prism3", retry_seconds=FAST)  # a resume logs all again
     publish(again, run, tmp_path)
-    assert again.close(60), again.problem
+    assert again.close(120), again.problem
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}") == held
 
 
@@ -187,7 +187,7 @@ def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path, run):
         tracker = open_tracker(tmp_path, run.key, "prism3", retry_seconds=FAST)
         publish_start(tracker, run.config, {})
         tracker.end(run.key, status)
-        assert tracker.close(60), tracker.problem
+        assert tracker.close(120), tracker.problem
         states.append(
             {key: held["status"] for key, held in contents(uri).items() if key == run.key}
         )
@@ -201,7 +201,7 @@ def test_a_dead_server_delays_no_call_and_gets_everything_once_when_it_comes_up(
     tracker = open_tracker(folder, run.key, "prism3", config, FAST)
     start = time.monotonic()
     publish(tracker, run, folder)
-    assert time.monotonic() - start < 2
+    assert time.monotonic() - start < 5
     assert "refused" in first_problem(tracker)
     waiting = tracker.pending()
     assert waiting > 20
@@ -225,7 +225,7 @@ def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
         tracker = open_tracker(tmp_path, run.key, "prism3", config, FAST)
         start = time.monotonic()
         publish(tracker, run, tmp_path)
-        assert time.monotonic() - start < 2
+        assert time.monotonic() - start < 5
         assert "timed out" in first_problem(tracker)
         start = time.monotonic()
         assert not tracker.close(0.5)
@@ -245,7 +245,7 @@ def test_the_database_is_complete_or_absent_even_if_two_processes_make_it(tmp_pa
     assert [process.wait(90) for process in both] == [0, 0]
     tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
     tracker.open("key", "name", {})
-    assert tracker.close(60), tracker.problem
+    assert tracker.close(120), tracker.problem
     assert sorted(path.name for path in tmp_path.glob("*mlflow*")) == ["mlflow.db"]
 
 
@@ -253,7 +253,7 @@ def test_the_ui_command_serves_the_run_with_the_champion_and_its_charts(tmp_path
     tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
     tracker.open("key", "name", {})
     tracker.log("key", {"closed_loop/success_rate": 0.5})
-    assert tracker.close(60)
+    assert tracker.close(120)
     command, environment, url = ui_command(tmp_path, port=free_port())
     assert url.endswith("compareRunsMode=CHART&workflowType=machine_learning")
     base = url.split("/#")[0]
@@ -264,7 +264,7 @@ def test_the_ui_command_serves_the_run_with_the_champion_and_its_charts(tmp_path
     try:
         wait_for(f"{base}/health", server, tmp_path / "log")
         ask = f"{base}/api/2.0/mlflow/experiments/get?experiment_id=1"
-        with urllib.request.urlopen(ask, timeout=10) as answer:
+        with urllib.request.urlopen(ask, timeout=60) as answer:
             assert b'"name": "flywheel"' in answer.read().replace(b'":"', b'": "')
     finally:
         os.killpg(server.pid, 15)

@@ -59,7 +59,7 @@ def test_the_champion_loaded_from_mlflow_predicts_what_the_network_predicts(
     tracker.model("key", "mppi-0000", digest, tmp_path / "model", shape, {})
     decision = GateDecision(promoted=True, measure="validation e_rot [deg]", number=3.25)
     tracker.promote(digest, decision)
-    assert tracker.close(60), tracker.problem
+    assert tracker.close(120), tracker.problem
 
     import mlflow
 
