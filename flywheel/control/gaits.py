@@ -93,16 +93,23 @@ class Gait:
         self._reach: Reach | None = None
 
     @property
+    def cycling(self) -> bool:
+        """The first rest is over."""
+        return self._index > 1
+
+    @property
     def finished(self) -> bool:
         """All cycles are done, and the robot is back at rest."""
         return self._last < self._index and (self._reach is None or self._reach.finished)
 
     def act(self, past: Past) -> Command:
-        """The command for one control step."""
+        """The command for one control step; it holds still until every cap was seen once."""
         seen = past.observations.points[0, -1]
         self._points = np.where(np.isfinite(seen), seen, self._points)
         rest = past.winch[0, -1]
-        if self._reach is None or (self._reach.finished and not self.finished):
+        if self.finished or not np.isfinite(self._points).all():
+            return Command(self.robot.holding(rest)[None])
+        if self._reach is None or self._reach.finished:
             self._reach = self._next()
         first, second = np.transpose(PAIRS)
         lengths = np.linalg.norm(self._points[first] - self._points[second], axis=1)
