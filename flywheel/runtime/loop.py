@@ -23,7 +23,7 @@ from flywheel.runtime.progress import Progress, Quiet
 from flywheel.runtime.publishing import publish_end, publish_start
 from flywheel.runtime.results import RESULT_FILE, RunResult
 from flywheel.runtime.run_folder import Identity, RunFolder
-from flywheel.runtime.run_state import Run
+from flywheel.runtime.run_state import HELPERS, Run
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.workers import SimWorker, TrainerWorker
@@ -107,7 +107,7 @@ def _pool(
 ) -> Iterator[WorkerPool]:
     workers, arguments = config.workers, (config, files.store_url(config))
     trainers = workers.trainers or (2 if config.control_arm and config.iterations else 1)
-    groups = (
+    groups = [
         Group("sim", SimWorker, arguments, workers.sim, threads=config.sim_threads),
         Group(
             "trainer",
@@ -118,7 +118,10 @@ def _pool(
             workers.trainer_gpus,
             config.training.threads,
         ),
-    )
+    ]
+    if workers.remote_rollouts:
+        helpers = workers.remote_rollouts
+        groups.append(Group(HELPERS, SimWorker, arguments, helpers, threads=config.sim_threads))
     ray.check_fits(groups)
     patience = Patience(workers.start_seconds, workers.stall_seconds, workers.drain_seconds)
     pool = WorkerPool(RayBackend(), groups, cores, patience, stop)

@@ -88,6 +88,30 @@ class WorkerPool:
         """Put a large argument where every worker can read it."""
         return self._backend.share(value)
 
+    def colleagues(self, name: str) -> Any:
+        """Workers of a group for others to ask directly; they get no jobs. Dead ones are replaced."""
+        group = self._groups[name]
+        own = [worker for worker in self._workers if worker.group is group]
+        for worker in own:
+            worker.ticket = self._backend.ready(worker.handle)
+        finished = self._backend.wait([worker.ticket for worker in own], 1.0)
+        for worker in own:
+            if worker.ticket in finished and not self._answers(worker):
+                self._workers.remove(worker)
+                self.restarts += 1
+        there = [worker for worker in self._workers if worker.group is group]
+        there += [self._started(group) for _ in range(group.count - len(there))]
+        self._workers = [w for w in self._workers if w.group is not group] + there
+        return self._backend.colleagues([worker.handle for worker in there])
+
+    def _answers(self, worker: _Worker) -> bool:
+        try:
+            self._backend.result(worker.ticket)
+        except WorkerDied:
+            return False
+        worker.ready = True
+        return True
+
     def run(
         self,
         jobs: Sequence[Job],
@@ -112,7 +136,7 @@ class WorkerPool:
             raise RunError(f"No workers are called {strangers}; there are {sorted(self._groups)}.")
         self._staff(jobs)
         before = self.restarts
-        turn = _Turn(deque(jobs), PoolReport(), on_result)
+        turn = _Turn(deque(jobs), PoolReport(), on_result, frozenset(job.group for job in jobs))
         total = sum(job.size for job in jobs)
         try:
             with (progress or Quiet()).stage(title, total) as shown:
@@ -154,7 +178,9 @@ class WorkerPool:
         turn.queue.extendleft(reversed(waiting))
 
     def _collect(self, turn: _Turn, seconds: float) -> None:
-        pending = [w for w in self._workers if w.job or not w.ready]
+        pending = [
+            w for w in self._workers if w.job or (not w.ready and w.group.name in turn.groups)
+        ]
         finished = set(self._backend.wait([w.ticket for w in pending], seconds))
         for worker in pending:
             if worker.ticket in finished:
@@ -255,6 +281,7 @@ class _Turn:
     queue: deque[Job]
     report: PoolReport
     on_result: Callable[[Job, Any], None]
+    groups: frozenset[str]
     deaths: dict[str, list[str]] = field(default_factory=dict)
     done: float = 0.0
 

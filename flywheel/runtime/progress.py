@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 from rich.console import Console
@@ -36,15 +36,9 @@ class Progress(Protocol):
         """One line about what has happened."""
         ...
 
-    def stage(self, title: str, total: float) -> _Block:
+    def stage(self, title: str, total: float) -> AbstractContextManager[Stage]:
         """`with progress.stage("collect", 12) as stage: stage.update(3)`."""
         ...
-
-
-class _Block(Protocol):
-    def __enter__(self) -> Stage: ...
-
-    def __exit__(self, *error: object) -> bool | None: ...
 
 
 class Quiet:

@@ -19,11 +19,13 @@ from flywheel.runtime.pool import WorkerPool
 from flywheel.runtime.progress import Progress
 from flywheel.runtime.results import Arm, IterationResult
 from flywheel.runtime.run_folder import RunFolder, name_of
+from flywheel.runtime.sharded import Helpers
 from flywheel.runtime.tracker import Tracker
 from flywheel.runtime.weights import Weights
 from flywheel.runtime.workers import EpisodeNote
 
 PLANNING = 20.0  # an episode with a planner takes about so many times longer to record
+HELPERS = "rollout"
 NO_SPACE = "Errno 28"
 
 
@@ -65,6 +67,7 @@ class Run:
     tracker: Tracker | None
     progress: Progress
     _shared: dict[str, Any] = field(default_factory=dict)
+    _helpers: Any = None
 
     def arms(self, iteration: int) -> list[Arm]:
         """Arms that have an iteration of their own; iteration 0 is common to both."""
@@ -126,6 +129,7 @@ class Run:
           RunError: the disk is full.
           JobFailed: a job raised an error.
         """
+        self._helpers = None  # whoever asks next finds out who is still there
         if not jobs:
             return PoolReport()
         try:
@@ -145,11 +149,22 @@ class Run:
                 plan.id,
                 "sim",
                 "record",
-                (plan, self.weights(model)) if model and plan.controller == "mppi" else (plan,),
+                (plan, *(self._planning(model) if plan.controller == "mppi" else ())),
                 size=plan.seconds * (1.0 if plan.task_seed is None else PLANNING),
             )
             for plan in plans
         ]
+
+    def _planning(self, model: Model | None) -> tuple[Any, ...]:
+        """Weights to plan with, and those who roll them out if that is not the planner itself."""
+        if model is None:
+            raise RunError("MPPI wants to collect, but there is no model yet.")
+        weights = self.weights(model)
+        if not self.config.workers.remote_rollouts:
+            return (weights,)
+        if self._helpers is None:
+            self._helpers = self.pool.colleagues(HELPERS)
+        return (weights, Helpers(self._helpers, weights))
 
 
 def usable(errors: Errors | None) -> bool:

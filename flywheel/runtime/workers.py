@@ -18,7 +18,7 @@ from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ErrorTable, score, score_full
-from flywheel.records import Episode, Split
+from flywheel.records import Episode, Floats, Past, Split
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
 from flywheel.runtime.lock import hold
@@ -26,6 +26,7 @@ from flywheel.runtime.measures import Overlay, TrainingPoint, Walk
 from flywheel.runtime.overlays import overlay
 from flywheel.runtime.plan import EpisodePlan
 from flywheel.runtime.recording import Recorder
+from flywheel.runtime.sharded import Helpers, ShardedDynamics
 from flywheel.runtime.watch import Watch
 from flywheel.runtime.weights import Weights
 from flywheel.training import Trainer, TrainingProgress
@@ -125,15 +126,24 @@ class SimWorker:
         """Latest sign of progress."""
         return self._watch.beat
 
-    def record(self, plan: EpisodePlan, weights: Weights | None = None) -> EpisodeNote:
+    def record(
+        self, plan: EpisodePlan, weights: Weights | None = None, helpers: Helpers | None = None
+    ) -> EpisodeNote:
         """Record and commit an episode, unless the store has it already.
 
         An episode in which the plant or the model diverges is not stored; its note says why.
+
+        Args:
+          plan: what to record.
+          weights: of the model that MPPI plans with.
+          helpers: that roll it out, instead of this process.
         """
         self._watch.start(plan.id)
         if (there := self._committed(plan.id)) is not None:
             return self._note(plan, there)
-        dynamics = None if weights is None else self._model(weights)
+        dynamics: Dynamics | None = None if weights is None else self._model(weights)
+        if weights is not None and helpers is not None:
+            dynamics = ShardedDynamics(self._model(weights), helpers.ask)
         digest = "" if weights is None else weights.digest
         try:
             episode = self._recorder.record(plan, dynamics, digest, self._watch)
@@ -164,6 +174,11 @@ class SimWorker:
             scores = part if scores is None else added(scores, part)
             self._watch.progress(0.5)
         return scores or Scores(problem="no episode")
+
+    def rollout(self, weights: Weights, past: Past, controls: Floats) -> tuple[Floats, Floats]:
+        """Points and winch positions that a model predicts, for another worker's planner."""
+        rollout = self._model(weights).rollout(past, controls)
+        return rollout.points, rollout.winch
 
     def overlay(self, weights: Weights, episode: str) -> Overlay | None:
         """A window of an episode, measured and predicted; None if the model cannot."""
@@ -285,15 +300,16 @@ class TrainerWorker:
         # A trainer whose driver was killed lives on for some seconds.
         with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
             snapshot = self._store.snapshot(order.snapshot)
-            caches = [
+            train, validation = (
                 WindowCache.build(self._store, snapshot, split, order.cache, self._robot)
                 for split in SPLITS
-            ]
+            )
             trainer = Trainer(
                 self._config.training.model_copy(update={"seed": order.seed}),
                 self._config.network,
                 self._robot,
-                *caches,
+                train,
+                validation,
                 order.folder,
                 order.initial,
             )

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import cloudpickle
 import numpy as np
 import psutil
 
-from flywheel.runtime.jobs import Beat
+from flywheel.runtime.jobs import Beat, Colleagues
 
 
 def by_value() -> None:
@@ -51,6 +53,7 @@ class Stunt:
         attempt = self._attempt(name)
         if attempt == 0:
             os.kill(os.getpid(), signal.SIGSTOP)
+            time.sleep(1000)  # this thread may run on for a moment
         return attempt
 
     def sleep(self, name: str) -> int:
@@ -63,6 +66,10 @@ class Stunt:
     def fail(self) -> None:
         """Raise."""
         raise ValueError("a mistake in the job")
+
+    def ask(self, colleagues: Colleagues, calls: list[tuple[Any, ...]]) -> list[Any]:
+        """Let colleagues draw."""
+        return colleagues.ask("draw", calls)
 
     def threads(self) -> tuple[str, int]:
         """What this process believes about threads."""
@@ -80,11 +87,11 @@ class Stunt:
         return attempts
 
 
-def processes_at(job: str) -> list[psutil.Process]:
-    """Worker processes below this one with a thread that works on a job so named."""
+def at_work(on: str) -> list[tuple[psutil.Process, str]]:
+    """Worker processes below this one with a thread that works on a job so named, and which."""
     found = []
     for process in psutil.Process(os.getpid()).children(recursive=True):
-        names = [p.read_text() for p in Path(f"/proc/{process.pid}/task").glob("*/comm")]
-        if any(name.startswith(job) for name in names):
-            found.append(process)
+        with contextlib.suppress(OSError):
+            names = [p.read_text() for p in Path(f"/proc/{process.pid}/task").glob("*/comm")]
+            found += [(process, name.strip()) for name in names if name.startswith(on)]
     return found

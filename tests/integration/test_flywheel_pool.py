@@ -6,6 +6,7 @@ import threading
 import time
 
 import numpy as np
+import psutil
 import pytest
 
 from flywheel.errors import ConfigError, RunError
@@ -13,19 +14,22 @@ from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend, check_f
 from flywheel.runtime.interrupts import Interrupted, StopRequest
 from flywheel.runtime.jobs import Group, Job, JobFailed
 from flywheel.runtime.pool import Patience, WorkerPool
-from tests.integration.stunt_workers import Stunt, processes_at
+from tests.integration.stunt_workers import Stunt, at_work
 
 pytestmark = pytest.mark.ray
-PATIENCE = Patience(start=60, stall=4, drain=3, tick=0.2)
+PATIENCE = Patience(start=120, stall=60, drain=3, tick=0.2)
+IMPATIENCE = Patience(start=120, stall=4, drain=3, tick=0.2)
 
 
 @pytest.fixture
 def pool_of(local_ray, tmp_path):
     pools = []
 
-    def made(count: int = 2, threads: int = 1, stop=lambda: False) -> WorkerPool:
+    def made(
+        count: int = 2, threads: int = 1, stop=lambda: False, patience: Patience = PATIENCE
+    ) -> WorkerPool:
         group = Group("stunt", Stunt, (str(tmp_path),), count, threads=threads)
-        pools.append(WorkerPool(RayBackend(), [group], 2, PATIENCE, stop))
+        pools.append(WorkerPool(RayBackend(), [group], 2, patience, stop))
         return pools[-1]
 
     yield made
@@ -42,15 +46,16 @@ def expected(count: int) -> list[float]:
 
 
 def test_killed_workers_are_replaced_and_their_jobs_give_the_same_numbers(pool_of):
-    killed = []
+    killed: set[str] = set()  # jobs whose worker was killed; none twice, or it would be set aside
 
     def kill_now_and_then():
         deadline = time.monotonic() + 60
         while len(killed) < 3 and time.monotonic() < deadline:
             time.sleep(0.7)
-            for victim in processes_at("draw-")[:1]:
+            busy = {job: victim for victim, job in at_work("draw-") if job not in killed}
+            for job, victim in list(busy.items())[:1]:
                 victim.kill()
-                killed.append(victim.pid)
+                killed.add(job)
 
     killer = threading.Thread(target=kill_now_and_then)
     pool = pool_of()
@@ -74,7 +79,7 @@ def test_a_job_that_kills_three_workers_is_set_aside_while_the_rest_goes_on(pool
 
 @pytest.mark.parametrize("how", ["stop", "sleep"])
 def test_a_hung_worker_is_replaced_and_its_job_done_again(pool_of, how):
-    report = pool_of().run([Job("hung", "stunt", how, ("hung",)), *drawing(2)])
+    report = pool_of(patience=IMPATIENCE).run([Job("hung", "stunt", how, ("hung",)), *drawing(2)])
     assert report.results["hung"] == 1
     assert report.restarts == 1
 
@@ -141,3 +146,25 @@ def test_a_cluster_that_is_not_there_is_told_at_once(monkeypatch):
         Cluster(ClusterConfig(address="127.0.0.1:1")),
     ):
         pass
+
+
+def test_workers_ask_colleagues_and_hear_which_are_gone(local_ray, tmp_path):
+    groups = [Group(name, Stunt, (str(tmp_path),), count=1) for name in ("stunt", "helper")]
+    pool = WorkerPool(RayBackend(), groups, 2, PATIENCE)
+    try:
+        helpers = pool.colleagues("helper")
+        asking = Job("ask", "stunt", "ask", (helpers, [(5,), (6,)]))
+        answers = pool.run([asking]).results["ask"]
+        assert [number for number, _ in answers] == [
+            float(np.random.default_rng(seed).normal()) for seed in (5, 6)
+        ]
+        psutil.Process(answers[0][1]).kill()
+        assert pool.run([asking]).results["ask"] == [None, None]
+        assert (
+            pool.run([Job("ask", "stunt", "ask", (pool.colleagues("helper"), [(5,)]))]).results[
+                "ask"
+            ][0][0]
+            == answers[0][0]
+        ), "a dead colleague is replaced"
+    finally:
+        pool.close()
