@@ -151,6 +151,7 @@ class Plant:
         for start in range(0, steps, stride):
             stop = min(start + stride, steps)
             substeps = np.repeat(commands[:, start:stop], self.substeps, axis=1)
+            states[:, start, 0] = 0.0  # each piece has its own clock
             after, before = self._run(states[:, start], substeps)
             self._refuse_divergence(after, start)
             states[:, start + 1 : stop + 1] = after[:, self.substeps - 1 :: self.substeps]

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from flywheel.dynamics.plant import Plant, Shot, render_episode, render_frames
+from flywheel.errors import DataError
+from flywheel.records import State
+from flywheel.robots import Box, Robot, load_robot
+
+SMALL = Shot(size=(160, 96))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("prism3")
+
+
+@pytest.fixture(scope="module")
+def states(robot: Robot) -> State:
+    plant = Plant(robot)
+    return plant.simulate(plant.rest(), np.full((1, 40, 6), -0.3)).states[0]
+
+
+@pytest.mark.renders
+def test_a_video_has_a_frame_for_each_moment(robot: Robot, states: State, tmp_path: Path) -> None:
+    path = render_episode(robot, states, tmp_path / "new" / "a.mp4", fps=25, shot=SMALL)
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    assert frames == 11  # 0.4 s and the first
+    assert seconds == pytest.approx(11 / 25, abs=0.05)
+
+
+@pytest.mark.renders
+def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> None:
+    def last(**extra: object) -> np.ndarray:
+        *_, frame = render_frames(robot, states[-2:], fps=10, shot=SMALL, **extra)
+        return frame.astype(int)
+
+    plain = last()
+    assert plain.shape == (96, 160, 3)
+    assert plain.std() > 10
+    ghosts = Plant(robot).observe(states[-2:]).points + [0.0, 0.0, 1.0]
+    for extra in (
+        {"goal": np.array([-1.0, 0.5])},
+        {"obstacles": (Box(center=(-1.5, 0, 0.5), half_size=(0.3, 0.3, 0.5)),)},
+        {"ghosts": ghosts},
+    ):
+        changed = np.abs(last(**extra) - plain).max(axis=-1) > 20
+        assert 0.002 < changed.mean() < 0.5, extra.keys()
+
+
+def test_what_does_not_fit_is_refused(robot: Robot, states: State, tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    with pytest.raises(DataError, match=r"states \(T, 21\)"):
+        render_episode(load_robot("prism3"), states[0], path)
+    with pytest.raises(DataError, match=r"goal is \(x, y\)"):
+        render_episode(robot, states, path, goal=np.zeros(3))
+    with pytest.raises(DataError, match=r"must be \(41, 6, 3\)"):
+        render_episode(robot, states, path, ghosts=np.zeros((40, 6, 3)))

@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, RestartedPlant
+from flywheel.dynamics.plant.restarted import fit_motion
+from flywheel.errors import ModelError
+from flywheel.records import Observation, Past, State, Trajectory
+from flywheel.robots import Robot, load_robot
+from flywheel.rotations import angle_between, rotate
+from tests.physics.small_robots import hanging
+
+H = 20
+
+
+def moving(robot: Robot, seed: int, batch: int = 4) -> tuple[Trajectory, Past]:
+    """Trajectories under random controls, and the past at step 100 of them."""
+    plant = Plant(robot)
+    rng = np.random.default_rng(seed)
+    low, high = robot.control_low, robot.control_high
+    controls = np.repeat(rng.uniform(low, high, (batch, 10, len(low))), 20, axis=1)
+    truth = plant.simulate(plant.rest(batch), controls)
+    seen = truth.observations[:, 100 - H : 101]
+    past = Past(seen, controls[:, 100 - H : 100], seen.winch, state=truth.states[:, 100])
+    return truth, past
+
+
+@pytest.mark.parametrize("name", ["prism3", "icosa6", "platform4"])
+def test_poses_fit_the_points_exactly(name: str) -> None:
+    robot = load_robot(name)
+    truth, past = moving(robot, seed=1)
+    plant = Plant(robot)
+    state = RestartedPlant(plant).estimate(past)
+    points = plant.observe(state).points
+    np.testing.assert_allclose(points, truth.observations.points[:, 100], atol=1e-9)
+    np.testing.assert_allclose(state.act, truth.states.act[:, 100], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["prism3", "platform4"])
+def test_velocities_are_right_to_the_order_of_the_difference(name: str) -> None:
+    """Everything but the spin of rods; half a step of lag with degree 1, none with degree 2."""
+    robot = load_robot(name)
+    truth, past = moving(robot, seed=2)
+    plant = Plant(robot)
+    after = 1e-5  # see where the estimated velocity carries the points
+    points = truth.observations.points[:, 99:102]
+    true_speed = (points[:, 2] - points[:, 0]) / 0.02
+    for degree, allowed in ((1, 0.25), (2, 0.25)):
+        state = RestartedPlant(plant, window=degree, degree=degree).estimate(past)
+        moved = plant.observe(_advanced(state, after)).points - plant.observe(state).points
+        error = np.linalg.norm(moved / after - true_speed, axis=-1)
+        assert np.median(error) < allowed * np.median(np.linalg.norm(true_speed, axis=-1))
+
+
+def _advanced(state: State, dt: float) -> State:
+    """Moved by its velocity for a moment."""
+    poses = state.qpos.reshape(len(state.qpos), -1, 7).copy()
+    speeds = state.qvel.reshape(len(state.qvel), -1, 6)
+    turning = rotate(poses[..., 3:], speeds[..., 3:])  # into the world
+    poses[..., :3] += speeds[..., :3] * dt
+    w, v = poses[..., 3:4], poses[..., 4:]
+    change_w = -(turning * v).sum(axis=-1, keepdims=True)
+    change_v = w * turning + np.cross(turning, v)
+    poses[..., 3:] += dt / 2 * np.concatenate([change_w, change_v], axis=-1)
+    return State(poses.reshape(len(poses), -1), state.qvel, state.act)
+
+
+def test_rods_turn_about_themselves_by_chance_but_never_spin() -> None:
+    robot = load_robot("prism3")
+    _, past = moving(robot, seed=3)
+    plant = Plant(robot)
+    axis = np.array([0.0, 0.0, 1.0])
+    states = [RestartedPlant(plant, twist_seed=s).estimate(past) for s in (0, 1, None)]
+    turns = [s.qpos.reshape(-1, 3, 7)[..., 3:] for s in states]
+    axes = [rotate(turn, axis) for turn in turns]
+    np.testing.assert_allclose(axes[0], axes[1], atol=1e-12)
+    across = [rotate(turn, np.array([1.0, 0.0, 0.0])) for turn in turns]
+    assert angle_between(across[0], across[1]).min() > 0.05
+    for state in states:
+        spin = state.qvel.reshape(-1, 3, 6)[..., 5]
+        np.testing.assert_allclose(spin, 0.0, atol=1e-9)
+
+
+def test_a_robot_that_never_moved_is_restarted_as_it_is() -> None:
+    robot = load_robot("prism3")
+    plant = Plant(robot)
+    seen = plant.observe(plant.rest()[:, None])
+    past = Past(seen, np.zeros((1, 0, 6)), seen.winch)
+    state = RestartedPlant(plant, twist_seed=None).estimate(past)
+    np.testing.assert_allclose(state.qpos[0], robot.keyframe.qpos, atol=1e-9)
+    np.testing.assert_allclose(state.qvel, 0.0, atol=1e-12)
+
+
+def test_it_predicts_worse_than_the_oracle_and_better_than_nothing() -> None:
+    robot = load_robot("prism3")
+    truth, past = moving(robot, seed=4)
+    plant = Plant(robot)
+    future = truth.controls[:, 100:200]
+    points = truth.observations.points[:, 100:]
+    blind = np.abs(RestartedPlant(plant, 2, 2).rollout(past, future).points - points).mean()
+    oracle = np.abs(PlantDynamics(plant).rollout(past, future).points - points).mean()
+    still = np.abs(points[:, :1] - points).mean()
+    assert oracle == 0.0
+    assert 0 < blind < 0.5 * still
+
+
+def test_a_past_of_one_starts_all_candidates_and_splits_do_not_matter() -> None:
+    robot = load_robot("prism3")
+    truth, past = moving(robot, seed=5)
+    model = RestartedPlant(Plant(robot))
+    whole = model.rollout(past, truth.controls[:, 100:120]).points
+    first = Past(past.observations[:1], past.controls[:1], past.winch[:1])
+    same = np.repeat(truth.controls[:1, 100:120], 3, axis=0)
+    for candidate in model.rollout(first, same).points:
+        np.testing.assert_array_equal(candidate, whole[0])
+
+
+def test_longer_windows_resist_noise() -> None:
+    robot = load_robot("prism3")
+    truth, past = moving(robot, seed=6)
+    plant = Plant(robot)
+    noisy = MeasurementModel(noise=0.01).apply(past.observations, robot, np.random.default_rng(0))
+    past = dataclasses.replace(past, observations=noisy)
+    speeds = truth.states.qvel[:, 100].reshape(-1, 3, 6)[..., :3]
+    errors = [
+        np.abs(
+            RestartedPlant(plant, w).estimate(past).qvel.reshape(-1, 3, 6)[..., :3] - speeds
+        ).mean()
+        for w in (1, 10)
+    ]
+    assert errors[1] < 0.3 * errors[0]
+
+
+def test_points_that_are_missing_now_are_taken_from_before() -> None:
+    robot = load_robot("prism3")
+    truth, past = moving(robot, seed=7)
+    plant = Plant(robot)
+    points = past.observations.points.copy()
+    points[:, -1, 2] = np.nan
+    gone = dataclasses.replace(past, observations=Observation(points, past.observations.winch))
+    state = RestartedPlant(plant, window=5).estimate(gone)
+    off = plant.observe(state).points - truth.observations.points[:, 100]
+    assert np.abs(off).max() < 0.1
+    points[:, :, 2] = np.nan
+    with pytest.raises(ModelError, match="not seen in the whole past"):
+        RestartedPlant(plant).estimate(gone)
+
+
+def test_motions_are_fitted_exactly_by_their_own_polynomial() -> None:
+    t = np.arange(-4, 1) * 0.01
+    place = 1.0 + 2.0 * t[:, None] - 30.0 * (t**2)[:, None]
+    points = np.stack([place * 1.0, place * 2.0, np.full_like(place, np.nan)], axis=1)[None]
+    points = np.repeat(points, 3, axis=-1)
+    points[0, 1, 0] = np.nan
+    now, speed = fit_motion(points, 0.01, 2)
+    np.testing.assert_allclose(now[0, :2], [[1.0] * 3, [2.0] * 3], atol=1e-9)
+    np.testing.assert_allclose(speed[0, :2], [[2.0] * 3, [4.0] * 3], atol=1e-7)
+    assert np.isnan(now[0, 2]).all()
+    assert (speed[0, 2] == 0).all()
+
+
+def test_what_cannot_be_restarted_is_refused() -> None:
+    plant = Plant(load_robot("prism3"))
+    with pytest.raises(ModelError, match="window must be at least 1"):
+        RestartedPlant(plant, window=0)
+    hinged = hanging().xml.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>')
+    hinged = hinged.replace('qpos="0 0 2.0 1 0 0 0"', 'qpos="0"')
+    with pytest.raises(ModelError, match="must have free joints"):
+        RestartedPlant(Plant(Robot.from_mjcf(hinged)))
+    past = Past(
+        Observation(np.zeros((1, 1, 6, 3)), np.zeros((1, 1, 6))),
+        np.zeros((1, 0, 6)),
+        np.zeros((1, 1, 6)),
+    )
+    with pytest.raises(ModelError, match="oracle needs the plant's full state"):
+        PlantDynamics(plant).rollout(past, np.zeros((1, 5, 6)))
