@@ -7,101 +7,16 @@ one round stay in the processor's cache.
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from flywheel.dynamics.gnn.features import GraphFeatures
-from flywheel.dynamics.gnn.graph import Group, Relation, RobotGraph
+from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.packed import Encoder, Layer, PackedRound, pack
 from flywheel.dynamics.gnn.prediction import Memory, Prediction
-
-
-class _Gather(torch.autograd.Function):
-    """Rows of an array by a fixed index; backward is one product with the incidence matrix."""
-
-    @staticmethod
-    def forward(ctx: Any, rows: Tensor, index: Tensor, incidence: Tensor) -> Tensor:
-        ctx.save_for_backward(incidence)
-        return rows.index_select(0, index)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
-        (incidence,) = ctx.saved_tensors
-        (gradient,) = gradients
-        flat = gradient.reshape(len(gradient), -1)
-        summed = incidence.to(flat.dtype) @ flat
-        return summed.view(-1, *gradient.shape[1:]), None, None
-
-
-def _gather(rows: Tensor, index: Tensor, incidence: Tensor) -> Tensor:
-    if torch.is_grad_enabled():
-        taken: Tensor = _Gather.apply(rows, index, incidence)
-        return taken
-    return rows.index_select(0, index)
-
-
-class _Senders:
-    """Takes the senders' rows for the edges of one group: (M, K, C) -> (R, d, K, C).
-
-    Rows come by family: those of the body nodes, and those of anchors and ground.
-    """
-
-    def __init__(self, relation: Relation, group: Group, graph: RobotGraph) -> None:
-        index = relation.senders[group.edges]
-        listed = index.tolist()
-        self._shape = (len(group.receivers), group.degree)
-        families = {int(i >= graph.body_count) for i in listed}
-        self._family = families.pop() if len(families) == 1 else None
-        start, stop = graph.families[self._family or 0]
-        stop = graph.count if self._family is None else stop
-        listed = [i - start for i in listed]
-        self._index = index - start
-        self._broadcast = stop - start == 1
-        self._all = listed == list(range(stop - start))
-        self._incidence = torch.zeros(stop - start, len(listed), device=graph.device)
-        self._incidence[self._index, torch.arange(len(listed))] = 1.0
-
-    def __call__(self, families: list[Tensor]) -> Tensor:
-        rows = torch.cat(families) if self._family is None else families[self._family]
-        if self._broadcast:
-            return rows.unsqueeze(1)
-        taken = rows if self._all else _gather(rows, self._index, self._incidence)
-        return taken.unflatten(0, self._shape)
-
-
-class _Route:
-    """Where the messages of one group of edges come from and go to.
-
-    Attributes:
-      name: of the relation.
-      place: of the relation among all, in the order of the packed weights.
-      part: which of the relation's groups.
-      family: 0 if the receivers are body nodes, 1 if they are anchors or the ground.
-      whole: the receivers are all nodes of their family, in order.
-      within_family: (R,) the receivers' numbers in their family.
-    """
-
-    def __init__(self, relation: Relation, group: Group, part: int, graph: RobotGraph) -> None:
-        self.name, self.degree, self.part = relation.name, group.degree, part
-        self.place = list(graph.relations).index(relation.name)
-        self.senders = _Senders(relation, group, graph)
-        self.family = int(group.receivers[0] >= graph.body_count)
-        start, stop = graph.families[self.family]
-        self.whole = group.receivers == tuple(range(start, stop))
-        self.within_family = torch.tensor(group.receivers, device=graph.device) - start
-        self._incidence = torch.zeros(stop - start, len(group.receivers), device=graph.device)
-        self._incidence[self.within_family, torch.arange(len(group.receivers))] = 1.0
-
-    def receivers(self, families: list[Tensor]) -> Tensor:
-        """(R, 1, K, C) the receivers' rows."""
-        rows = families[self.family]
-        if not self.whole:
-            rows = _gather(rows, self.within_family, self._incidence)
-        return rows.unsqueeze(1)
+from flywheel.dynamics.gnn.routes import Route, all_routes, gather
 
 
 class FusedForward:
@@ -118,7 +33,7 @@ class FusedForward:
     ) -> None:
         self._graph, self._config, self._dtype = graph, network.config, dtype
         self._packed = pack(network, graph, dtype)
-        self._routes = graph.cached("routes", _routes)
+        self._routes = graph.cached("routes", all_routes)
         self._group_sizes = {
             name: [group.size for group in relation.groups]
             for name, relation in graph.relations.items()
@@ -227,7 +142,7 @@ class FusedForward:
         rows = torch.cat([driven, passive])
         graph = self._graph
         incidence = graph.cached("winch_rows", _winch_rows)
-        return _gather(rows, graph.cable_winch, incidence).flatten(0, 1)
+        return gather(rows, graph.cable_winch, incidence).flatten(0, 1)
 
     # --- processor ------------------------------------------------------------------------------
 
@@ -267,7 +182,7 @@ class FusedForward:
         return nodes, messages if self._config.edge_updates else edges, messages
 
     def _message(
-        self, weights: PackedRound, route: _Route, projected: list[list[Tensor]], edges: Tensor
+        self, weights: PackedRound, route: Route, projected: list[list[Tensor]], edges: Tensor
     ) -> Tensor:
         """(R, d, K, width) the messages of one group of edges."""
         base = route.senders(projected[2 * route.place])
@@ -310,14 +225,6 @@ class FusedForward:
         return decoded.float().view(self._config.chunk, -1, samples)
 
 
-def _routes(graph: RobotGraph) -> tuple[_Route, ...]:
-    return tuple(
-        _Route(relation, group, part, graph)
-        for relation in graph.relations.values()
-        for part, group in enumerate(relation.groups)
-    )
-
-
 def _winch_rows(graph: RobotGraph) -> Tensor:
     """(W + 1, E) incidence of cable edges on winches; the last row is of the passive cables."""
     rows = torch.zeros(len(graph.robot.winches) + 1, len(graph.cable_winch), device=graph.device)
@@ -335,7 +242,7 @@ def _normed(rows: Tensor, norm: nn.LayerNorm | None) -> Tensor:
     return F.layer_norm(rows, norm.normalized_shape, norm.weight, norm.bias, norm.eps)
 
 
-def _add(sums: Tensor, messages: Tensor, weight: Tensor, route: _Route) -> Tensor:
+def _add(sums: Tensor, messages: Tensor, weight: Tensor, route: Route) -> Tensor:
     """Add (R, K, width) summed messages, through their part of the update, to the receivers' rows."""
     flat = messages.flatten(0, 1)
     if route.whole:

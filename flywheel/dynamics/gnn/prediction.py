@@ -1,4 +1,4 @@
-"""What a forward pass takes and gives, whichever way it computes it."""
+"""What passes between the simulator and a network's forward pass, whichever way that is computed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 
 from torch import Tensor
 
-from flywheel.dynamics.gnn.features import GraphFeatures
+from flywheel.dynamics.gnn.features import GraphFeatures, MechanicalState
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.network import ChunkNetwork
 
@@ -44,3 +44,53 @@ class Forward(Protocol):
 
 
 Prepare = Callable[[ChunkNetwork, RobotGraph], Forward]
+
+
+@dataclass(frozen=True)
+class Unrolled:
+    """A prediction of T control steps.
+
+    Attributes:
+      points: (B, T, P, 3) tracked points, each body rigid [m].
+      node_positions: (B, T, N, 3) body nodes, each body rigid [m].
+      velocities: (B, T, N, 3) body nodes' velocities as predicted, before the rigid fit [m/s].
+      winch: (B, T, W) winch positions [m].
+    """
+
+    points: Tensor
+    node_positions: Tensor
+    velocities: Tensor
+    winch: Tensor
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a prediction starts, component-major; K is 1 where all samples start alike.
+
+    Attributes:
+      origin: (2, K) horizontal position of the states' origin in the world [m].
+      states: to warm up on, oldest first, and last the present one.
+      controls: (h, W, K) past commands, within the winches' range.
+    """
+
+    origin: Tensor
+    states: list[MechanicalState]
+    controls: Tensor
+
+
+def expanded(
+    start: Start, memory: Memory | None, samples: int
+) -> tuple[MechanicalState, Memory | None, Tensor]:
+    """Present state, memory and origin for all samples, from one start for all or one for each."""
+    state, have = start.states[-1], start.origin.shape[-1]
+    if have == samples:
+        return state, memory, start.origin
+    state = MechanicalState(
+        state.frames.expand(-1, -1, samples),
+        state.velocities.expand(-1, -1, samples),
+        state.winch.expand(-1, samples),
+    )
+    if memory is not None:
+        hidden, cell = (m[:, None].expand(-1, samples, -1).flatten(0, 1) for m in memory)
+        memory = (hidden, cell)
+    return state, memory, start.origin.expand(-1, samples)

@@ -8,8 +8,6 @@ velocities that the fitted nodes had over that step: the same definition as for 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -27,45 +25,21 @@ from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.past import PastReader
-from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction, Prepare
+from flywheel.dynamics.gnn.prediction import (
+    Forward,
+    Memory,
+    Prediction,
+    Prepare,
+    Start,
+    Unrolled,
+    expanded,
+)
 from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.dynamics.gnn.winches import Winches
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
 Array = Tensor | NDArray[np.floating]
-
-
-@dataclass(frozen=True)
-class Unrolled:
-    """A prediction of T control steps.
-
-    Attributes:
-      points: (B, T, P, 3) tracked points, each body rigid [m].
-      node_positions: (B, T, N, 3) body nodes, each body rigid [m].
-      velocities: (B, T, N, 3) body nodes' velocities as predicted, before the rigid fit [m/s].
-      winch: (B, T, W) winch positions [m].
-    """
-
-    points: Tensor
-    node_positions: Tensor
-    velocities: Tensor
-    winch: Tensor
-
-
-@dataclass(frozen=True)
-class Start:
-    """Where a prediction starts, component-major; K is 1 where all samples start alike.
-
-    Attributes:
-      origin: (2, K) horizontal position of the states' origin in the world [m].
-      states: to warm up on, oldest first, and last the present one.
-      controls: (h, W, K) past commands, within the winches' range.
-    """
-
-    origin: Tensor
-    states: list[MechanicalState]
-    controls: Tensor
 
 
 class _Parts:
@@ -187,7 +161,7 @@ class Simulator:
         parts, config = self.parts(controls.device), self.config
         samples, steps, _ = controls.shape
         memory = self._warm_up(parts, forward, start, dataset)
-        state, memory, origin = _expanded(start, memory, samples)
+        state, memory, origin = expanded(start, memory, samples)
         commands = parts.winches.clipped(controls.float().permute(1, 2, 0))
         missing = -steps % config.chunk
         commands = torch.cat([commands, parts.winches.held(commands[-1], missing)])
@@ -300,21 +274,3 @@ class Simulator:
                 f"The past must have batch size 1 or that of the controls, which must have at least "
                 f"one step; got a past of {batch} and controls {tuple(controls.shape)}."
             )
-
-
-def _expanded(
-    start: Start, memory: Memory | None, samples: int
-) -> tuple[MechanicalState, Memory | None, Tensor]:
-    """Present state, memory and origin for all samples, from one start for all or one for each."""
-    state, have = start.states[-1], start.origin.shape[-1]
-    if have == samples:
-        return state, memory, start.origin
-    state = MechanicalState(
-        state.frames.expand(-1, -1, samples),
-        state.velocities.expand(-1, -1, samples),
-        state.winch.expand(-1, samples),
-    )
-    if memory is not None:
-        hidden, cell = (m[:, None].expand(-1, samples, -1).flatten(0, 1) for m in memory)
-        memory = (hidden, cell)
-    return state, memory, start.origin.expand(-1, samples)
