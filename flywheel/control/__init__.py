@@ -1,0 +1,32 @@
+"""Control: what chooses the commands, and the loop in which it does."""
+
+from flywheel.control.closed_loop import record_batch, record_episode
+from flywheel.control.gaits import Gait
+from flywheel.control.mppi import Mppi
+from flywheel.control.mppi_config import MppiConfig
+from flywheel.control.open_loop import Hold, OpenLoop, RandomConfig, RandomControls
+from flywheel.control.protocol import Command, Controller
+from flywheel.control.starts import random_drop
+
+CONTROLLERS = {
+    "hold": Hold,
+    "random": RandomControls,
+    "gait": Gait,
+    "mppi": Mppi,
+}
+
+__all__ = [
+    "CONTROLLERS",
+    "Command",
+    "Controller",
+    "Gait",
+    "Hold",
+    "Mppi",
+    "MppiConfig",
+    "OpenLoop",
+    "RandomConfig",
+    "RandomControls",
+    "random_drop",
+    "record_batch",
+    "record_episode",
+]

@@ -47,6 +47,29 @@ class Arrival:
 
 
 @dataclass(frozen=True)
+class Broadside:
+    """How much of the robot's spread on the ground lies along the way to the goal: 0 to `weight`.
+
+    An elongated robot rolls across its long side, and has to turn first where the goal lies beyond its
+    end; the distance alone does not tell it to. For a round robot the term is constant. It fades
+    within a robot length of the goal. Taken at the end of the horizon, along the straight way.
+    """
+
+    weight: float
+
+    def __call__(self, points: Floats, task: Task) -> Floats:
+        """Cost (B,) of points (B, H + 1, P, 3)."""
+        last = points[:, -1, :, :2]
+        way = task.goal - task.place(points[:, -1])
+        far = np.linalg.norm(way, axis=-1)
+        ahead = way / np.maximum(far, 1e-9)[:, None]
+        offsets = last - last.mean(axis=1, keepdims=True)
+        along = (np.einsum("bpi,bi->bp", offsets, ahead) ** 2).sum(axis=1)
+        share = along / np.maximum((offsets**2).sum(axis=(1, 2)), 1e-12)
+        return self.weight * share * np.minimum(far / task.robot.length, 1.0)
+
+
+@dataclass(frozen=True)
 class Collision:
     """alpha2 / d of the paper's section 3.3, averaged over the horizon.
 

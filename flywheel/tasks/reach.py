@@ -9,7 +9,7 @@ from flywheel.records import Floats
 from flywheel.robots import Box, Robot
 from flywheel.tasks.center import center_weights
 from flywheel.tasks.config import TaskConfig
-from flywheel.tasks.costs import Arrival, Collision, FinalDistance, MeanDistance
+from flywheel.tasks.costs import Arrival, Broadside, Collision, FinalDistance, MeanDistance
 from flywheel.tasks.distance import Grid, StraightLine, grid_around, near_boxes
 from flywheel.tasks.task import Cost, Task
 
@@ -50,7 +50,12 @@ def reach_among_boxes(
 
 
 def _going(config: TaskConfig) -> tuple[Cost, ...]:
-    return MeanDistance(config.along), FinalDistance(config.final), Arrival(config.arrival)
+    return (
+        MeanDistance(config.along),
+        FinalDistance(config.final),
+        Broadside(config.broadside),
+        Arrival(config.arrival),
+    )
 
 
 def _goal(robot: Robot, here: Floats, rng: np.random.Generator, config: TaskConfig) -> Floats:
@@ -85,7 +90,7 @@ def ways_to(
     """Shortest ways around boxes to a goal (2,), on ground that holds all of them [m].
 
     Raises:
-      ConfigError: the goal lies in a box or too near to one, or no way leads there from `here` (2,).
+      ConfigError: the goal lies in a box or too near to one, or no way leads there from `here`.
     """
     corners = [
         np.array(b.center[:2]) + s * np.array(b.half_size[:2]) for b in boxes for s in (-1, 1)

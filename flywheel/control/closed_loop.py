@@ -1,0 +1,260 @@
+"""Recording episodes: a controller, a plant, and a measurement between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from flywheel.control.open_loop import OpenLoop
+from flywheel.control.protocol import Controller
+from flywheel.dynamics.plant import MeasurementModel, Plant
+from flywheel.errors import ConfigError, ModelError
+from flywheel.records import (
+    Episode,
+    Floats,
+    Observation,
+    Outcome,
+    Past,
+    Provenance,
+    Split,
+    State,
+    Trajectory,
+)
+from flywheel.robots import Robot
+from flywheel.tasks import Task
+
+OnStep = Callable[[int], None]
+
+
+class Log:
+    """One episode so far: what was true, what was measured, what was commanded.
+
+    Args:
+      plant: that is stepped.
+      measurement: between the plant and the controller.
+      start: (1,) state.
+      rng: of the measurement.
+      steps: the most that will be recorded.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        measurement: MeasurementModel,
+        start: State,
+        rng: np.random.Generator,
+        steps: int,
+    ) -> None:
+        robot = plant.robot
+        self._plant, self._measurement, self._rng = plant, measurement, rng
+        self.done = 0
+        self._points = np.empty((1, steps + 1, len(robot.points), 3))
+        self._winch = np.empty((1, steps + 1, len(robot.winches)))
+        self._reckoned = np.empty_like(self._winch)
+        self._controls = np.empty((1, steps, len(robot.winches)))
+        self._states = [start[:, None]]
+        self._measure(plant.observe(start[:, None]), 0)
+        seen = self._winch[:, 0]
+        self._reckoned[:, 0] = np.where(np.isfinite(seen), seen, nominal_winch(robot))
+
+    @property
+    def state(self) -> State:
+        """(1,) the plant's state now."""
+        return self._states[-1][:, -1]
+
+    def append(self, simulated: Trajectory) -> None:
+        """Add what the plant did from the present on."""
+        assert simulated.states is not None
+        now, after = self.done, self.done + simulated.steps
+        self._measure(simulated.observations[:, 1:], now + 1)
+        self._controls[:, now:after] = simulated.controls
+        reckoned = self._plant.robot.dead_reckon(
+            self._reckoned[:, now], simulated.controls, simulated.dt
+        )
+        self._reckoned[:, now + 1 : after + 1] = reckoned[:, 1:]
+        self._states.append(simulated.states[:, 1:])
+        self.done = after
+
+    def past(self) -> Past:
+        """All that is known now. A winch counts as measured if it was at every step so far."""
+        seen = self._winch[:, : self.done + 1]
+        measured = np.isfinite(seen).all(axis=1, keepdims=True)
+        return Past(
+            observations=self._observations(),
+            controls=self._controls[:, : self.done],
+            winch=np.where(measured, seen, self._reckoned[:, : self.done + 1]),
+            state=self.state,
+        )
+
+    def trajectory(self) -> Trajectory:
+        """The whole of it, unbatched."""
+        parts = [(s.qpos, s.qvel, s.act) for s in self._states]
+        states = State(*(np.concatenate(part, axis=1) for part in zip(*parts, strict=True)))
+        controls = self._controls[0, : self.done].copy()
+        return Trajectory(_copied(self._observations()[0]), controls, self._plant.dt, states[0])
+
+    def _observations(self) -> Observation:
+        now = slice(None, self.done + 1)
+        return Observation(self._points[:, now], self._winch[:, now])
+
+    def _measure(self, truth: Observation, first: int) -> None:
+        seen = self._measurement.apply(truth, self._plant.robot, self._rng)
+        place = slice(first, first + truth.points.shape[1])
+        self._points[:, place], self._winch[:, place] = seen.points, seen.winch
+
+
+def record_episode(
+    plant: Plant,
+    measurement: MeasurementModel,
+    controller: Controller,
+    task: Task | None,
+    *,
+    start: State,
+    seconds: float,
+    seed: int,
+    episode_id: str,
+    provenance: Provenance,
+    split: Split,
+    on_step: OnStep | None = None,
+) -> Episode:
+    """Let a controller drive the plant until the goal is reached or the time is over.
+
+    The controller sees measurements only, except for `Past.state`, which is for the oracle. Whether
+    the goal is reached is judged at every step on the true points.
+
+    Args:
+      plant: one simulation is stepped, with the plant's (first) parameters.
+      measurement: between the plant and the controller, and what is recorded.
+      controller: chooses the commands.
+      task: to be done, or None. Its time limit holds beside `seconds`.
+      start: (1,) state.
+      seconds: longest duration [s].
+      seed: of controller and measurement.
+      episode_id, provenance, split: of the episode; provenance as the caller wrote it.
+      on_step: told the steps done after each piece; may raise to end the recording.
+
+    Raises:
+      ConfigError: no time for a single step.
+      ModelError: the controller gave commands that do not fit, or plant or model diverged.
+    """
+    steps = _steps(seconds if task is None else min(seconds, task.seconds), plant.dt)
+    for_controller, for_measurement = np.random.SeedSequence(seed).spawn(2)
+    log = Log(plant, measurement, start, np.random.default_rng(for_measurement), steps)
+    controller.reset(task, int(for_controller.generate_state(1, np.uint64)[0]))
+    plan_seconds: list[float] = []
+    reached = False
+    while log.done < steps and not reached:
+        command = controller.act(log.past())
+        plan_seconds.append(command.plan_seconds)
+        controls = _checked(command.controls, controller.name, plant.robot)
+        simulated = plant.simulate(log.state, controls[None, : steps - log.done])
+        if task is not None:
+            simulated, reached = _until_reached(simulated, task)
+        log.append(simulated)
+        if on_step is not None:
+            on_step(log.done)
+    return Episode(
+        id=episode_id,
+        trajectory=log.trajectory(),
+        provenance=provenance,
+        split=split,
+        outcome=None if task is None else _outcome(plant, log, task, reached),
+        timing={"plan_seconds": np.array(plan_seconds)},
+    )
+
+
+def record_batch(
+    plant: Plant,
+    measurement: MeasurementModel,
+    controllers: Sequence[OpenLoop],
+    *,
+    starts: State,
+    seconds: float,
+    seeds: Sequence[int],
+    episode_ids: Sequence[str],
+    provenances: Sequence[Provenance],
+    splits: Sequence[Split],
+) -> list[Episode]:
+    """Record many episodes of open-loop controllers in one simulation of the batch.
+
+    Args:
+      controllers, seeds, episode_ids, provenances, splits: one per episode.
+      starts: (episodes,) states.
+      seconds: duration of each [s].
+
+    Raises:
+      ConfigError: the numbers of things differ, or there is no time for a single step.
+      ModelError: the plant diverged.
+    """
+    counts = [len(x) for x in (controllers, seeds, episode_ids, provenances, splits, starts.qpos)]
+    if len(set(counts)) > 1:
+        raise ConfigError(
+            "Each episode needs a controller, a seed, an id, a provenance, a split and a start; got "
+            f"{', '.join(map(str, counts))} of them."
+        )
+    steps = _steps(seconds, plant.dt)
+    streams = [np.random.SeedSequence(seed).spawn(2) for seed in seeds]
+    winch = plant.winch(starts)
+    controls = [
+        controller.sequence(winch[i], steps, int(streams[i][0].generate_state(1, np.uint64)[0]))
+        for i, controller in enumerate(controllers)
+    ]
+    simulated = plant.simulate(starts, np.stack(controls))
+    assert simulated.states is not None
+    episodes = []
+    for i, name in enumerate(episode_ids):
+        rng = np.random.default_rng(streams[i][1])
+        seen = measurement.apply(simulated.observations[i], plant.robot, rng)
+        one = Trajectory(seen, simulated.controls[i], plant.dt, simulated.states[i])
+        episodes.append(Episode(name, one, provenances[i], splits[i]))
+    return episodes
+
+
+def nominal_winch(robot: Robot) -> Floats:
+    """(W,) winch positions at the keyframe [m]."""
+    return np.array([robot.cables[winch.cables[0]].rest_length for winch in robot.winches])
+
+
+def _until_reached(simulated: Trajectory, task: Task) -> tuple[Trajectory, bool]:
+    """The piece up to the first step at which the goal is reached."""
+    assert simulated.states is not None
+    there = task.reached(simulated.observations.points[0, 1:])
+    if not there.any():
+        return simulated, False
+    steps = int(there.argmax()) + 1
+    upto = slice(None, steps + 1)
+    return Trajectory(
+        simulated.observations[:, upto],
+        simulated.controls[:, :steps],
+        simulated.dt,
+        simulated.states[:, upto],
+    ), True
+
+
+def _outcome(plant: Plant, log: Log, task: Task, reached: bool) -> Outcome:
+    distance = task.distance(plant.observe(log.state).points[0])
+    return Outcome(reached, log.done * plant.dt, float(distance))
+
+
+def _checked(controls: Floats, name: str, robot: Robot) -> Floats:
+    controls = np.asarray(controls, float)
+    if controls.ndim != 2 or not len(controls) or controls.shape[1] != len(robot.winches):
+        raise ModelError(
+            f"Controller {name} must give commands (S, {len(robot.winches)}) with S >= 1, got "
+            f"{controls.shape}."
+        )
+    if not np.isfinite(controls).all():
+        raise ModelError(f"Controller {name} gave a command that is not finite.")
+    return controls
+
+
+def _steps(seconds: float, dt: float) -> int:
+    steps = round(seconds / dt)
+    if steps < 1:
+        raise ConfigError(f"An episode needs at least one step of {dt:g} s, got {seconds:g} s.")
+    return steps
+
+
+def _copied(observation: Observation) -> Observation:
+    return Observation(observation.points.copy(), observation.winch.copy())

@@ -1,0 +1,118 @@
+"""Controllers that need not look: they hold still, or excite the robot at random."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from flywheel.control.protocol import Command
+from flywheel.records import Floats, Past
+from flywheel.robots import Robot
+from flywheel.tasks import Task
+
+
+class OpenLoop(Protocol):
+    """A controller whose commands depend on the first winch positions only."""
+
+    @property
+    def name(self) -> str: ...
+
+    def sequence(self, winch: Floats, steps: int, seed: int) -> Floats:
+        """Commands (steps, W) for an episode that starts at winch positions (W,) [m]."""
+        ...
+
+
+class Hold:
+    """Keeps the winches where they are: a passive robot."""
+
+    name, model, history = "hold", "", 0
+
+    def __init__(self, robot: Robot, dt: float, seconds: float = 1.0) -> None:
+        self.robot = robot
+        self._steps = max(1, round(seconds / dt))
+
+    def reset(self, task: Task | None, seed: int) -> None:
+        """Nothing to forget."""
+
+    def act(self, past: Past) -> Command:
+        """Hold for another while."""
+        return Command(self.sequence(past.winch[0, -1], self._steps, 0))
+
+    def sequence(self, winch: Floats, steps: int, seed: int) -> Floats:
+        """The holding command (steps, W)."""
+        return np.repeat(self.robot.holding(winch)[None], steps, axis=0)
+
+
+class RandomConfig(BaseModel):
+    """How random controls excite the robot.
+
+    Each winch by itself alternates between moving at a random rate and moving to a random rest
+    length to stay there; it changes its mind after a random while.
+
+    Attributes:
+      seconds: (least, most) time between changes of mind [s].
+      drive: probability that a winch moves at a rate; else it moves to a rest length.
+      slowest: speeds are drawn between this share of the fastest and the fastest.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    seconds: tuple[float, float] = (0.3, 3.0)
+    drive: float = Field(default=0.4, ge=0, le=1)
+    slowest: float = Field(default=0.3, ge=0, le=1)
+
+    @model_validator(mode="after")
+    def _times_rise_from_zero(self) -> RandomConfig:
+        if not 0 < self.seconds[0] <= self.seconds[1]:
+            raise ValueError(f"seconds needs 0 < least <= most, got {self.seconds}")
+        return self
+
+
+class RandomControls:
+    """Random winch commands, to collect data before there is a model to plan with."""
+
+    name, model, history = "random", "", 0
+
+    def __init__(self, robot: Robot, dt: float, config: RandomConfig = RandomConfig()) -> None:
+        self.robot, self.dt, self.config = robot, dt, config
+        self._rng = np.random.default_rng(0)
+
+    def reset(self, task: Task | None, seed: int) -> None:
+        """Begin another random episode."""
+        self._rng = np.random.default_rng(seed)
+
+    def act(self, past: Past) -> Command:
+        """Random commands for as long as the longest time between changes of mind."""
+        steps = max(1, round(self.config.seconds[1] / self.dt))
+        return Command(self.sequence(past.winch[0, -1], steps, int(self._rng.integers(2**63))))
+
+    def sequence(self, winch: Floats, steps: int, seed: int) -> Floats:
+        """Commands (steps, W) that start at winch positions (W,) [m]."""
+        robot, dt = self.robot, self.dt
+        wish, speed = self._whims(steps, np.random.default_rng(seed))
+        positions = [np.asarray(winch, float)]
+        for step in range(steps):  # each position needs the one before
+            change = np.clip(wish[step] - positions[-1], -speed[step] * dt, speed[step] * dt)
+            positions.append(np.clip(positions[-1] + change, robot.rest_low, robot.rest_high))
+        moved = np.stack(positions)
+        commands = np.where(robot.rate_driven, np.diff(moved, axis=0) / dt, moved[1:])
+        return np.clip(commands, robot.control_low, robot.control_high)
+
+    def _whims(self, steps: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+        """Where each winch wants to be, and the most it hurries: (steps, W) [m], [m/s]."""
+        robot, (least, most) = self.robot, self.config.seconds
+        winches, number = len(robot.winches), int(np.ceil(steps * self.dt / least)) + 1
+        shape = (number, winches)
+        ends = np.cumsum(rng.uniform(least, most, shape), axis=0)
+        now = (np.arange(steps) * self.dt)[:, None, None] >= ends  # (steps, number, W)
+        whim = now.sum(axis=1), np.arange(winches)
+
+        rate = np.where(robot.rate_driven, robot.control_high, robot.rest_high - robot.rest_low)
+        speed = rng.uniform(self.config.slowest, 1.0, shape) * rate
+        # Driving at a rate is hurrying towards an end of the range.
+        end = np.where(rng.random(shape) < 0.5, robot.rest_low, robot.rest_high)
+        target = rng.uniform(robot.rest_low, robot.rest_high, shape)
+        wish = np.where(rng.random(shape) < self.config.drive, end, target)
+        return wish[whim], speed[whim]
