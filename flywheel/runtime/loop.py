@@ -28,6 +28,7 @@ from flywheel.runtime.tracker import Tracker, TrackingConfig
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.workers import SimWorker, TrainerWorker
 
+HURRY = 3.0  # seconds for the tracker when a run ends early; the rest is delivered on its resume
 OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
 
 
@@ -141,8 +142,10 @@ def _tracked(
         return
     robot = Path(config.robot).stem
     log = tracker(files.path, identity.key, robot, config.tracking)
+    patience: float | None = HURRY
     try:
         yield log
+        patience = None  # as configured
     except (Interrupted, KeyboardInterrupt):
         log.end(log.key, "KILLED")
         raise
@@ -150,7 +153,7 @@ def _tracked(
         log.end(log.key, "FAILED")
         raise
     finally:
-        log.close()
+        log.close(patience)
 
 
 def cores_of(workers: WorkersConfig) -> int:

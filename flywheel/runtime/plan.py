@@ -77,7 +77,7 @@ def evaluation(config: RunConfig, iteration: int, arm: Arm) -> list[EpisodePlan]
 
 def ceiling(config: RunConfig) -> list[EpisodePlan]:
     """The same tasks for the planner that knows the plant itself."""
-    return _navigation(config, ORACLE, ORACLE, -1)
+    return _navigation(config, ORACLE, ORACLE, -1) if config.evaluate.oracle else []
 
 
 def _navigation(config: RunConfig, name: str, controller: str, iteration: int) -> list[EpisodePlan]:

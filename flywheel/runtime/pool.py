@@ -271,6 +271,8 @@ class WorkerPool:
         return turn.done + sum(w.job.size * w.beat.done for w in self._workers if w.job)
 
     def _note(self) -> str:
+        if not any(worker.ready for worker in self._workers):
+            return "workers are starting"
         return next((w.beat.note for w in self._workers if w.job and w.beat.note), "")
 
 

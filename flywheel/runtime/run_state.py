@@ -24,7 +24,8 @@ from flywheel.runtime.tracker import Tracker
 from flywheel.runtime.weights import Weights
 from flywheel.runtime.workers import EpisodeNote
 
-PLANNING = 20.0  # an episode with a planner takes about so many times longer to record
+# Roughly how long a core is busy with a second of an episode [s]; for the time left that is shown.
+SIMULATING, PLANNING = 0.02, 0.3
 HELPERS = "rollout"
 NO_SPACE = "Errno 28"
 
@@ -150,7 +151,7 @@ class Run:
                 "sim",
                 "record",
                 (plan, *(self._planning(model) if plan.controller == "mppi" else ())),
-                size=plan.seconds * (1.0 if plan.task_seed is None else PLANNING),
+                size=plan.seconds * (SIMULATING if plan.task_seed is None else PLANNING),
             )
             for plan in plans
         ]

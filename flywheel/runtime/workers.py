@@ -330,5 +330,8 @@ class TrainerWorker:
         return TrainingNote(result.weights, result.digest, points)
 
     def _progress(self, now: TrainingProgress) -> None:
-        words = f"step {now.point.step}, loss {now.point.loss:.3g}"
+        words = (
+            f"step {now.point.step} of {now.steps} ({now.steps_per_second:.1f}/s), "
+            f"loss {now.point.loss:.3g}"
+        )
         self._watch.progress(now.point.step / now.steps, words)

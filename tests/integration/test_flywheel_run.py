@@ -22,6 +22,7 @@ from tests.chaos.killing import ROOT, busy_workers, kill, outcome, start_driver,
 pytestmark = [pytest.mark.ray, pytest.mark.slow]
 CONFIG = ROOT / "configs" / "smoke.yaml"
 LONG = 600
+OTHER_WORKERS = ("workers.sim=3", "workers.cores=4", "workers.remote_rollouts=1")
 
 
 def words_of(folder: Path) -> str:
@@ -123,7 +124,7 @@ def test_a_tormented_run_comes_to_the_same_outcome(peaceful, begun):
     seed = random.randrange(2**32)
     rng = random.Random(seed)
     for _ in range(2):
-        driver = start_driver(CONFIG, folder, ["workers.sim=3", "workers.cores=3"])
+        driver = start_driver(CONFIG, folder, OTHER_WORKERS)
         try:
             driver.wait(rng.uniform(8, 30))
             break

@@ -14,7 +14,7 @@ from flywheel.runtime.served import write_served
 from flywheel.runtime.stages.outcomes import Tally, Trained
 from flywheel.runtime.workers import TrainingNote, TrainingOrder
 
-SIZE = 2000.0  # of a training beside an episode's seconds, for the progress that is shown
+SECONDS_PER_STEP = 0.15  # roughly; for the time left that is shown
 
 
 def train(
@@ -60,4 +60,6 @@ def _job(run: Run, iteration: int, arm: Arm, frozen: Snapshot) -> Job:
         initial=None if before is None else before.path,
         seed=derive_seed(run.config.seed, "train", iteration),
     )
-    return Job(f"train-{frozen.name}", "trainer", "train", (order,), size=SIZE)
+    schedule = run.config.training.fine_tuning if before else run.config.training.initial
+    size = SECONDS_PER_STEP * schedule.steps
+    return Job(f"train-{frozen.name}", "trainer", "train", (order,), size)
