@@ -1,6 +1,6 @@
 """Where episodes are kept, and how training reads them."""
 
-from flywheel.data.catalogue import Damage, EpisodeSummary, Receipt, Snapshot
+from flywheel.data.catalogue import Damage, EpisodeSummary, Receipt, Snapshot, SummaryRow
 from flywheel.data.splits import assign_split
 from flywheel.data.store import TrajectoryStore
 from flywheel.data.windows import WindowBatch, WindowCache
@@ -10,6 +10,7 @@ __all__ = [
     "EpisodeSummary",
     "Receipt",
     "Snapshot",
+    "SummaryRow",
     "TrajectoryStore",
     "WindowBatch",
     "WindowCache",

@@ -15,8 +15,6 @@ from typing import Any
 from flywheel.errors import DataError
 from flywheel.records import Episode, Source, Split
 
-RECORDINGS = "recording"
-
 
 @dataclass(frozen=True)
 class EpisodeSummary:
@@ -25,7 +23,7 @@ class EpisodeSummary:
     Attributes:
       id, split: as in the episode.
       segment: that holds it.
-      steps, seconds: its duration in control steps, and in [s].
+      steps, dt, seconds: its control steps, the length of one [s], and of all [s].
       robot, source, dataset, controller, task, iteration, model: of its provenance.
       success: of its task; None without one.
     """
@@ -34,6 +32,7 @@ class EpisodeSummary:
     split: Split
     segment: str
     steps: int
+    dt: float
     seconds: float
     robot: str
     source: Source
@@ -53,6 +52,7 @@ class EpisodeSummary:
             split=episode.split,
             segment=segment,
             steps=track.steps,
+            dt=track.dt,
             seconds=round(track.steps * track.dt, 9),
             robot=origin.robot,
             source=origin.source,
@@ -92,10 +92,34 @@ class Receipt:
 
     @classmethod
     def from_json(cls, text: bytes, name: str) -> Receipt:
-        """Read what `to_json` wrote; DataError if it was altered."""
+        """Read what `to_json` wrote; DataError if it was altered, or is of another segment."""
         content, _ = unseal_text(text, f"The receipt of segment {name}")
-        summaries = tuple(EpisodeSummary(**s) for s in content.pop("summaries"))
-        return cls(summaries=summaries, **content)
+        try:
+            summaries = tuple(EpisodeSummary(**s) for s in content.pop("summaries"))
+            receipt = cls(summaries=summaries, **content)
+        except (KeyError, TypeError) as error:
+            raise DataError(f"Segment {name} was written by another version: {error}.") from error
+        if receipt.segment != name:
+            raise DataError(f"The receipt of segment {name} is that of {receipt.segment}.")
+        return receipt
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """How much of one kind a snapshot holds.
+
+    Attributes:
+      dataset, controller, split, iteration: what kind.
+      episodes, steps, seconds: how much.
+    """
+
+    dataset: str
+    controller: str
+    split: Split
+    iteration: int
+    episodes: int
+    steps: int
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -110,6 +134,7 @@ class Snapshot:
       datasets: names in the order of the network's one-hot.
       segments: names, in order.
       episodes: of all segments.
+      sha256: of each segment, in the same order.
     """
 
     name: str
@@ -119,16 +144,26 @@ class Snapshot:
     datasets: tuple[str, ...]
     segments: tuple[str, ...]
     episodes: tuple[EpisodeSummary, ...]
+    sha256: tuple[str, ...]
 
-    def summary(self) -> list[tuple[str, str, str, int, int, float]]:
-        """Rows (data set, controller, split, iteration, episodes, seconds), sorted."""
-        counts: Counter[tuple[str, str, str, int]] = Counter()
-        seconds: Counter[tuple[str, str, str, int]] = Counter()
+    def summary(self) -> tuple[SummaryRow, ...]:
+        """How much there is by data set, controller, split and iteration, sorted."""
+        kinds: dict[tuple[str, str, Split, int], list[EpisodeSummary]] = {}
         for e in self.episodes:
-            key = (e.dataset, e.controller, e.split, e.iteration)
-            counts[key] += 1
-            seconds[key] += e.seconds  # type: ignore[assignment]
-        return [(*key, counts[key], float(seconds[key])) for key in sorted(counts)]
+            kinds.setdefault((e.dataset, e.controller, e.split, e.iteration), []).append(e)
+        return tuple(
+            SummaryRow(
+                *kind,
+                episodes=len(found),
+                steps=sum(e.steps for e in found),
+                seconds=round(sum(e.seconds for e in found), 9),
+            )
+            for kind, found in sorted(kinds.items())
+        )
+
+    def ids(self, segment: str) -> tuple[str, ...]:
+        """Ids of the episodes of one of its segments."""
+        return tuple(e.id for e in self.episodes if e.segment == segment)
 
 
 @dataclass(frozen=True)
@@ -149,6 +184,12 @@ class Damage:
         return f"{self.segment}: {self.what}. Episodes: {', '.join(self.episodes) or 'unknown'}."
 
 
+def replaced(receipt: Receipt, sha256: str) -> Damage:
+    """A snapshot lists a segment with another digest than it has."""
+    what = f"a snapshot lists it with sha256 {sha256[:12]}, but it now has {receipt.sha256[:12]}"
+    return Damage(receipt.segment, receipt.episodes, what)
+
+
 def manifest(
     receipts: Sequence[Receipt], parent: Snapshot | None, datasets: Sequence[str]
 ) -> dict[str, Any]:
@@ -160,28 +201,18 @@ def manifest(
       datasets: names that come next in the order, whether or not an episode is of them.
 
     Raises:
-      DataError: no episode, one id twice, episodes of several robots, or not the parent's.
+      DataError: the episodes do not belong together, or not under this parent.
     """
     summaries = [s for receipt in receipts for s in receipt.summaries]
     if not summaries:
         raise DataError("A snapshot needs at least one episode, got none.")
-    twice = [name for name, n in Counter(s.id for s in summaries).items() if n > 1]
-    if twice:
-        raise DataError(f"A snapshot holds each episode once; got twice: {', '.join(twice)}.")
-    robots = {s.robot for s in summaries} | ({parent.robot} if parent else set())
-    if len(robots) > 1:
-        strangers = {s.robot[:12]: s.id for s in summaries}
-        raise DataError(
-            "All episodes of a snapshot are of one robot, got "
-            + ", ".join(f"{robot} ({episode})" for robot, episode in sorted(strangers.items()))
-            + (f" under a parent of {parent.robot[:12]}." if parent else ".")
-        )
+    _check_together(summaries, parent)
     order = dict.fromkeys(parent.datasets if parent else ())
     order |= dict.fromkeys(datasets)
     order |= dict.fromkeys(s.dataset for s in summaries)
     return {
         "parent": parent.digest if parent else "",
-        "robot": robots.pop(),
+        "robot": summaries[0].robot,
         "datasets": list(order),
         "segments": [
             {
@@ -194,6 +225,25 @@ def manifest(
     }
 
 
+def _check_together(summaries: Sequence[EpisodeSummary], parent: Snapshot | None) -> None:
+    before = {s.id: s for s in parent.episodes} if parent else {}
+    for new in summaries:
+        old = before.setdefault(new.id, new)
+        if old.split != new.split:
+            raise DataError(
+                f"An episode is in one split for ever; {new.id} is in {old.split} (segment "
+                f"{old.segment}) and in {new.split} (segment {new.segment})."
+            )
+    twice = [name for name, n in Counter(s.id for s in summaries).items() if n > 1]
+    if twice:
+        raise DataError(f"A snapshot holds each episode once; got twice: {', '.join(twice)}.")
+    for what, of in (("one robot", lambda s: s.robot[:12]), ("one dt", lambda s: f"{s.dt} s")):
+        kinds = {of(s): s.id for s in before.values()}
+        if len(kinds) > 1:
+            listed = ", ".join(f"{kind} ({episode})" for kind, episode in sorted(kinds.items()))
+            raise DataError(f"A snapshot and its parent are of {what}; got {listed}.")
+
+
 def snapshot_of(name: str, content: dict[str, Any], digest: str) -> Snapshot:
     """The snapshot that a manifest describes."""
     return Snapshot(
@@ -204,31 +254,32 @@ def snapshot_of(name: str, content: dict[str, Any], digest: str) -> Snapshot:
         datasets=tuple(content["datasets"]),
         segments=tuple(s["segment"] for s in content["segments"]),
         episodes=tuple(EpisodeSummary(**e) for s in content["segments"] for e in s["episodes"]),
+        sha256=tuple(s["sha256"] for s in content["segments"]),
     )
 
 
-def seal_text(content: dict[str, Any]) -> tuple[bytes, str]:
+def seal_text(content: dict[str, Any], allow_nan: bool = False) -> tuple[bytes, str]:
     """JSON text of content with its sha256 beside it, and that digest."""
-    digest = hashlib.sha256(_canonical(content)).hexdigest()
+    canonical = json.dumps(
+        content, sort_keys=True, separators=(",", ":"), allow_nan=allow_nan
+    ).encode()
+    digest = hashlib.sha256(canonical).hexdigest()
     text = json.dumps({"sha256": digest, "content": content}, sort_keys=True, indent=1)
     return text.encode(), digest
 
 
-def unseal_text(text: bytes, what: str) -> tuple[dict[str, Any], str]:
+def unseal_text(text: bytes, what: str, allow_nan: bool = False) -> tuple[dict[str, Any], str]:
     """Content and digest of what `seal_text` wrote.
 
     Raises:
-      DataError: it is not as it was written.
+      DataError: it is not, to the byte, as it was written.
     """
     try:
         outer = json.loads(text)
         content, digest = outer["content"], outer["sha256"]
+        again = seal_text(content, allow_nan)
     except (ValueError, KeyError, TypeError) as error:
-        raise DataError(f"{what} cannot be read: {error}") from error
-    if hashlib.sha256(_canonical(content)).hexdigest() != digest:
-        raise DataError(f"{what} was altered: its sha256 is no longer {digest[:12]}.")
+        raise DataError(f"{what} was altered: it cannot be read ({error}).") from error
+    if again != (text, digest):
+        raise DataError(f"{what} was altered: its sha256 is {again[1][:12]}, not {digest[:12]}.")
     return content, digest
-
-
-def _canonical(content: dict[str, Any]) -> bytes:
-    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()

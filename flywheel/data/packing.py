@@ -1,20 +1,22 @@
 """Episodes as ragged arrays and back, exact to the bit.
 
 The episodes of a segment are laid end to end. Controls have one row per step, the rest one per
-observation; `lengths` tells where an episode ends.
+observation; `lengths` tells where an episode ends. Numbers are float64, missing ones one and the
+same NaN, so that equal episodes give equal bytes.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.errors import DataError
-from flywheel.records import Episode, Observation, Outcome, Provenance, State, Trajectory
+from flywheel.records import Episode, Observation, Outcome, Provenance, Split, State, Trajectory
 
 SCHEMA = 1
 _STATE = ("qpos", "qvel", "act")
@@ -29,23 +31,27 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
     """
     if not episodes:
         raise DataError("A segment needs at least one episode, got none.")
+    for episode in episodes:
+        _check(episode)
     shapes = {_shape(e) for e in episodes}
     if len(shapes) > 1:
         raise DataError(
-            f"Episodes of one segment have the same points, winches and states; got {shapes}."
+            "Episodes of one segment have the same points, winches and states; got "
+            + ", ".join(map(str, sorted(shapes, key=str)))
         )
-    for episode in episodes:
-        _check(episode)
     tracks = [e.trajectory for e in episodes]
-    columns: dict[str, list[NDArray[Any]]] = {
-        "lengths": [np.array([t.steps], np.int64) for t in tracks],
+    columns = {
         "points": [t.observations.points for t in tracks],
         "winch": [t.observations.winch for t in tracks],
         "controls": [t.controls for t in tracks],
     }
     if tracks[0].states is not None:
         columns |= {name: [getattr(t.states, name) for t in tracks] for name in _STATE}
-    arrays = {name: np.concatenate(parts) for name, parts in columns.items()}
+    arrays: Arrays = {"lengths": np.array([t.steps for t in tracks], "<i8")}
+    for name, parts in columns.items():
+        values = np.concatenate(parts).astype("<f8")
+        values[np.isnan(values)] = np.nan  # there are many NaNs
+        arrays[name] = values
     return arrays, {"schema": SCHEMA, "episodes": [_describe(e) for e in episodes]}
 
 
@@ -81,37 +87,60 @@ def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
 
 
 def _describe(episode: Episode) -> dict[str, Any]:
-    return {
+    about = {
         "id": episode.id,
         "split": episode.split,
         "dt": episode.trajectory.dt,
         "provenance": dataclasses.asdict(episode.provenance),
         "outcome": dataclasses.asdict(episode.outcome) if episode.outcome else None,
     }
+    try:
+        back = json.loads(json.dumps(about, allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"Episode {episode.id}: provenance and outcome are text, finite numbers and yes or no: "
+            f"{error}."
+        ) from error
+    if back != about:
+        raise DataError(
+            f"Episode {episode.id}: provenance and outcome must come back from JSON as they were; "
+            f"sent {about}, got {back}."
+        )
+    return about
 
 
 def _shape(episode: Episode) -> tuple[Any, ...]:
+    """Points, winches and sizes of the state."""
     seen, states = episode.trajectory.observations, episode.trajectory.states
     sizes = () if states is None else tuple(getattr(states, n).shape[-1] for n in _STATE)
     return (seen.points.shape[-2], seen.winch.shape[-1], sizes)
 
 
 def _check(episode: Episode) -> None:
-    track = episode.trajectory
+    track, name = episode.trajectory, episode.id
     if track.controls.ndim != 2 or track.steps < 1:
         raise DataError(
-            f"Episode {episode.id}: controls are (T, W) with T >= 1, got {track.controls.shape}."
+            f"Episode {name}: controls are (T, W) with T >= 1, got {track.controls.shape}."
         )
-    if np.isinf(track.observations.points).any() or np.isinf(track.observations.winch).any():
-        raise DataError(f"Episode {episode.id}: a measurement is infinite; missing ones are NaN.")
-    if track.states is not None:
-        for name in _STATE:
-            values = getattr(track.states, name)
-            if len(values) != track.steps + 1 or not np.isfinite(values).all():
-                raise DataError(
-                    f"Episode {episode.id}: {name} must be finite and have {track.steps + 1} rows, "
-                    f"got {values.shape}, {np.count_nonzero(~np.isfinite(values))} not finite."
-                )
-    names = {"train", "validation", "test"}
-    if episode.split not in names:
-        raise DataError(f"Episode {episode.id}: split is one of {names}, got {episode.split!r}.")
+    seen, (steps, winches) = track.observations, track.controls.shape
+    if seen.points.shape[-1:] != (3,) or seen.points.ndim != 3:
+        raise DataError(f"Episode {name}: points are (T + 1, P, 3), got {seen.points.shape}.")
+    if seen.winch.shape != (steps + 1, winches):
+        raise DataError(
+            f"Episode {name}: winch positions are ({steps + 1}, {winches}), all NaN where there is "
+            f"no such channel; got {seen.winch.shape}."
+        )
+    if not np.isfinite(track.controls).all():
+        raise DataError(f"Episode {name}: controls must be finite, got NaN or infinity.")
+    if np.isinf(seen.points).any() or np.isinf(seen.winch).any():
+        raise DataError(f"Episode {name}: a measurement is infinite; missing ones are NaN.")
+    for field in _STATE if track.states is not None else ():
+        values = getattr(track.states, field)
+        if values.ndim != 2 or len(values) != steps + 1 or not np.isfinite(values).all():
+            raise DataError(
+                f"Episode {name}: {field} must be finite and have {steps + 1} rows, got "
+                f"{values.shape}, {np.count_nonzero(~np.isfinite(values))} not finite."
+            )
+    if episode.split not in get_args(Split):
+        allowed = ", ".join(get_args(Split))
+        raise DataError(f"Episode {name}: split is one of {allowed}; got {episode.split!r}.")

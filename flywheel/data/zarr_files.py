@@ -1,64 +1,78 @@
-"""The arrays of a segment as a Zarr v3 group on a local disk; the only file that imports zarr.
+"""Arrays as the files of a Zarr v3 group and back; the only module that imports zarr.
 
-Every array is one shard (one file) of compressed chunks, each with a crc32c of its own, so that a
-flipped bit raises instead of decoding to other numbers.
+Files are bytes by relative path, so that what is hashed is what is decoded, from any place. Every
+array is one shard (one file) of compressed chunks, each with a crc32c of its own, so that a flipped
+bit raises instead of decoding to other numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import zarr
 from numpy.typing import NDArray
+from zarr.abc.store import Store
 from zarr.codecs import BloscCodec, Crc32cCodec
+from zarr.core.buffer import Buffer, default_buffer_prototype
+from zarr.storage import MemoryStore
 
 from flywheel.errors import DataError
 
 CHUNK_ROWS = 512
+Files = dict[str, bytes]
 
 
-def write_group(
-    folder: Path, arrays: Mapping[str, NDArray[Any]], attributes: dict[str, Any]
-) -> None:
-    """Write arrays, each (rows, ...), and JSON attributes as a new group.
+def encode(arrays: Mapping[str, NDArray[Any]], attributes: dict[str, Any]) -> Files:
+    """Files of a group of arrays, each (rows, ...), with JSON attributes.
 
-    Raises:
-      OSError: the disk is full, or the folder exists.
+    The same arrays give the same bytes (one thread compresses each chunk).
     """
-    group = zarr.create_group(folder, attributes=attributes, overwrite=False)
+    written: dict[str, Buffer] = {}
+    group = zarr.create_group(_store(written), attributes=attributes)
     for name, values in sorted(arrays.items()):
-        rows = max(1, -(-len(values) // CHUNK_ROWS)) * CHUNK_ROWS
+        chunk = min(CHUNK_ROWS, max(1, len(values)))
+        rows = -(-max(1, len(values)) // chunk) * chunk
+        rest = tuple(max(1, size) for size in values.shape[1:])
         array = group.create_array(
             name,
             shape=values.shape,
             dtype=values.dtype,
-            chunks=(CHUNK_ROWS, *(max(1, n) for n in values.shape[1:])),
-            shards=(rows, *(max(1, n) for n in values.shape[1:])),
-            compressors=[
-                BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"),
-                Crc32cCodec(),
-            ],
+            chunks=(chunk, *rest),
+            shards=(rows, *rest),
+            compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"), Crc32cCodec()],
+            chunk_key_encoding={"name": "default", "separator": "."},  # no folders to flush
             fill_value=0,
+            # A chunk of zeros is written too: a file that is not there is always damage.
+            config={"write_empty_chunks": True},
         )
         if values.size:
             array[...] = values
+    return {name: buffer.to_bytes() for name, buffer in sorted(written.items())}
 
 
-def read_group(
-    folder: Path, names: tuple[str, ...] | None = None
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read arrays (all, or those named) and attributes of a group.
+def decode(files: Mapping[str, bytes]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Arrays and attributes of a group.
+
+    zarr fills what is missing with zeros: compare the files with a list of what was written first.
 
     Raises:
-      DataError: an array is missing or does not decode.
+      DataError: they do not decode.
     """
+    prototype = default_buffer_prototype().buffer
     try:
-        group = zarr.open_group(folder, mode="r")
-        found = sorted(group.array_keys()) if names is None else names
-        arrays = {name: np.asarray(cast("zarr.Array", group[name])[...]) for name in found}
+        group = zarr.open_group(
+            _store({name: prototype.from_bytes(content) for name, content in files.items()}),
+            mode="r",
+        )
+        arrays = {
+            name: np.asarray(cast("zarr.Array", group[name])[...]) for name in group.array_keys()
+        }
         return arrays, dict(group.attrs)
-    except (ValueError, KeyError, OSError, RuntimeError) as error:
-        raise DataError(f"{folder.parent.name} does not decode: {error}") from error
+    except (ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
+        raise DataError(f"These files are not a Zarr group that decodes: {error}") from error
+
+
+def _store(files: dict[str, Buffer]) -> Store:
+    return MemoryStore(files)

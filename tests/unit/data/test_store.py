@@ -1,13 +1,17 @@
 import dataclasses
 import errno
+import os
 import shutil
+import socket
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flywheel.data import TrajectoryStore
-from flywheel.data import store as store_module
+from flywheel.data import TrajectoryStore, WindowCache
 from flywheel.errors import DataError, RunError
 from flywheel.records import Episode, Observation, Trajectory
 
@@ -30,8 +34,7 @@ def same(one: Episode, other: Episode) -> bool:
 
 
 def array_file(root: Path, segment: str, array: str = "points") -> Path:
-    found = (root / "segments" / segment).glob(f"*.zarr/{array}/c/**/*")
-    return next(path for path in found if path.is_file())
+    return next((root / "segments" / segment).glob(f"*.zarr/{array}/c.*"))
 
 
 def flip(path: Path, place: int) -> None:
@@ -71,31 +74,65 @@ def test_digests_do_not_depend_on_timing_or_place(tmp_path, make_episode):
 
 
 def test_a_flipped_bit_anywhere_is_found_and_the_episode_named(tmp_path, make_episode):
-    store = TrajectoryStore(tmp_path / "store")
+    store = TrajectoryStore(tmp_path)
     for name in ("good", "bad"):
         store.commit(name, [make_episode(name)])
     store.seal("s", ["good", "bad"])
     rng = np.random.default_rng()
-    hashed = [
-        p
-        for p in (tmp_path / "store").rglob("*")
-        if p.is_file() and p.name != "timing.json" and "good" not in p.parts
-    ]
-    assert len(hashed) > 10
-    for path in hashed:
-        place = int(rng.integers(path.stat().st_size))
-        broken = tmp_path / "broken"
-        shutil.copytree(tmp_path / "store", broken)
-        flip(broken / path.relative_to(tmp_path / "store"), place)
-        damages = TrajectoryStore(broken).verify()
+    files = [p for p in tmp_path.rglob("*") if p.is_file() and "good" not in p.parts]
+    assert len(files) > 10
+    for path in files:
+        sound, place = path.read_bytes(), int(rng.integers(path.stat().st_size))
+        flip(path, place)
+        damages = TrajectoryStore(tmp_path).verify()
         assert damages, (path, place)
         assert all(d.segment in ("bad", "snapshot s") for d in damages)
-        if path.suffix != ".json" or path.name == "zarr.json":
-            assert damages[0].episodes == ("bad",), (path, place)
+        if path.parent.name != "snapshots":  # whose flipped byte may lie in the id itself
+            assert {d.episodes for d in damages} == {("bad",)}, (path, place)
+        if path.parent.name != "snapshots" and path.name != "timing.json":
             with pytest.raises(DataError, match="bad"):
-                TrajectoryStore(broken).read("bad")
-        assert same(TrajectoryStore(broken).read("good"), store.read("good"))
-        shutil.rmtree(broken)
+                TrajectoryStore(tmp_path).read("bad")
+        assert same(TrajectoryStore(tmp_path).read("good"), store.read("good"))
+        path.write_bytes(sound)
+    assert store.verify() == ()
+
+
+def test_a_damaged_manifest_is_refused_and_names_its_episodes(tmp_path, make_episode):
+    store = TrajectoryStore(tmp_path)
+    store.commit("e", [make_episode("e0"), make_episode("e1")])
+    sealed = store.seal("s", ["e"])
+    path = tmp_path / "snapshots/s.json"
+    path.write_text(path.read_text().replace('"train"', '"test"', 1))
+    with pytest.raises(DataError, match="altered"):
+        store.snapshot("s")
+    for found in (store.verify(), store.verify(sealed)):
+        assert found[0].episodes == ("e0", "e1")
+
+
+def test_a_segment_that_is_not_the_one_a_snapshot_lists_is_found(tmp_path, make_episode, prism3):
+    store = TrajectoryStore(tmp_path / "store")
+    store.commit("e", [make_episode("e", seed=1)])
+    sealed = store.seal("s", ["e"])
+    store.quarantine("e")
+    (missing,) = store.verify()
+    assert (missing.episodes, missing.what) == (("e",), "the segment is missing")
+    store.commit("e", [make_episode("e", seed=2)])  # sound in itself
+    for found in (store.verify(), store.verify(sealed)):
+        assert [d.episodes for d in found] == [("e",)]
+        assert sealed.sha256[0][:12] in found[0].what
+    with pytest.raises(DataError, match="lists it"):
+        WindowCache.build(store, sealed, "train", tmp_path / "cache", prism3)
+    with pytest.raises(DataError, match="sound"):
+        store.seal("t", ["e"], parent="s")
+
+
+def test_what_was_found_under_another_name_is_not_taken_for_it(tmp_path, make_episode):
+    store = TrajectoryStore(tmp_path)
+    store.commit("e", [make_episode("e")])
+    shutil.copytree(tmp_path / "segments/e", tmp_path / "segments/f")
+    (damage,) = store.verify()
+    assert damage.segment == "f"
+    assert "that of e" in damage.what
 
 
 def test_a_damaged_receipt_is_named_after_the_snapshot_that_lists_it(tmp_path, make_episode):
@@ -117,7 +154,7 @@ def test_files_that_are_gone_cut_or_strange_are_found(tmp_path, make_episode, ho
     elif how == "truncated":
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     else:
-        path.with_name("1").write_bytes(b"x")
+        path.with_name("c.1.0").write_bytes(b"x")
     (damage,) = store.verify()
     assert damage.episodes == ("e",)
     with pytest.raises(DataError, match="e: "):
@@ -130,25 +167,89 @@ def test_a_quarantined_segment_is_kept_aside_and_can_be_collected_again(tmp_path
     store = TrajectoryStore(tmp_path)
     store.commit("e", [make_episode("e", seed=1)])
     flip(array_file(tmp_path, "e"), 100)
+    elsewhere = TrajectoryStore(tmp_path)
+    assert list(elsewhere.committed()) == ["e"]
+    with pytest.raises(DataError, match="set it aside first"):
+        store.commit("e", [make_episode("e", seed=1)])
     store.quarantine("e")
-    assert store.quarantined() == ["e.0"]
-    assert store.committed() == {}
-    store.commit("e", [make_episode("e", seed=1)])
+    assert [name.split(".")[0] for name in store.quarantined()] == ["e"]
+    assert store.committed() == elsewhere.committed() == {}
+    with pytest.raises(DataError, match="no segment 'e'"):
+        store.quarantine("e")
+    store.commit("e", [make_episode("e", seed=2)])
+    assert same(elsewhere.read("e"), make_episode("e", seed=2))
     assert store.verify() == ()
 
 
-def test_a_full_disk_says_so_and_harms_nothing(tmp_path, make_episode, monkeypatch):
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of one megabyte."""
+    mounted = tmp_path / "disk"
+    mounted.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(mounted)]
+    if os.getuid() != 0 or subprocess.run(mount, capture_output=True).returncode != 0:
+        pytest.skip("mounting a file system takes root")
+    yield mounted
+    subprocess.run(["umount", str(mounted)], check=True)
+
+
+def test_a_disk_that_fills_up_says_so_and_harms_nothing(small_disk, make_episode):
+    store = TrajectoryStore(small_disk)
+    kept = {}
+    with pytest.raises(RunError, match=r"full: segment e\d+ was not stored"):
+        for i in range(100):
+            kept[f"e{i}"] = make_episode(f"e{i}", steps=400)
+            store.commit(f"e{i}", [kept[f"e{i}"]])
+    unlucky = kept.popitem()[0]
+    again = TrajectoryStore(small_disk)
+    assert len(kept) > 1
+    assert set(again.committed()) == set(kept)
+    assert again.verify() == ()
+    assert all(same(again.read(name), episode) for name, episode in kept.items())
+    assert list((small_disk / "tmp").iterdir()) == []
+    (small_disk / "filler").write_bytes(b"x" * (shutil.disk_usage(small_disk).free))
+    with pytest.raises(RunError, match="was not sealed"):
+        again.seal("s", sorted(kept))
+    (small_disk / "filler").unlink()
+    assert again.seal("s", sorted(kept)).segments == tuple(sorted(kept))
+    assert unlucky not in again.committed()
+
+
+def test_a_full_disk_leaves_no_litter(tmp_path, make_episode, monkeypatch):
     store = TrajectoryStore(tmp_path)
     store.commit("kept", [make_episode("kept")])
 
     def full(*args: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(store_module, "write_group", full)
-    with pytest.raises(RunError, match="full"):
-        store.commit("lost", [make_episode("lost")])
+    for name in ("fsync", "link", "mkdir"):
+        with monkeypatch.context() as patch:
+            patch.setattr(os, name, full)
+            with pytest.raises(RunError, match="full"):
+                store.commit("lost", [make_episode("lost")])
+                store.seal("s", ["kept"])
+        assert list((tmp_path / "tmp").iterdir()) == []
+        if "lost" in store.committed():
+            store.quarantine("lost")
     assert list(TrajectoryStore(tmp_path).committed()) == ["kept"]
-    assert list((tmp_path / "tmp").iterdir()) == []
+
+
+def test_only_what_dead_writers_left_is_swept(tmp_path, make_episode):
+    store = TrajectoryStore(tmp_path)
+    store.commit("e", [make_episode("e")])
+    litter = tmp_path / "tmp"
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    host = socket.gethostname()
+    mine = f"{host}+{os.getpid()}+b"
+    for name in (f"{host}+{dead.pid}+a", mine, "elsewhere+1+c", "elsewhere+1+d"):
+        (litter / name).mkdir()
+    two_days_ago = time.time() - 2 * 86400
+    os.utime(litter / "elsewhere+1+d", (two_days_ago, two_days_ago))
+    assert store.sweep() == 2
+    left = {path.name for path in litter.iterdir()}
+    assert left == {mine, "elsewhere+1+c"}
+    assert store.verify() == ()
 
 
 def test_a_snapshot_keeps_its_digest_and_its_name(tmp_path, make_episode):
@@ -180,6 +281,17 @@ def test_what_does_not_belong_together_is_not_sealed(tmp_path, make_episode):
         store.seal("s", ["mine", "other"])
     with pytest.raises(DataError, match="twice: mine"):
         store.seal("s", ["mine", "again"])
+    torn = dataclasses.replace(mine, split="test")
+    store.commit("torn", [torn])
+    store.seal("parent", ["mine"])
+    for parent in (None, "parent"):
+        with pytest.raises(DataError, match="one split for ever; mine is in train"):
+            store.seal("s", ["mine", "torn"], parent=parent)
+    with pytest.raises(DataError, match="one split for ever"):
+        store.seal("s", ["torn"], parent="parent")
+    store.commit("slow", [replaced(make_episode("slow"), dt=0.02)])
+    with pytest.raises(DataError, match=r"one dt; got 0.01 s \(mine\), 0.02 s \(slow\)"):
+        store.seal("s", ["mine", "slow"])
     with pytest.raises(DataError, match="nothing"):
         store.seal("s", ["nothing"])
     with pytest.raises(DataError, match="at least one"):
@@ -197,10 +309,67 @@ def test_what_must_not_be_stored_is_refused_by_name(tmp_path, make_episode):
     endless = Observation(good.trajectory.observations.points.copy(), np.full((41, 6), np.inf))
     with pytest.raises(DataError, match="infinite"):
         store.commit("e", [replaced(good, observations=endless)])
+    nowhere = make_episode("e")
+    nowhere.trajectory.controls[7, 2] = np.nan
+    with pytest.raises(DataError, match="e: controls"):
+        store.commit("e", [nowhere])
+    flat = Observation(good.trajectory.observations.points, np.full((3, 6), np.nan))
+    with pytest.raises(DataError, match=r"e: winch positions are \(41, 6\)"):
+        store.commit("e", [replaced(good, observations=flat)])
+    with pytest.raises(DataError, match="e: provenance"):
+        origin = dataclasses.replace(good.provenance, plant={"friction": np.nan})
+        store.commit("e", [dataclasses.replace(good, provenance=origin)])
+    with pytest.raises(DataError, match="split is one of train"):
+        store.commit("e", [dataclasses.replace(good, split="dev")])
+    good = make_episode("e")
     for name in ("E", "../e", "", "a/b"):
         with pytest.raises(DataError, match="name"):
             store.commit(name, [good])
     assert store.committed() == {}
+
+
+def test_an_episode_is_not_read_as_another(tmp_path, make_episode):
+    store = TrajectoryStore(tmp_path)
+    store.commit("a", [make_episode("b", seed=1)])
+    store.commit("c", [make_episode("a", seed=2), make_episode("d", seed=3)])
+    assert same(store.read("a"), make_episode("a", seed=2))
+    assert same(store.read("b"), make_episode("b", seed=1))
+    assert [e.id for e in store.episodes("c")] == ["a", "d"]
+    with pytest.raises(DataError, match="no episode 'c'"):
+        store.read("c")
+
+
+def test_equal_numbers_give_equal_digests_in_any_process(tmp_path, make_episode):
+    wide = make_episode("e", seed=5)
+    seen = wide.trajectory.observations
+    points = seen.points.astype(np.float32)
+    narrow = replaced(wide, observations=Observation(points, -seen.winch))  # another NaN
+    wide = replaced(wide, observations=Observation(points.astype(float), seen.winch))
+    here = TrajectoryStore(tmp_path / "here").commit("e", [wide])
+    assert TrajectoryStore(tmp_path / "narrow").commit("e", [narrow]).sha256 == here.sha256
+    program = (
+        "import sys; from flywheel.data import TrajectoryStore; "
+        "e = TrajectoryStore(sys.argv[1]).read('e'); "
+        "print(TrajectoryStore(sys.argv[2]).commit('e', [e]).sha256)"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "here"), str(tmp_path / "there")]
+    assert subprocess.check_output(command, text=True).strip() == here.sha256
+
+
+def test_a_snapshot_says_how_much_it_holds(tmp_path, make_episode):
+    store = TrajectoryStore(tmp_path)
+    store.commit("e", [make_episode("a", steps=100), make_episode("b", steps=50)])
+    store.commit("f", [make_episode("c", steps=7, split="test", recording=True)])
+    rows = store.seal("s", ["e", "f"]).summary()
+    assert [(r.dataset, r.split, r.episodes, r.steps, r.seconds) for r in rows] == [
+        ("nominal", "train", 2, 150, 1.5),
+        ("recording", "test", 1, 7, 0.07),
+    ]
+
+
+def test_a_url_of_another_kind_is_refused():
+    with pytest.raises(DataError, match="s3://bucket/prefix, got 'gs://"):
+        TrajectoryStore("gs://bucket")
 
 
 def replaced(episode: Episode, **changes: object) -> Episode:

@@ -40,6 +40,11 @@ def writer(url: Path, prefix: str, count: int) -> subprocess.Popen[str]:
     return process
 
 
+def acknowledgement(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
 def acknowledged(process: subprocess.Popen[str]) -> list[str]:
     assert process.stdout is not None
     names = process.stdout.read().splitlines()
@@ -65,28 +70,30 @@ def test_writers_killed_at_random_instants_lose_nothing_and_leave_no_half_episod
     names: list[str] = []
     for kill in range(KILLS):
         process = writer(tmp_path, f"k{kill:02d}", 1000)
-        time.sleep(rng.uniform(0.02, 0.6))
+        for _ in range(int(rng.integers(0, 3))):  # however busy the machine is, some are stored
+            names.append(acknowledgement(process))
+        time.sleep(rng.uniform(0.0, 0.2))
         process.kill()
         names += acknowledged(process)
     check_whole(tmp_path, names)
-    assert len(names) >= KILLS / 2
     TrajectoryStore(tmp_path).sweep()
     assert list((tmp_path / "tmp").iterdir()) == []
 
 
 @pytest.mark.chaos
 def test_three_writers_at_once_lose_nothing(tmp_path):
-    together = [writer(tmp_path, f"w{i:02d}", 12) for i in range(3)]
+    together = [writer(tmp_path, f"w{i:02d}", 8) for i in range(3)]
     names = [name for process in together for name in acknowledged(process)]
-    assert len(names) == 36
+    assert len(names) == 24
     check_whole(tmp_path, names)
 
 
 @pytest.mark.chaos
-def test_writers_of_the_same_segment_agree(tmp_path):
-    together = [writer(tmp_path, "same", 4) for _ in range(3)]
+def test_three_writers_of_the_same_segments_agree(tmp_path):
+    together = [writer(tmp_path, "all", 4) for _ in range(3)]
     for process in together:
         acknowledged(process)
         assert process.returncode == 0
     assert len(TrajectoryStore(tmp_path).committed()) == 4
     assert TrajectoryStore(tmp_path).verify() == ()
+    assert list((tmp_path / "tmp").iterdir()) == []

@@ -1,35 +1,59 @@
 """The store on an S3-compatible service: a local server on a free port."""
 
+import threading
 import uuid
 
+import numpy as np
 import pytest
 
-from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data import TrajectoryStore, WindowCache, s3
 from flywheel.errors import DataError
 
 moto = pytest.importorskip("moto.server")
-pytest.importorskip("s3fs")
+s3fs = pytest.importorskip("s3fs")
 
 
-@pytest.fixture
-def bucket(monkeypatch, tmp_path):
+@pytest.fixture(scope="module")
+def service():
+    """Address of a server of our own."""
     server = moto.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
-    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+    yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def bucket(service, monkeypatch):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", service)
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
     monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("tempfile.tempdir", None)
-    import s3fs
-
     s3fs.S3FileSystem.clear_instance_cache()
-    name = f"episodes-{uuid.uuid4().hex}"  # the server's buckets outlive it
+    name = f"episodes-{uuid.uuid4().hex}"
     s3fs.S3FileSystem().mkdir(name)
     yield f"s3://{name}/run"
     s3fs.S3FileSystem.clear_instance_cache()
-    server.stop()
+
+
+def in_turns(calls):
+    """Call all at the same moment; their results or errors."""
+    results = [None] * len(calls)
+    gate = threading.Barrier(len(calls))
+
+    def one(i):
+        gate.wait()
+        try:
+            results[i] = calls[i]()
+        except DataError as error:
+            results[i] = error
+
+    threads = [threading.Thread(target=one, args=(i,)) for i in range(len(calls))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return results
 
 
 def test_a_store_on_s3_answers_as_one_on_disk(bucket, tmp_path, make_episode, prism3):
@@ -41,38 +65,111 @@ def test_a_store_on_s3_answers_as_one_on_disk(bucket, tmp_path, make_episode, pr
     sealed = store.seal("s", ["e0", "e1"])
     assert sealed == local.seal("s", ["e0", "e1"])
     assert TrajectoryStore(bucket).snapshots() == ["s"]
-    back = TrajectoryStore(bucket).read("e1").trajectory
-    expected = local.read("e1").trajectory
-    assert back.observations.points.tobytes() == expected.observations.points.tobytes()
+    back = TrajectoryStore(bucket).read("e1")
+    expected = local.read("e1")
+    for name in ("points", "winch"):
+        got, wanted = (getattr(e.trajectory.observations, name) for e in (back, expected))
+        assert got.tobytes() == wanted.tobytes()
+    np.testing.assert_array_equal(back.timing["plan_seconds"], [0.1, 0.1])
     cache = WindowCache.build(store, sealed, "train", tmp_path / "cache", prism3)
     assert len(cache.starts(40)) == 2
     assert store.verify() == ()
+
+
+def test_the_address_of_the_service_can_be_given(bucket, service, make_episode, monkeypatch):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:1")
+    store = TrajectoryStore(bucket, {"endpoint_url": service})
+    store.commit("e", [make_episode("e")])
+    assert list(store.committed()) == ["e"]
 
 
 def test_what_is_there_on_s3_is_not_replaced(bucket, make_episode):
     store = TrajectoryStore(bucket)
     first = store.commit("e", [make_episode("e", seed=1)])
     assert store.commit("e", [make_episode("e", seed=1)]) == first
-    with pytest.raises(DataError, match="committed"):
+    with pytest.raises(DataError, match=first.sha256[:12]):
         TrajectoryStore(bucket).commit("e", [make_episode("e", seed=2)])
     store.commit("f", [make_episode("f")])
     store.seal("s", ["e"])
     with pytest.raises(DataError, match="sealed"):
         TrajectoryStore(bucket).seal("s", ["f"])
+    with pytest.raises(DataError, match="no segment 'g'"):
+        store.episodes("g")
     assert TrajectoryStore(bucket).verify() == ()
 
 
-def test_damage_on_s3_is_found_and_named(bucket, make_episode):
-    import s3fs
+def test_of_several_sealers_at_once_one_wins_and_the_others_are_told(bucket, make_episode):
+    stores = [TrajectoryStore(bucket) for _ in range(4)]
+    for i, store in enumerate(stores):
+        store.commit(f"e{i}", [make_episode(f"e{i}")])
+    found = in_turns([lambda s=s, i=i: s.seal("s", [f"e{i}"]) for i, s in enumerate(stores)])
+    (winner,) = [one for one in found if not isinstance(one, DataError)]
+    assert all(winner.digest[:12] in str(one) for one in found if isinstance(one, DataError))
+    assert TrajectoryStore(bucket).snapshot("s") == winner
 
+
+def test_of_several_writers_of_one_name_one_wins_and_its_data_are_whole(bucket, make_episode):
+    stores = [TrajectoryStore(bucket) for _ in range(4)]
+    episodes = [make_episode("e", seed=i) for i in range(4)]
+    found = in_turns(
+        [lambda s=s, e=e: s.commit("e", [e]) for s, e in zip(stores, episodes, strict=True)]
+    )
+    (winner,) = [i for i, one in enumerate(found) if not isinstance(one, DataError)]
+    assert TrajectoryStore(bucket).verify() == ()
+    back = TrajectoryStore(bucket).read("e").trajectory
+    expected = episodes[winner].trajectory
+    assert back.controls.tobytes() == expected.controls.tobytes()
+
+
+def test_an_upload_that_was_cut_off_is_not_visible_and_swept_when_old(
+    bucket, make_episode, monkeypatch
+):
+    store = TrajectoryStore(bucket)
+    store.commit("whole", [make_episode("whole")])
+
+    def died(*args: object) -> bool:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(s3.S3Place, "put_new", died)
+        with pytest.raises(KeyboardInterrupt):
+            store.commit("cut", [make_episode("cut")])
+    files = s3fs.S3FileSystem(use_listings_cache=False)
+    assert files.find(f"{bucket}/segments/cut")
+    assert list(TrajectoryStore(bucket).committed()) == ["whole"]
+    assert store.verify() == ()
+    assert store.sweep() == 0  # its writer may be slow
+    monkeypatch.setattr(s3, "ABANDONED_SECONDS", -5.0)
+    assert store.sweep() == 1
+    assert not files.find(f"{bucket}/segments/cut")
+    store.commit("cut", [make_episode("cut")])
+    assert list(store.committed()) == ["cut", "whole"]
+
+
+@pytest.mark.parametrize("how", ["flipped", "deleted", "receipt"])
+def test_damage_on_s3_is_found_and_named(bucket, make_episode, how):
     store = TrajectoryStore(bucket)
     store.commit("e", [make_episode("e")])
-    files = s3fs.S3FileSystem()
-    (name,) = [n for n in files.find(f"{bucket}/segments/e") if "/points/c/" in n]
-    content = bytearray(files.cat_file(name))
-    content[50] ^= 1
-    files.pipe_file(name, bytes(content))
+    store.seal("s", ["e"])
+    files = s3fs.S3FileSystem(use_listings_cache=False)
+    wanted = "receipt.json" if how == "receipt" else "/points/c."
+    (name,) = [n for n in files.find(f"{bucket}/segments/e") if wanted in n]
+    if how == "flipped":
+        content = bytearray(files.cat_file(name))
+        content[50] ^= 1
+        files.pipe_file(name, bytes(content))
+    else:
+        files.rm_file(name)
     (damage,) = TrajectoryStore(bucket).verify()
     assert damage.episodes == ("e",)
+    with pytest.raises(DataError, match="e"):
+        TrajectoryStore(bucket).read("e")
     store.quarantine("e")
     assert TrajectoryStore(bucket).committed() == {}
+    assert len(store.quarantined()) == 1
+    store.commit("e", [make_episode("e")])
+
+
+def test_a_bucket_that_is_not_there_is_said_at_once(bucket):
+    with pytest.raises(DataError, match=r"'not-there' .* AWS_ENDPOINT_URL"):
+        TrajectoryStore("s3://not-there/run")

@@ -1,10 +1,16 @@
+import errno
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flywheel.data import TrajectoryStore, WindowCache, assign_split
-from flywheel.errors import DataError
+from flywheel.data import TrajectoryStore, WindowCache, assign_split, cache_files
+from flywheel.data.benchmark import store_benchmark
+from flywheel.errors import DataError, RunError
+from flywheel.records import Split
 from flywheel.robots import load_robot
 
 
@@ -61,7 +67,7 @@ def test_a_cache_is_built_once_and_knows_its_data_sets(tmp_path, make_episode, p
     assert first.datasets == ("hard", "soft")
     np.testing.assert_array_equal(first.gather(first.starts(40), 40).dataset, [1, 0])
     np.testing.assert_array_equal(first.points, again.points)
-    assert len(list((tmp_path / "cache").iterdir())) == 1
+    assert [len(list((tmp_path / "cache").glob(g))) for g in ("*-train*", "tmp/*")] == [1, 0]
 
 
 def test_an_empty_split_and_another_robot_are_errors(tmp_path, make_episode, prism3):
@@ -70,6 +76,108 @@ def test_an_empty_split_and_another_robot_are_errors(tmp_path, make_episode, pri
         WindowCache.build(store, snapshot, "test", tmp_path / "cache", prism3)
     with pytest.raises(DataError, match="platform4"):
         WindowCache.build(store, snapshot, "train", tmp_path / "cache", load_robot("platform4"))
+
+
+def test_windows_keep_their_distance_and_can_leave_out_missing_points(
+    tmp_path, make_episode, prism3
+):
+    lengths = [int(n) for n in np.random.default_rng().integers(3, 90, 5)]
+    store, snapshot, _ = filled(tmp_path, make_episode, lengths)
+    cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    np.testing.assert_array_equal(cache.valid, np.isfinite(cache.points).all(-1))
+    for length, stride in ((0, 1), (4, 3), (50, 7)):
+        first = np.cumsum([0, *(n + 1 for n in lengths)])
+        expected = [
+            first[i] + t for i, n in enumerate(lengths) for t in range(0, n - length + 1, stride)
+        ]
+        starts = cache.starts(length, stride)
+        np.testing.assert_array_equal(starts, expected)
+        whole = [s for s in expected if np.isfinite(cache.points[s : s + length + 1]).all()]
+        np.testing.assert_array_equal(cache.starts(length, stride, complete=True), whole)
+    with pytest.raises(DataError, match="stride >= 1"):
+        cache.starts(4, 0)
+
+
+def test_a_window_that_leaves_its_episode_is_refused(tmp_path, make_episode, prism3):
+    store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
+    cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    assert cache.gather(np.array([0, 10, 21, 41]), 10).points.shape == (4, 11, 6, 3)
+    for start in (-1, 11, 42, 10_000):
+        with pytest.raises(DataError, match="leaves its episode"):
+            cache.gather(np.array([0, start]), 10)
+
+
+@pytest.mark.parametrize("how", ["flipped", "truncated", "deleted"])
+def test_a_damaged_cache_is_made_again(tmp_path, make_episode, prism3, how):
+    store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
+    sound = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    expected = sound.gather(sound.starts(5), 5)
+    path = next((tmp_path / "cache").glob("*/controls.npy"))
+    content = bytearray(path.read_bytes())
+    path.unlink()
+    if how == "flipped":
+        content[-5] ^= 1
+        path.write_bytes(content)
+    elif how == "truncated":
+        path.write_bytes(content[:-8])
+    again = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    np.testing.assert_array_equal(again.gather(sound.starts(5), 5).controls, expected.controls)
+    assert [len(list((tmp_path / "cache").glob(g))) for g in ("*-train*", "tmp/*")] == [1, 0]
+
+
+def test_a_damaged_episode_does_not_reach_a_cache(tmp_path, make_episode, prism3):
+    store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
+    next((tmp_path / "store/segments/e1").glob("*.zarr/controls/c.*")).unlink()
+    with pytest.raises(DataError, match="Episodes: e1"):
+        WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    assert [path.name for path in (tmp_path / "cache").rglob("*")] == ["tmp"]
+
+
+def test_a_disk_full_while_a_cache_is_made_is_said(tmp_path, make_episode, prism3, monkeypatch):
+    store, snapshot, _ = filled(tmp_path, make_episode, [20])
+
+    def full(*args: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(cache_files, "_write_header", full)
+    with pytest.raises(RunError, match="cache of snapshot s was not made"):
+        WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    assert [path.name for path in (tmp_path / "cache").rglob("*")] == ["tmp"]
+
+
+def test_speed_is_measured(tmp_path, prism3):
+    speed = store_benchmark(prism3, tmp_path, episodes=2, seconds=3.0, repeats=2)
+    assert speed.write_mb_per_s > 0
+    assert speed.windows_per_s > 0
+    assert speed.ram_windows_per_s > 0
+
+
+@settings(
+    deadline=None,
+    max_examples=5,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],  # it keeps no state
+)
+@given(seeds=st.sets(st.integers(0, 10**6), min_size=3, max_size=8), cut=st.integers(1, 7))
+def test_no_episode_is_ever_in_two_splits(prism3, make_episode, seeds, cut):
+    """Data grow from snapshot to snapshot; what was tested on is not trained on later."""
+    fractions: dict[Split, float] = {"train": 0.5, "validation": 0.25, "test": 0.25}
+    with TemporaryDirectory() as folder:
+        store = TrajectoryStore(Path(folder) / "store")
+        for seed in seeds:
+            split = assign_split(seed, fractions)
+            episode = make_episode(f"e{seed}", steps=3, seed=seed, split=split)
+            store.commit(episode.id, [episode])
+        names = sorted(store.committed())
+        first = store.seal("first", names[:cut])
+        seen: dict[bytes, str] = {}
+        for snapshot in (first, store.seal("second", names, parent="first")):
+            for split in {e.split for e in snapshot.episodes}:
+                cache = WindowCache.build(store, snapshot, split, Path(folder) / "cache", prism3)
+                for window in cache.gather(cache.starts(3), 3).controls:
+                    assert seen.setdefault(window.tobytes(), split) == split
+                listed = sum(e.split == split for e in snapshot.episodes)
+                assert len(cache.lengths) == listed
+        assert len(seen) == len(seeds)
 
 
 @given(st.text(max_size=20), st.lists(st.integers(0, 9), min_size=3, max_size=3).filter(any))

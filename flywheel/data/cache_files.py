@@ -1,0 +1,144 @@
+"""The files behind a window cache: flat arrays in a folder, made at once and checked when opened.
+
+<folder>/<snapshot>-<split>-v1/about.json     what it is of, and the sha256 of every file
+<folder>/<snapshot>-<split>-v1/<array>.npy
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flywheel.data.catalogue import EpisodeSummary, Snapshot, seal_text, unseal_text
+from flywheel.data.places import full_disk_told, new_workspace, sweep_workspaces
+from flywheel.data.store import TrajectoryStore
+from flywheel.errors import DataError
+from flywheel.records import Episode, Floats, Split
+from flywheel.robots import Robot
+
+VERSION = 1  # of what the arrays mean
+ROWS = ("points", "winch", "winch_truth", "controls", "valid")  # one row per observation
+EPISODES = ("lengths", "dataset")
+_ABOUT = "about.json"
+Arrays = dict[str, NDArray[Any]]
+
+
+def cached_arrays(
+    store: TrajectoryStore, snapshot: Snapshot, split: Split, folder: Path, robot: Robot
+) -> Arrays:
+    """Arrays of a cache, mapped into memory; a cache that is missing or damaged is made first."""
+    target = folder / f"{snapshot.digest[:16]}-{split}-v{VERSION}"
+    if (arrays := _opened(target, snapshot, split)) is not None:
+        return arrays
+    sweep_workspaces(folder)
+    with full_disk_told(f"the cache of snapshot {snapshot.name} was not made", folder):
+        work = new_workspace(folder)
+        try:
+            (work / "new").mkdir()
+            _fill(work / "new", store, snapshot, split, robot)
+            if _opened(target, snapshot, split) is None and target.exists():
+                target.rename(work / "old")
+            with suppress(OSError):  # another process was faster
+                (work / "new").rename(target)
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+    if (arrays := _opened(target, snapshot, split)) is None:
+        raise DataError(f"The cache at {target} cannot be read though just made; check the disk.")
+    return arrays
+
+
+def _opened(target: Path, snapshot: Snapshot, split: Split) -> Arrays | None:
+    """A cache's arrays, or None if there is none that is whole."""
+    try:
+        about, _ = unseal_text((target / _ABOUT).read_bytes(), _ABOUT)
+        if any(_sha256(target / name) != sha256 for name, sha256 in about["files"].items()):
+            return None
+        arrays = {n: np.load(target / f"{n}.npy", mmap_mode="r") for n in ROWS + EPISODES}
+    except (OSError, ValueError, DataError):
+        return None
+    if (about["snapshot"], about["split"]) != (snapshot.digest, split):
+        return None
+    return {name: np.asarray(array) for name, array in arrays.items()}  # plain views are faster
+
+
+def _fill(
+    work: Path, store: TrajectoryStore, snapshot: Snapshot, split: Split, robot: Robot
+) -> None:
+    wanted = {e.id: e for e in snapshot.episodes if e.split == split}
+    if not wanted:
+        have = sorted({e.split for e in snapshot.episodes})
+        raise DataError(
+            f"Snapshot {snapshot.name} has no {split} episode; all {len(snapshot.episodes)} of its "
+            f"episodes are in: {', '.join(have)}."
+        )
+    rows = sum(e.steps + 1 for e in wanted.values())
+    with ExitStack() as stack:
+        files: dict[str, BinaryIO] = {}
+        for episode in _episodes(store, snapshot, wanted):
+            for name, values in _columns(episode, robot).items():
+                if name not in files:
+                    files[name] = stack.enter_context((work / f"{name}.npy").open("wb"))
+                    _write_header(files[name], values.dtype, (rows, *values.shape[1:]))
+                files[name].write(values.tobytes())
+    order = list(wanted.values())
+    np.save(work / "lengths.npy", np.array([e.steps for e in order], np.int64))
+    index = [snapshot.datasets.index(e.dataset) for e in order]
+    np.save(work / "dataset.npy", np.array(index, np.int64))
+    about = {
+        "snapshot": snapshot.digest,
+        "split": split,
+        "files": {path.name: _sha256(path) for path in sorted(work.glob("*.npy"))},
+    }
+    (work / _ABOUT).write_bytes(seal_text(about)[0])
+
+
+def _episodes(
+    store: TrajectoryStore, snapshot: Snapshot, wanted: Mapping[str, EpisodeSummary]
+) -> Iterator[Episode]:
+    """The wanted episodes, in the snapshot's order."""
+    needed = {e.segment for e in wanted.values()}
+    for segment, sha256 in zip(snapshot.segments, snapshot.sha256, strict=True):
+        for episode in store.read_segment(segment, sha256) if segment in needed else ():
+            if episode.id in wanted:
+                _check_listed(episode, wanted[episode.id])
+                yield episode
+
+
+def _write_header(file: BinaryIO, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
+    description = np.lib.format.dtype_to_descr(dtype)
+    header = {"descr": description, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _check_listed(episode: Episode, listed: EpisodeSummary) -> None:
+    if (episode.split, episode.trajectory.steps) != (listed.split, listed.steps):
+        raise DataError(
+            f"Episode {episode.id} is {episode.split} with {episode.trajectory.steps} steps; its "
+            f"snapshot lists it as {listed.split} with {listed.steps}."
+        )
+
+
+def _columns(episode: Episode, robot: Robot) -> Arrays:
+    track = episode.trajectory
+    seen = track.observations
+    truth = seen.winch if track.states is None else robot.winch_of(track.states)
+    columns: dict[str, Floats] = {
+        "points": seen.points,
+        "winch": robot.known_winch(seen.winch, track.controls, track.dt),
+        "winch_truth": truth,
+        "controls": np.concatenate([track.controls, np.zeros_like(track.controls[:1])]),
+    }
+    arrays: Arrays = {name: values.astype(np.float32) for name, values in columns.items()}
+    return arrays | {"valid": seen.valid}
