@@ -45,7 +45,9 @@ def test_a_push_dies_away(robot: Robot, plant: Plant) -> None:
     start = plant.rest()
     kick = np.random.default_rng(5).normal(scale=0.05, size=start.qvel.shape)
     hold = np.repeat(robot.holding(plant.winch(start))[:, None], 4000, axis=1)
-    speed = np.abs(plant.simulate(State(start.qpos, kick, start.act), hold).states.qvel).max(axis=-1)
+    speed = np.abs(plant.simulate(State(start.qpos, kick, start.act), hold).states.qvel).max(
+        axis=-1
+    )
     assert speed[0, -1] < 0.1 * speed[0, 0]
 
 

@@ -1,16 +1,20 @@
 """MuJoCo restarted from what is observed: what perfect physics makes of partial observation.
 
 It knows the robot exactly and sees what a learned model sees. What it cannot see it has to guess: the
-velocity, and how far each rod is turned about its own axis.
+velocity, and how far each rod is turned about its own axis. How well it guesses the turn decides how
+well it predicts, because cables end on the surface of the rods.
 """
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.twist import relaxed
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Body, Robot
@@ -21,7 +25,6 @@ from flywheel.rotations import (
     multiply,
     rotate,
     shortest,
-    unit,
 )
 
 FREE_POSITIONS, FREE_VELOCITIES = 7, 6
@@ -33,21 +36,25 @@ class RestartedPlant:
     """MuJoCo started from a state estimated from the past observations.
 
     Each tracked point is fitted by a polynomial in time over the last steps; each body takes the pose
-    and velocity that fit its points best. Where those lie on one line, the turn about it is that of the
-    keyframe plus a random angle, and the turning rate is zero.
+    and velocity that fit its points best. Where those lie on one line, `twist` says what the turn about
+    it is taken to be; the turning rate is zero.
 
     Attributes:
       plant: which parameters, obstacles and threads to predict with. All bodies must be free.
       window: past steps that the fit looks back; 1 is the finite difference. More resists noise and
         missing points: where too few are known, a point is taken to rest where it was last seen.
       degree: of the polynomial: 1 or 2.
-      twist_seed: of the random angle of each body, the same in all rollouts; None: no such angle.
+      twist: "random": any angle, drawn for each past by itself; "keyframe": the least turn from the
+        keyframe's pose; "relaxed": where the cables, at their nominal rest lengths, have the least
+        elastic energy.
+      seed: of the random angles.
     """
 
     plant: Plant
     window: int = 1
     degree: int = 1
-    twist_seed: int | None = 0
+    twist: Literal["random", "keyframe", "relaxed"] = "random"
+    seed: int = 0
 
     def __post_init__(self) -> None:
         robot = self.robot
@@ -97,30 +104,46 @@ class RestartedPlant:
             raise ModelError(
                 "A tracked point was not seen in the whole past; cannot restart there."
             )
-        twist = np.zeros(len(self.robot.bodies))
-        if self.twist_seed is not None:
-            twist = np.random.default_rng(self.twist_seed).uniform(0, 2 * np.pi, len(twist))
-        qpos, qvel = [], []
-        for index, body in enumerate(self.robot.bodies):
-            on_body = list(body.points)
-            pose = self._pose(index, body, points[:, on_body], twist[index])
-            qpos.append(pose)
-            qvel.append(self._velocity(body, pose, points[:, on_body], speeds[:, on_body]))
+        poses = self._poses(points, past.winch[:, -1])
+        velocities = [
+            self._velocity(
+                body, poses[:, index], points[:, list(body.points)], speeds[:, list(body.points)]
+            )
+            for index, body in enumerate(self.robot.bodies)
+        ]
+        qpos = poses.reshape(len(poses), -1)
         act = self.plant.activation(past.winch[:, -1])
-        return State(np.concatenate(qpos, axis=1), np.concatenate(qvel, axis=1), act)
+        return State(qpos, np.concatenate(velocities, axis=1), act)
+
+    def _poses(self, points: Floats, winch: Floats) -> Floats:
+        """(B, bodies, 7) positions and quaternions of the bodies whose points are at (B, P, 3)."""
+        robot = self.robot
+        poses = [
+            self._pose(i, body, points[:, list(body.points)]) for i, body in enumerate(robot.bodies)
+        ]
+        stacked = np.stack(poses, axis=1)
+        lines = {i: _line(self._offsets(body)) for i, body in enumerate(robot.bodies)}
+        axes = {i: line for i, line in lines.items() if line is not None}
+        if self.twist == "relaxed":
+            return relaxed(robot, stacked, winch, axes)
+        if self.twist == "random":
+            angles = _angles(self.seed, points, len(robot.bodies))
+            for i, axis in axes.items():
+                turn = about_axis(axis, angles[:, i])
+                stacked[:, i, 3:] = multiply(stacked[:, i, 3:], turn)
+        return stacked
 
     def _offsets(self, body: Body) -> Floats:
         """(n, 3) where its points are in the body frame [m]."""
         return np.array([self.robot.points[i].offset for i in body.points])
 
-    def _pose(self, index: int, body: Body, points: Floats, twist: float) -> Floats:
+    def _pose(self, index: int, body: Body, points: Floats) -> Floats:
         """(B, 7) position and quaternion of the body whose points are at (B, n, 3)."""
         offsets = self._offsets(body)
         center, seen_center = offsets.mean(axis=0), points.mean(axis=1)
-        here, seen = offsets - center, points - seen_center[:, None]
+        seen = points - seen_center[:, None]
         joint = slice(FREE_POSITIONS * index + 3, FREE_POSITIONS * (index + 1))
-        reference = self.robot.keyframe.qpos[joint]
-        turn = _orientation(here, seen, reference, twist)
+        turn = _orientation(offsets, seen, self.robot.keyframe.qpos[joint])
         return np.concatenate([seen_center - rotate(turn, center), turn], axis=1)
 
     def _velocity(self, body: Body, pose: Floats, points: Floats, speeds: Floats) -> Floats:
@@ -163,18 +186,33 @@ def fit_motion(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
     return now, np.where(enough, fit[..., 1, :] / (dt * (steps - 1)), 0.0)
 
 
-def _orientation(here: Floats, seen: Floats, reference: Floats, twist: float) -> Floats:
-    """(B, 4) rotation that takes centred offsets (n, 3) onto centred points (B, n, 3)."""
-    _, spread, directions = np.linalg.svd(here)
-    spread = np.concatenate([spread, np.zeros(3)])
-    if spread[0] < ON_A_LINE:  # one point: nothing to see of the orientation
+def _line(offsets: Floats) -> Floats | None:
+    """(3,) direction of the line that points (n, 3) lie on; None if they are one, or on no line."""
+    _, spread, directions = np.linalg.svd(offsets - offsets.mean(axis=0))
+    spread = np.concatenate([spread, np.zeros(2)])
+    on_one_line = spread[0] > 0 and spread[1] <= ON_A_LINE * spread[0]
+    return directions[0] if on_one_line else None
+
+
+def _orientation(offsets: Floats, seen: Floats, reference: Floats) -> Floats:
+    """(B, 4) rotation that takes offsets (n, 3) onto centred points (B, n, 3).
+
+    What the points leave open is as in the `reference` (4,).
+    """
+    here = offsets - offsets.mean(axis=0)
+    if not here.any():
         return np.broadcast_to(reference, (len(seen), 4))
-    if spread[1] > ON_A_LINE * spread[0]:
+    axis = _line(offsets)
+    if axis is None:
         return kabsch(here, seen)
-    axis = directions[0]
-    seen_axis = unit(((here @ axis)[:, None] * seen).sum(axis=1))
-    aligned = multiply(shortest(rotate(reference, axis), seen_axis), reference)
-    return multiply(about_axis(seen_axis, np.full(len(seen), twist)), aligned)
+    seen_axis = ((here @ axis)[:, None] * seen).sum(axis=1)
+    return multiply(shortest(rotate(reference, axis), seen_axis), reference)
+
+
+def _angles(seed: int, points: Floats, bodies: int) -> Floats:
+    """(B, bodies) random angles [rad]; a row's depend on its own points, not on its batch."""
+    streams = [np.random.default_rng([seed, zlib.crc32(row.tobytes())]) for row in points]
+    return np.array([stream.uniform(0, 2 * np.pi, bodies) for stream in streams])
 
 
 def _last_seen(points: Floats) -> Floats:
