@@ -89,19 +89,19 @@ class TrainingConfig(_Frozen):
     """
 
     initial: Schedule = Schedule(
-        steps=1800,
-        stages=_stages({1: 0.10, 2: 0.15, 4: 0.25, 8: 0.25, 16: 0.25}),
-        learning_rate=2e-3,
-        warmup_steps=200,
+        steps=1100,
+        stages=_stages({1: 0.1, 2: 0.1, 4: 0.2, 8: 0.3, 16: 0.3}),
+        learning_rate=3e-3,
+        warmup_steps=100,
     )
     fine_tuning: Schedule = Schedule(
-        steps=700,
-        stages=_stages({4: 0.3, 8: 0.3, 16: 0.4}),
+        steps=500,
+        stages=_stages({4: 0.2, 8: 0.3, 16: 0.5}),
         learning_rate=1e-3,
         warmup_steps=50,
     )
     chunks_per_batch: PositiveInt = 256
-    least_windows: PositiveInt = 8
+    least_windows: PositiveInt = 32
     weight_decay: NonNegative = 1e-5
     clip: PositiveFloat = 1.0
     huber: PositiveFloat = 5.0
@@ -112,12 +112,12 @@ class TrainingConfig(_Frozen):
     yaw_augmentation: bool = True
     noise: NonNegative = 0.0
     mix: dict[str, NonNegative] = {}
-    validate_every: PositiveInt = 200
+    validate_every: PositiveInt = 100
     validation_windows: PositiveInt = 64
     validation_seconds: PositiveFloat = 2.0
     report_every: PositiveInt = 20
     patience: int = Field(default=0, ge=0)
-    checkpoint_every: PositiveInt = 200
+    checkpoint_every: PositiveInt = 100
     device: Literal["cpu", "cuda"] = "cpu"
-    threads: PositiveInt = 2
+    threads: PositiveInt = 1
     seed: int = Field(default=0, ge=0)
