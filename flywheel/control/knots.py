@@ -70,7 +70,8 @@ class Knots:
 
     def plan(self, winch: Floats, controls: Floats) -> Floats:
         """Nominal winch positions (..., S, W) at the knots under commands (..., S * steps, W)."""
-        positions = self.robot.dead_reckon(winch, controls, self.dt)
+        start = np.broadcast_to(winch, controls[..., 0, :].shape)
+        positions = self.robot.dead_reckon(start, controls, self.dt)
         return positions[..., self.steps :: self.steps, :]
 
     def later(self, plan: Floats, steps: int) -> Floats:

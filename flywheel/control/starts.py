@@ -17,7 +17,7 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
     """The robot at rest in its own shape, turned any way, above the ground.
 
     Args:
-      plant: of a robot whose bodies are all free.
+      plant: of a robot whose bodies are all free, and tied to each other only.
       rng: source of all chance.
       n: how many.
 
@@ -25,10 +25,12 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
       (n,) states.
 
     Raises:
-      RobotError: a body is not free, so that the robot cannot be turned.
+      RobotError: the robot cannot be turned, for it is tied to something fixed.
     """
     robot, rest = plant.robot, plant.rest(n)
     bodies = len(robot.bodies)
+    if any(end.body < 0 for cable in robot.cables for end in cable.ends):
+        raise RobotError(f"{robot.name} cannot be dropped: it hangs on cables from fixed points.")
     if rest.qpos.shape[1] != FREE_JOINT * bodies:
         raise RobotError(
             f"{robot.name} cannot be dropped: that needs all bodies free ({FREE_JOINT * bodies} "

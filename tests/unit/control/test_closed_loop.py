@@ -1,0 +1,268 @@
+import dataclasses
+import secrets
+
+import numpy as np
+import pytest
+
+from flywheel.control import (
+    Command,
+    Hold,
+    Mppi,
+    MppiConfig,
+    RandomControls,
+    random_drop,
+    record_batch,
+    record_episode,
+)
+from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, PlantParameters
+from flywheel.errors import ConfigError, ModelError, RobotError
+from flywheel.records import Past, Provenance
+from flywheel.robots import Robot, load_robot
+from flywheel.tasks import TaskConfig, sample_task
+
+DT = 0.01
+EXACT = MeasurementModel()
+NOISY = MeasurementModel(noise=0.01, dropout=0.1)
+
+
+@pytest.fixture(scope="module")
+def plant(robot: Robot) -> Plant:
+    return Plant(robot, DT)
+
+
+def recorded(plant: Plant, controller, task=None, measurement=EXACT, seconds=1.0, seed=0, **more):
+    return record_episode(
+        plant,
+        measurement,
+        controller,
+        task,
+        start=plant.rest(),
+        seconds=seconds,
+        seed=seed,
+        episode_id="one",
+        provenance=Provenance(plant.robot.digest),
+        split="train",
+        **more,
+    )
+
+
+class Spy(RandomControls):
+    """Random controls that remember what they were shown."""
+
+    def reset(self, task, seed) -> None:
+        super().reset(task, seed)
+        self.pasts: list[Past] = []
+
+    def act(self, past: Past) -> Command:
+        self.pasts.append(past)
+        return Command(super().act(past).controls[:40], plan_seconds=0.25)
+
+
+def test_an_episode_is_what_the_plant_does_under_its_controls(plant: Plant) -> None:
+    episode = recorded(plant, RandomControls(plant.robot, DT), seconds=4.0, seed=3)
+    trajectory = episode.trajectory
+    assert trajectory.steps == 400
+    again = plant.simulate(plant.rest(), trajectory.controls[None])
+    np.testing.assert_array_equal(again.states.qpos[0], trajectory.states.qpos)
+    np.testing.assert_array_equal(again.states.act[0], trajectory.states.act)
+    np.testing.assert_array_equal(again.observations.points[0], trajectory.observations.points)
+    assert episode.outcome is None
+
+
+def test_the_controller_is_shown_all_that_was_measured_so_far(plant: Plant) -> None:
+    spy = Spy(plant.robot, DT)
+    episode = recorded(plant, spy, measurement=NOISY, seed=secrets.randbits(32))
+    seen = episode.trajectory.observations
+    assert np.isnan(seen.points).any() and np.isnan(seen.winch).all()
+    assert [past.history for past in spy.pasts] == [0, 40, 80]
+    for past in spy.pasts:
+        now = past.history
+        np.testing.assert_array_equal(past.observations.points[0], seen.points[: now + 1])
+        np.testing.assert_array_equal(past.controls[0], episode.trajectory.controls[:now])
+        np.testing.assert_array_equal(past.state.qpos[0], episode.trajectory.states.qpos[now])
+    assert episode.timing["plan_seconds"].tolist() == [0.25, 0.25, 0.25]
+
+
+def test_unmeasured_winches_are_reckoned_from_the_commands(plant: Plant) -> None:
+    spy = Spy(plant.robot, DT)
+    episode = recorded(plant, spy, seed=secrets.randbits(32))
+    truth = plant.winch(episode.trajectory.states)
+    for past in spy.pasts:
+        assert np.isfinite(past.winch).all()
+        np.testing.assert_allclose(past.winch[0], truth[: past.history + 1], atol=1e-9)
+
+
+def test_measured_winches_are_taken_as_measured(plant: Plant) -> None:
+    slow = Plant(plant.robot, DT, PlantParameters(winch_speed=0.5))
+    spy, blind = Spy(plant.robot, DT), Spy(plant.robot, DT)
+    episode = recorded(slow, spy, measurement=MeasurementModel(winch_measured=True), seed=1)
+    recorded(slow, blind, seed=1)
+    truth = slow.winch(episode.trajectory.states)
+    np.testing.assert_allclose(spy.pasts[-1].winch[0], truth[:81], atol=1e-12)
+    assert np.abs(blind.pasts[-1].winch[0] - truth[:81]).max() > 0.05
+
+
+def test_the_same_seed_gives_the_same_episode_and_another_seed_another(plant: Plant) -> None:
+    controller = RandomControls(plant.robot, DT)
+    one, two, other = (recorded(plant, controller, None, NOISY, seed=s) for s in (5, 5, 6))
+    np.testing.assert_array_equal(
+        one.trajectory.observations.points, two.trajectory.observations.points
+    )
+    assert not np.array_equal(one.trajectory.controls, other.trajectory.controls)
+
+
+def test_noise_does_not_change_what_an_open_loop_controller_does(plant: Plant) -> None:
+    clean = recorded(plant, RandomControls(plant.robot, DT), None, EXACT, seed=5)
+    noisy = recorded(plant, RandomControls(plant.robot, DT), None, NOISY, seed=5)
+    np.testing.assert_array_equal(clean.trajectory.controls, noisy.trajectory.controls)
+
+
+def easy_task(plant: Plant, metres: float, seconds: float = 60.0, tolerance: float = 0.05):
+    """A goal that the settling robot is about to pass, or one that it never reaches."""
+    start = plant.observe(plant.rest()).points[0]
+    here = start[:, :2].mean(axis=0)
+    config = TaskConfig(goal=tuple(here + (metres, 0)), tolerance=tolerance, seconds=seconds)
+    return sample_task("reach", plant.robot, start, np.random.default_rng(0), config)
+
+
+def test_an_episode_ends_at_the_first_step_at_which_the_true_robot_is_there(plant: Plant) -> None:
+    free = recorded(plant, RandomControls(plant.robot, DT), seconds=6.0, seed=2)
+    far = easy_task(plant, 0.0)
+    way = far.place(plant.observe(free.trajectory.states).points)
+    goal = way[450]
+    task = dataclasses.replace(far, goal=goal, tolerance=0.02)
+    first = int((np.linalg.norm(way - goal, axis=1) <= 0.02).argmax())
+    assert 0 < first <= 450
+    episode = recorded(plant, RandomControls(plant.robot, DT), task, NOISY, 6.0, seed=2)
+    assert episode.outcome.success
+    assert episode.trajectory.steps == first
+    assert episode.outcome.seconds == pytest.approx(first * DT)
+    assert episode.outcome.distance <= 0.02
+
+
+def test_a_goal_not_reached_in_time_is_a_failure_with_its_distance(plant: Plant) -> None:
+    task = easy_task(plant, 10.0, seconds=0.5)
+    episode = recorded(plant, Hold(plant.robot, DT), task, seconds=3.0)
+    assert not episode.outcome.success
+    assert episode.outcome.seconds == pytest.approx(0.5)
+    assert episode.outcome.distance == pytest.approx(10.0, abs=0.1)
+
+
+def test_progress_is_told_and_can_end_the_recording(plant: Plant) -> None:
+    told: list[int] = []
+    recorded(plant, Spy(plant.robot, DT), on_step=told.append)
+    assert told == [40, 80, 100]
+
+    def stop(done: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        recorded(plant, Spy(plant.robot, DT), on_step=stop)
+
+
+@pytest.mark.parametrize(
+    ("controls", "message"),
+    [
+        (np.full((3, 6), np.nan), "not finite"),
+        (np.zeros((3, 5)), r"\(S, 6\) with S >= 1, got \(3, 5\)"),
+        (np.zeros((0, 6)), r"got \(0, 6\)"),
+        (np.zeros((1, 3, 6)), r"got \(1, 3, 6\)"),
+    ],
+)
+def test_commands_that_do_not_fit_are_refused_by_name(plant: Plant, controls, message) -> None:
+    class Wrong(Hold):
+        name = "wrong"
+
+        def act(self, past: Past) -> Command:
+            return Command(controls)
+
+    with pytest.raises(ModelError, match=f"wrong .*{message}"):
+        recorded(plant, Wrong(plant.robot, DT))
+
+
+def test_no_time_for_a_step_is_refused(plant: Plant) -> None:
+    with pytest.raises(ConfigError, match="at least one step"):
+        recorded(plant, Hold(plant.robot, DT), seconds=0.001)
+
+
+def test_a_batch_gives_the_same_episodes_as_one_by_one(plant: Plant) -> None:
+    random, hold = RandomControls(plant.robot, DT), Hold(plant.robot, DT)
+    seeds = [secrets.randbits(32) for _ in range(4)]
+
+    def batch(chosen: list[int]) -> list:
+        return record_batch(
+            plant,
+            NOISY,
+            [(random, hold)[i % 2] for i in chosen],
+            starts=plant.rest(len(chosen)),
+            seconds=0.5,
+            seeds=[seeds[i] for i in chosen],
+            episode_ids=[f"e{i}" for i in chosen],
+            provenances=[Provenance(plant.robot.digest)] * len(chosen),
+            splits=["train"] * len(chosen),
+        )
+
+    together = batch([0, 1, 2, 3])
+    assert [episode.id for episode in together] == ["e0", "e1", "e2", "e3"]
+    for i in (0, 3):
+        (alone,) = batch([i])
+        np.testing.assert_array_equal(
+            alone.trajectory.observations.points, together[i].trajectory.observations.points
+        )
+        np.testing.assert_array_equal(
+            alone.trajectory.states.qpos, together[i].trajectory.states.qpos
+        )
+
+
+def test_a_batch_with_something_missing_is_refused(plant: Plant) -> None:
+    with pytest.raises(ConfigError, match="got 1, 2, 1, 1, 1, 1 of them"):
+        record_batch(
+            plant,
+            EXACT,
+            [Hold(plant.robot, DT)],
+            starts=plant.rest(),
+            seconds=1.0,
+            seeds=[1, 2],
+            episode_ids=["a"],
+            provenances=[Provenance(plant.robot.digest)],
+            splits=["train"],
+        )
+
+
+def test_dropped_robots_are_whole_above_the_ground_and_turned_any_way(plant: Plant) -> None:
+    robot, rng = plant.robot, np.random.default_rng(seed := secrets.randbits(32))
+    drops = random_drop(plant, rng, 40)
+    points, rest = plant.observe(drops).points, plant.observe(plant.rest()).points
+
+    def apart(p: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(p[:, :, None] - p[:, None], axis=-1)
+
+    np.testing.assert_allclose(apart(points), np.repeat(apart(rest), 40, axis=0), atol=1e-9)
+    lowest = (points[..., 2] - robot.points[0].radius).min(axis=1)
+    assert (lowest > 0).all() and lowest.max() < 0.5 * robot.length, seed
+    up = (points[:, 1] - points[:, 0]) / np.linalg.norm(points[:, 1] - points[:, 0], axis=1)[
+        :, None
+    ]
+    assert (np.abs(up.mean(axis=0)) < 0.45).all(), seed
+    assert (up.max(axis=0) > 0.6).all() and (up.min(axis=0) < -0.6).all(), seed
+    # and MuJoCo finds no cable stretched
+    one = plant.simulate(drops, np.zeros((40, 1, 6))).states
+    assert np.abs(one.qvel).max() < 1.0
+
+
+def test_a_robot_that_hangs_cannot_be_dropped() -> None:
+    hanging = Plant(load_robot("platform4"), DT)
+    with pytest.raises(RobotError, match="cannot be dropped: it hangs on cables"):
+        random_drop(hanging, np.random.default_rng(0), 1)
+
+
+@pytest.mark.slow
+def test_the_oracle_comes_nearer_to_a_goal(plant: Plant) -> None:
+    start = plant.observe(plant.rest()).points[0]
+    task = sample_task(
+        "reach", plant.robot, start, np.random.default_rng(0), TaskConfig(goal=(6.0, 0.0))
+    )
+    mppi = Mppi(PlantDynamics(plant), MppiConfig(samples=12, horizon_seconds=2.0), "oracle")
+    episode = recorded(plant, mppi, task, seconds=6.0, seed=1)
+    assert episode.outcome.distance < task.distance(start) - 0.3
+    assert len(episode.timing["plan_seconds"]) == 12
