@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from flywheel.errors import DataError
+
 log = logging.getLogger(__name__)
 
 Record = dict[str, Any]
@@ -42,7 +44,11 @@ class Outbox:
         """Add a record; it is on disk when this returns."""
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
         with self._lock:
-            _append_durably(self.path, line)
+            try:
+                _append_durably(self.path, line)
+            except OSError:  # a full disk may have taken half of it
+                os.truncate(self.path, self._end)
+                raise
             self._end += len(line)
 
     @property
@@ -80,11 +86,20 @@ class Outbox:
         return sum(1 for _ in self.records(self._delivered))
 
     def records(self, offset: int = 0) -> Iterator[Record]:
-        """Every record from `offset` on, delivered or not."""
+        """Every record from `offset` on, delivered or not.
+
+        Raises:
+          DataError: a line is not a record; someone else has written into the file.
+        """
         if self.path.exists():
             with self.path.open("rb") as file:
                 file.seek(offset)
-                yield from (json.loads(line) for line in file)
+                for line in file:
+                    try:
+                        yield json.loads(line)
+                    except ValueError:
+                        text = f"{self.path} has a line that is no record: {line[:80]!r}."
+                        raise DataError(text) from None
 
     def _drop_torn_line(self) -> int:
         """Cut off a line that a killed process left half written. Returns the file's length."""
@@ -167,7 +182,12 @@ class Courier:
             self._wake.clear()
             if self._stopping:
                 return
-            if self._deliver_all():
+            try:
+                done = self._deliver_all()
+            except Exception as error:  # of the outbox itself, e.g. a full disk
+                self._note(error)
+                done = False
+            if done:
                 self._wake.wait()
             else:
                 self._wake.wait(self._pause)

@@ -129,6 +129,8 @@ def _tags(result: IterationResult) -> dict[str, str]:
         "flywheel.snapshot": result.snapshot,
         "flywheel.parent_snapshot": result.parent_snapshot,
         "flywheel.model": result.model,
+        "flywheel.arm": result.arm,
+        "flywheel.iteration": str(result.iteration),
     }
     if result.gate is not None:
         tags["flywheel.gate"] = "promoted" if result.gate.promoted else "kept the champion"

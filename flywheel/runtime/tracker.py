@@ -181,7 +181,8 @@ class Tracker:
                 f"Only a model that passed the gate with a finite number becomes champion; got "
                 f"promoted={decision.promoted}, {decision.measure} = {decision.number}."
             )
-        self._put("promote", self.key, digest=digest, decision=decision.model_dump())
+        words = {name: str(value) for name, value in decision.model_dump().items()}
+        self._put("promote", self.key, digest=digest, decision=words)
 
     def end(self, run: str, status: Status = "FINISHED") -> None:
         """Say how a run ended. The end of the parent ends every run still open."""

@@ -12,6 +12,7 @@ import contextlib
 import json
 import os
 import platform
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -64,7 +65,8 @@ class MlflowReceiver:
     def __init__(self, folder: Path, config: TrackingConfig, robot: str) -> None:
         self._folder = folder
         self._config = config
-        self._registry = config.registered_model or f"flywheel-{robot}"
+        name = config.registered_model or f"flywheel-{robot}"
+        self._registry = re.sub(r"[^A-Za-z0-9._-]", "-", name)
         self._ids: dict[str, str] = {}
         self._client: MlflowClient | None = None
         self._experiment = ""
@@ -84,9 +86,9 @@ class MlflowReceiver:
         self._actions[record["kind"]](self._connected(), record)
 
     def hopeless(self, error: Exception) -> bool:
-        """MLflow will refuse this record for ever, or the file it names is gone."""
+        """MLflow will refuse this record for ever, or what it names is gone."""
         refused = getattr(error, "error_code", "") == "INVALID_PARAMETER_VALUE"
-        return refused or isinstance(error, FileNotFoundError)
+        return refused or isinstance(error, (FileNotFoundError, LookupError))
 
     @property
     def chart_url(self) -> str:
@@ -209,7 +211,9 @@ class MlflowReceiver:
                 Path(folder), self._folder / record["folder"], record["shape"], model, run
             )
             client.log_model_artifacts(model, folder)
-        client.log_outputs(run, [LoggedModelOutput(model, record["step"])])
+        outputs = client.get_run(run).outputs
+        if model not in {output.model_id for output in outputs.model_outputs}:
+            client.log_outputs(run, [LoggedModelOutput(model, record["step"])])
         client.finalize_logged_model(model, "READY")
 
     def _register(self, client: MlflowClient, model: Any, run: str, tags: dict[str, str]) -> None:
@@ -233,12 +237,12 @@ class MlflowReceiver:
             raise LookupError(f"MLflow has no version of {self._registry} with weights {digest}.")
         for name in ("measure", "number", "reference", "reason"):
             client.set_model_version_tag(
-                self._registry, version, f"flywheel.gate.{name}", str(decision[name])
+                self._registry, version, f"flywheel.gate.{name}", decision[name]
             )
         client.set_registered_model_alias(self._registry, CHAMPION, version)
         run = self._id(client, record["run"])
         client.set_tag(run, "flywheel.champion", digest)
-        client.set_tag(run, "flywheel.champion.number", str(decision["number"]))
+        client.set_tag(run, "flywheel.champion.number", decision["number"])
 
     def _end(self, client: MlflowClient, record: Record) -> None:
         client.set_terminated(self._id(client, record["run"]), record["status"], record["time"])

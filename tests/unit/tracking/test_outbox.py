@@ -10,6 +10,7 @@ import time
 
 import pytest
 
+from flywheel.errors import DataError
 from flywheel.runtime.outbox import Courier, Outbox
 
 FAST = (0.01, 0.05)
@@ -129,6 +130,31 @@ def test_numbers_that_json_does_not_know_are_refused_before_they_are_written(tmp
     with pytest.raises(ValueError):
         outbox.append({"n": float("nan")})
     assert list(outbox.records()) == []
+
+
+def test_a_full_disk_leaves_no_half_record(tmp_path, monkeypatch):
+    outbox = Outbox(tmp_path)
+    outbox.append({"n": 0})
+
+    def half(path, line):
+        with path.open("ab") as file:
+            file.write(line[: len(line) // 2])
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr("flywheel.runtime.outbox._append_durably", half)
+        with pytest.raises(OSError, match="No space"):
+            outbox.append({"n": 1})
+    outbox.append({"n": 2})
+    assert list(outbox.records()) == [{"n": 0}, {"n": 2}]
+
+
+def test_a_line_that_someone_else_wrote_is_named(tmp_path):
+    outbox = Outbox(tmp_path)
+    with outbox.path.open("w") as file:
+        file.write("hello\n")
+    with pytest.raises(DataError, match="hello"):
+        list(outbox.records())
 
 
 WRITER = """

@@ -81,7 +81,7 @@ def test_only_the_gate_makes_a_champion_and_only_with_a_finite_number(tmp_path, 
             tracker.promote("weights", decision)
     tracker.promote("weights", good)
     assert tracker.close(5)
-    assert [record["decision"]["number"] for record in notes.of("promote")] == [2.5]
+    assert [record["decision"]["number"] for record in notes.of("promote")] == ["2.5"]
 
 
 def test_the_end_of_the_parent_ends_every_run_still_open(tmp_path, notes):
