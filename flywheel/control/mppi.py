@@ -108,8 +108,8 @@ class Mppi:
         rollout = self.dynamics.rollout(past, controls)
         finite = np.isfinite(rollout.points).all(axis=(1, 2, 3))
         if not finite.any():
-            raise ModelError(f"None of {len(finite)} rollouts of {self.name} is finite.")
-        costs = np.full(len(finite), np.inf)
+            raise ModelError(f"None of {len(candidates)} rollouts of {self.name} is finite.")
+        costs = np.full(len(candidates), np.inf)
         costs[finite] = self._task.cost(rollout.points[finite])
         costs[np.isnan(costs)] = np.inf
         weights = softmin(costs, self.config.temperature, self.config.relative_temperature)
