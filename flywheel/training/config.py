@@ -95,10 +95,10 @@ class TrainingConfig(_Frozen):
         warmup_steps=100,
     )
     fine_tuning: Schedule = Schedule(
-        steps=500,
-        stages=_stages({4: 0.2, 8: 0.3, 16: 0.5}),
+        steps=400,
+        stages=_stages({16: 1.0}),  # going back to short windows would unlearn the long ones
         learning_rate=1e-3,
-        warmup_steps=50,
+        warmup_steps=20,
     )
     chunks_per_batch: PositiveInt = 256
     least_windows: PositiveInt = 32
@@ -113,7 +113,7 @@ class TrainingConfig(_Frozen):
     noise: NonNegative = 0.0
     mix: dict[str, NonNegative] = {}
     validate_every: PositiveInt = 100
-    validation_windows: PositiveInt = 64
+    validation_windows: PositiveInt = 128
     validation_seconds: PositiveFloat = 2.0
     report_every: PositiveInt = 20
     patience: int = Field(default=0, ge=0)
