@@ -26,7 +26,8 @@ from flywheel.runtime.run_folder import Identity, RunFolder
 from flywheel.runtime.run_state import HELPERS, Run
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 from flywheel.runtime.tracking import open_tracker
-from flywheel.runtime.workers import SimWorker, TrainerWorker
+from flywheel.runtime.training_worker import TrainerWorker
+from flywheel.runtime.workers import SimWorker
 
 HURRY = 3.0  # seconds for the tracker when a run ends early; the rest is delivered on its resume
 OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]

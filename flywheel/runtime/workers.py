@@ -7,32 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data import TrajectoryStore
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ErrorTable, score, score_full
-from flywheel.records import Episode, Floats, Past, Split
+from flywheel.records import Episode, Floats, Past
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
-from flywheel.runtime.lock import hold
-from flywheel.runtime.measures import Overlay, TrainingPoint, Walk
+from flywheel.runtime.measures import Overlay, Walk
 from flywheel.runtime.overlays import overlay
 from flywheel.runtime.plan import EpisodePlan
 from flywheel.runtime.recording import Recorder
 from flywheel.runtime.sharded import Helpers, ShardedDynamics
 from flywheel.runtime.watch import Watch
 from flywheel.runtime.weights import Weights
-from flywheel.training import Trainer, TrainingProgress
 
 MODELS_KEPT = 4
-SPLITS: tuple[Split, ...] = ("train", "validation")
 FLOOR, PERSISTENCE = "floor", "persistence"
 
 
@@ -67,42 +63,6 @@ class Scores:
 
     short: ErrorTable | None = None
     full: ErrorTable | None = None
-    problem: str = ""
-
-
-@dataclass(frozen=True)
-class TrainingOrder:
-    """What to train.
-
-    Attributes:
-      snapshot: its name.
-      folder: for checkpoints and weights.
-      cache: folder for the windows.
-      initial: weights to start from, or None.
-      seed: of the training.
-    """
-
-    snapshot: str
-    folder: Path
-    cache: Path
-    initial: Path | None
-    seed: int
-
-
-@dataclass(frozen=True)
-class TrainingNote:
-    """What the driver is told about a finished training.
-
-    Attributes:
-      weights: their file.
-      digest: of them.
-      curve: of the training.
-      problem: why there are no weights, or "".
-    """
-
-    weights: Path = Path()
-    digest: str = ""
-    curve: tuple[TrainingPoint, ...] = ()
     problem: str = ""
 
 
@@ -273,65 +233,3 @@ def added(one: Scores, other: Scores) -> Scores:
     if one.full is None or other.full is None:
         return Scores(one.short + other.short, one.full or other.full)
     return Scores(one.short + other.short, one.full + other.full)
-
-
-class TrainerWorker:
-    """Trains models.
-
-    Args:
-      config: of the run.
-      store: URL of the trajectory store.
-    """
-
-    def __init__(self, config: RunConfig, store: str) -> None:
-        self._config = config
-        self._robot = Recorder(config).robot
-        self._store = TrajectoryStore(store)
-        self._watch = Watch()
-
-    @property
-    def beat(self) -> Beat:
-        """Latest sign of progress."""
-        return self._watch.beat
-
-    def train(self, order: TrainingOrder) -> TrainingNote:
-        """Train from the last checkpoint in the order's folder, or from the beginning."""
-        self._watch.start("reading the snapshot")
-        # A trainer whose driver was killed lives on for some seconds.
-        with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
-            snapshot = self._store.snapshot(order.snapshot)
-            train, validation = (
-                WindowCache.build(self._store, snapshot, split, order.cache, self._robot)
-                for split in SPLITS
-            )
-            trainer = Trainer(
-                self._config.training.model_copy(update={"seed": order.seed}),
-                self._config.network,
-                self._robot,
-                train,
-                validation,
-                order.folder,
-                order.initial,
-            )
-            try:
-                result = trainer.run(self._progress)
-            except ModelError as error:
-                return TrainingNote(problem=str(error))
-        points = tuple(
-            TrainingPoint(
-                step=p.step,
-                loss=p.loss,
-                learning_rate=p.learning_rate,
-                validation_e_pos_rmse=p.e_pos_rmse,
-                validation_e_rot=p.e_rot,
-            )
-            for p in result.curve
-        )
-        return TrainingNote(result.weights, result.digest, points)
-
-    def _progress(self, now: TrainingProgress) -> None:
-        words = (
-            f"step {now.point.step} of {now.steps} ({now.steps_per_second:.1f}/s), "
-            f"loss {now.point.loss:.3g}"
-        )
-        self._watch.progress(now.point.step / now.steps, words)

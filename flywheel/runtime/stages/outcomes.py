@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from flywheel.runtime.jobs import PoolReport
 from flywheel.runtime.measures import Errors, Navigation, Overlay
 from flywheel.runtime.run_state import Model
-from flywheel.runtime.workers import TrainingNote
+from flywheel.runtime.training_worker import TrainingNote
 
 
 @dataclass

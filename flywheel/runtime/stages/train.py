@@ -12,7 +12,7 @@ from flywheel.runtime.run_state import Model, Run
 from flywheel.runtime.seeds import derive_seed
 from flywheel.runtime.served import write_served
 from flywheel.runtime.stages.outcomes import Tally, Trained
-from flywheel.runtime.workers import TrainingNote, TrainingOrder
+from flywheel.runtime.training_worker import TrainingNote, TrainingOrder
 
 SECONDS_PER_STEP = 0.15  # roughly; for the time left that is shown
 

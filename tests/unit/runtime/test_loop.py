@@ -20,7 +20,8 @@ from flywheel.runtime.progress import Lines
 from flywheel.runtime.recording import Recorder
 from flywheel.runtime.run_folder import RunFolder
 from flywheel.runtime.run_state import Run
-from flywheel.runtime.workers import SimWorker, TrainerWorker
+from flywheel.runtime.training_worker import TrainerWorker
+from flywheel.runtime.workers import SimWorker
 from tests.unit.runtime.local_backend import LocalBackend
 
 TINY = {
@@ -193,7 +194,7 @@ def test_a_model_that_predicts_no_numbers_is_rejected_and_the_champion_kept(benc
 
 
 def test_a_training_that_diverges_leaves_the_champion_and_goes_on(bench, monkeypatch):
-    from flywheel.runtime.workers import TrainingNote
+    from flywheel.runtime.training_worker import TrainingNote
 
     honest = TrainerWorker.train
 
@@ -209,7 +210,7 @@ def test_a_training_that_diverges_leaves_the_champion_and_goes_on(bench, monkeyp
 
 
 def test_a_first_training_that_diverges_ends_the_run(bench, monkeypatch):
-    from flywheel.runtime.workers import TrainingNote
+    from flywheel.runtime.training_worker import TrainingNote
 
     monkeypatch.setattr(TrainerWorker, "train", lambda self, order: TrainingNote(problem="nan"))
     with pytest.raises(RunError, match="there is no model: nan"):
