@@ -1,0 +1,72 @@
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+import torch
+
+from flywheel.dynamics.gnn import ChunkNetwork, Simulator, fit_normalisation
+from flywheel.training.objective import Objective
+
+
+@pytest.fixture
+def objective(robot, train, network_config, make_config):
+    def make(**changes) -> Objective:
+        config = make_config(**changes)
+        return Objective(config, config.initial, Simulator(robot, network_config), train)
+
+    return make
+
+
+@pytest.fixture
+def network(robot, network_config, objective):
+    torch.manual_seed(0)
+    network = ChunkNetwork(robot, network_config)
+    fit_normalisation(Simulator(robot, network_config), network, [objective().measured()])
+    return network
+
+
+def _gradients(objective: Objective, network: ChunkNetwork, step: int) -> list[torch.Tensor]:
+    with ThreadPoolExecutor(3) as pool:
+        objective.backward(network, step, pool)
+    return [w.grad.clone() for w in network.parameters() if w.grad is not None]
+
+
+def test_parts_of_a_batch_give_the_gradient_of_the_whole(objective, network):
+    one, three = (_gradients(objective(threads=n), network, 7) for n in (1, 3))
+    assert len(one) == len(three) > 0
+    for a, b in zip(one, three, strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-3, atol=1e-4)
+
+
+def test_the_order_in_which_parts_are_ready_changes_no_bit(objective, network):
+    first, *others = (_gradients(objective(threads=3), network, 7) for _ in range(4))
+    for other in others:
+        assert all(torch.equal(a, b) for a, b in zip(first, other, strict=True))
+
+
+def test_a_step_has_as_many_chunks_as_configured_and_as_few_windows_as_allowed(objective):
+    """The first stage trains on one chunk per window, the second on two."""
+    wide = objective(chunks_per_batch=16, least_windows=2)
+    assert [len(wide.batch(step).points) for step in (0, 11)] == [16, 8]
+    narrow = objective(chunks_per_batch=16, least_windows=12)
+    assert [len(narrow.batch(step).points) for step in (0, 11)] == [16, 12]
+    assert [narrow.batch(step).controls.shape[1] for step in (0, 11)] == [4, 8]
+
+
+def test_windows_are_turned_only_for_a_network_that_does_not_turn_by_itself(
+    robot, train, network_config, make_config
+):
+    config = make_config()
+    batches = []
+    for yaw_frame in (True, False):
+        network = network_config.model_copy(update={"yaw_frame": yaw_frame})
+        batches.append(Objective(config, config.initial, Simulator(robot, network), train).batch(3))
+    torch.testing.assert_close(batches[0].points[..., 2], batches[1].points[..., 2])
+    assert (batches[0].points - batches[1].points).abs().max() > 0.1
+
+
+def test_noise_is_in_the_past_alone(objective):
+    clean, noisy = (objective(noise=n).batch(3) for n in (0.0, 0.01))
+    spread = (noisy.past_points - clean.past_points).diff(dim=1).std() / 2**0.5
+    assert spread.item() == pytest.approx(0.0295, rel=0.2)
+    apart = (noisy.points[:, 1:] - clean.points[:, 1:]).diff(dim=1)
+    torch.testing.assert_close(apart, torch.zeros_like(apart), atol=1e-5, rtol=0)
