@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 import torch
 
@@ -122,3 +124,23 @@ def test_bfloat16_is_near_float32(robots, make_network, make_window, seed):
         exact = simulator.unroll(network, *window.arguments())
         rough = half.unroll(network, *window.arguments())
     assert 1e-6 < relative(rough.velocities, exact.velocities) < 0.1, seed
+
+
+def test_several_cables_between_the_same_two_nodes_are_several_edges(
+    robots, make_network, make_window, seed
+):
+    """Two cables from one anchor to one corner, beside corners with one cable or none."""
+    robot = robots["platform4"]
+    first = robot.cables[0]
+    beside = dataclasses.replace(first, name="beside", winch=-1)
+    one_winch = (dataclasses.replace(robot.winches[first.winch], cables=(0,)),)
+    alone = (dataclasses.replace(first, winch=0), beside)  # a single anchor
+    for here in (
+        dataclasses.replace(robot, cables=(*robot.cables, beside)),
+        dataclasses.replace(robot, cables=alone, winches=one_winch),
+    ):
+        network = make_network(here, CONFIGS["lean"], seed)
+        window = make_window(here, CONFIGS["lean"], seed)
+        with torch.no_grad():
+            fused, plain = one_call(here, CONFIGS["lean"], network, window)
+        assert relative(fused.velocity, plain.velocity) < 1e-5, seed
