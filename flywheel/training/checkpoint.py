@@ -45,7 +45,7 @@ class Checkpoint:
     best_error: float
     best_step: int
     stale: int
-    curve: list[dict[str, float | int | None]]
+    curve: list[dict[str, Any]]
 
 
 def write_checkpoint(checkpoint: Checkpoint, folder: Path) -> Path:
