@@ -109,6 +109,17 @@ def test_a_damaged_manifest_is_refused_and_names_its_episodes(tmp_path, make_epi
         assert found[0].episodes == ("e0", "e1")
 
 
+@pytest.mark.parametrize("name", ["segments/e/receipt.json", "snapshots/s.json"])
+def test_a_byte_that_changes_no_meaning_is_found_too(tmp_path, make_episode, name):
+    store = TrajectoryStore(tmp_path)
+    store.commit("e", [make_episode("e")])
+    store.seal("s", ["e"])
+    path = tmp_path / name
+    path.write_text(path.read_text().replace("\n", " ", 1))
+    (damage,) = store.verify()
+    assert damage.episodes == ("e",)
+
+
 def test_a_segment_that_is_not_the_one_a_snapshot_lists_is_found(tmp_path, make_episode, prism3):
     store = TrajectoryStore(tmp_path / "store")
     store.commit("e", [make_episode("e", seed=1)])
