@@ -1,11 +1,15 @@
-"""`flywheel bench`: how fast this machine plans, learns, simulates and stores."""
+"""`flywheel bench`: how fast this machine plans, learns, simulates and stores.
+
+What is compared is timed in turns, within one process. One thread is timed by its own computing time,
+so that a busy machine does not matter; several by the clock, for which the machine must be idle.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -17,6 +21,15 @@ import torch
 from flywheel.control import Mppi, MppiConfig
 from flywheel.data.benchmark import store_benchmark
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
+from flywheel.dynamics.gnn.benchmark import (
+    Speed,
+    blocked_against_unblocked,
+    fused_against_plain,
+    lean_against_paper,
+    learned_against_plant,
+    least_seconds,
+    product_fraction,
+)
 from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.plant.benchmark import SIMULATIONS, STEPS, contenders
 from flywheel.dynamics.protocol import Dynamics
@@ -27,9 +40,9 @@ from flywheel.robots import Robot, load_robot
 from flywheel.runtime.progress import console_progress
 from flywheel.tasks import TaskConfig, sample_task
 from pipelines.show import console, table
-from pipelines.timing import interleaved
 
 ENGINES = ("mujoco", "torch", "zarr", "numpy")
+STEPS_PER_S = "control steps/s"
 PLANS = (64, 200)  # K, candidates of one plan
 PLAN_SECONDS = 2.0  # H
 
@@ -40,7 +53,7 @@ class Measurement:
 
     Attributes:
       of: what was measured.
-      value: median.
+      value: at its best, among all times it was measured.
       unit: of the value.
       threads: computed with.
       against: what `ratio` compares it with, or "".
@@ -120,13 +133,49 @@ def _processor() -> str:
 
 def bench_plant(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
     """Simulated control steps per second, beside bare `mujoco.rollout`."""
-    taken = interleaved(contenders(robot, threads), seconds)
+    taken = least_seconds(contenders(robot, threads), seconds, threads)
     rates = {name: SIMULATIONS * STEPS / each for name, each in taken.items()}
-    unit = "control steps/s"
     ratio = rates["plant"] / rates["bare"]
     return [
-        Measurement("bare mujoco.rollout", rates["bare"], unit, threads),
-        Measurement("plant", rates["plant"], unit, threads, "bare mujoco.rollout", ratio),
+        Measurement("bare mujoco.rollout", rates["bare"], STEPS_PER_S, threads),
+        Measurement("plant", rates["plant"], STEPS_PER_S, threads, "bare mujoco.rollout", ratio),
+    ]
+
+
+def bench_network(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
+    """The whole learned step beside bare `mujoco.rollout`."""
+    bare = contenders(robot, threads)["bare"]
+    return measured(
+        learned_against_plant(robot, bare, SIMULATIONS * STEPS, seconds, threads), threads
+    )
+
+
+def bench_kernels(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
+    """The network's forward pass in its variants; always on one thread."""
+    if threads != 1:
+        return []
+    lean = NetworkConfig.lean()
+    speeds = (
+        *lean_against_paper(robot, lean.width, seconds),
+        *fused_against_plain(robot, lean, seconds),
+        *blocked_against_unblocked(robot, lean, seconds),
+        *product_fraction(robot, lean, seconds),
+    )
+    return measured(speeds, threads)
+
+
+def measured(speeds: Iterable[Speed], threads: int) -> list[Measurement]:
+    """Speeds of the network's own benchmarks as measurements."""
+    return [
+        Measurement(
+            of=speed.of,
+            value=speed.rate,
+            unit="flop/s" if "flop/s" in speed.of else STEPS_PER_S,
+            threads=threads,
+            against=speed.against,
+            ratio=speed.ratio or None,
+        )
+        for speed in speeds
     ]
 
 
@@ -143,7 +192,7 @@ def bench_plan(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
         for samples in PLANS
         for name, model in models.items()
     }
-    taken = interleaved(calls, seconds)
+    taken = least_seconds(calls, seconds, threads)
     return [Measurement(name, 1e3 * each, "ms", threads) for name, each in taken.items()]
 
 
@@ -190,6 +239,8 @@ def bench_store(robot: Robot, threads: int, seconds: float) -> list[Measurement]
 
 BENCHES: dict[str, Bench] = {
     "plant": bench_plant,
+    "network": bench_network,
+    "kernels": bench_kernels,
     "plan": bench_plan,
     "store": bench_store,
 }

@@ -1,5 +1,6 @@
 """What every test relies on: one thread each, no usage reports, drawing only where it can be."""
 
+import contextlib
 import ctypes.util
 import os
 import shlex
@@ -15,6 +16,7 @@ os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 import pytest
+from typer.testing import CliRunner
 
 from tests.readme_commands import the_two_commands
 
@@ -49,6 +51,15 @@ class Stranger:
             shlex.split(small), cwd=self.folder, capture_output=True, text=True, timeout=seconds
         )
         assert done.returncode == code, f"{small}\n{done.stdout}\n{done.stderr}"
+        return done.stdout, done.stderr
+
+    def ask(self, command: str, code: int = 0) -> tuple[str, str]:
+        """The same inside this process, which has imported everything already."""
+        from pipelines.cli import app
+
+        with contextlib.chdir(self.folder):
+            done = CliRunner().invoke(app, shlex.split(command)[1:])
+        assert done.exit_code == code, f"{command}\n{done.output}\n{done.exception!r}"
         return done.stdout, done.stderr
 
 
