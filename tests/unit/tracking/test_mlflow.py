@@ -196,6 +196,7 @@ def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path, run):
     assert states == [{run.key: "KILLED"}, {run.key: "FINISHED"}]
 
 
+@pytest.mark.slow
 def test_a_dead_server_delays_no_call_and_gets_everything_once_when_it_comes_up(tmp_path, run):
     port = free_port()
     folder = tmp_path / "run"
@@ -235,6 +236,7 @@ def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
         assert tracker.pending() > 20
 
 
+@pytest.mark.slow
 def test_the_database_is_whole_even_if_another_process_makes_it_at_the_same_time(tmp_path):
     script = (
         "import sys; from pathlib import Path; from flywheel.runtime import tracking;"

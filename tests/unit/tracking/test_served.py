@@ -48,6 +48,7 @@ def windows(robot, history, batch=2, horizon=18):
     return seed, inputs, past, controls
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*Any type hint is inferred as AnyType:UserWarning")
 def test_the_champion_loaded_from_mlflow_predicts_what_the_network_predicts(
     tmp_path, robot, network
