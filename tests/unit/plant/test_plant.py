@@ -52,6 +52,20 @@ def test_every_parameter_changes_the_motion(name: str, robot: Robot, controls: n
     assert np.abs(before - after).max() > 1e-4
 
 
+def test_a_scaled_mass_is_the_mjcf_with_that_mass() -> None:
+    robot = hanging()
+    heavy = Robot.from_mjcf(robot.xml.replace('mass="2.0"', 'mass="3.0"'))
+    scaled, written = Plant(robot, parameters=PlantParameters(mass=1.5)).model, Plant(heavy).model
+    for field in (
+        "body_mass",
+        "body_inertia",
+        "dof_invweight0",
+        "body_invweight0",
+        "tendon_invweight0",
+    ):
+        np.testing.assert_allclose(getattr(scaled, field), getattr(written, field), rtol=1e-12)
+
+
 def test_parameters_are_positive_and_known() -> None:
     for wrong in ({"friction": 0.0}, {"mass": -1.0}, {"colour": 2.0}):
         with pytest.raises(ValidationError):
