@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flywheel.evaluation import ExactSum
@@ -9,6 +9,7 @@ VALUES = st.lists(
 )
 
 
+@settings(deadline=None)
 @given(VALUES, st.data())
 def test_any_partition_in_any_order_adds_up_to_the_same_bits(values, data):
     array = np.array(values).reshape(-1, 1, 1)
@@ -20,6 +21,7 @@ def test_any_partition_in_any_order_adds_up_to_the_same_bits(values, data):
     assert total == ExactSum.of(array)
 
 
+@settings(deadline=None)
 @given(VALUES)
 def test_the_mean_is_the_mean_of_what_is_present(values):
     present = [v for v in values if not np.isnan(v)]

@@ -1,7 +1,7 @@
 import itertools
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -21,6 +21,7 @@ SCHEDULES = st.builds(
 )
 
 
+@settings(deadline=None)
 @given(SCHEDULES)
 def test_the_stages_fill_the_budget_without_gap_or_overlap(schedule):
     stages = spans(schedule)
@@ -32,6 +33,7 @@ def test_the_stages_fill_the_budget_without_gap_or_overlap(schedule):
     assert [s.chunks for s in stages] == [s.chunks for s in schedule.stages]
 
 
+@settings(deadline=None)
 @given(SCHEDULES, st.data())
 def test_every_step_belongs_to_the_stage_around_it(schedule, data):
     step = data.draw(st.integers(0, schedule.steps - 1))
