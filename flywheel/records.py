@@ -56,7 +56,7 @@ class Observation:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """(..., P) whether each point was measured."""
-        return np.isfinite(self.points).all(axis=-1)
+        return np.asarray(np.isfinite(self.points).all(axis=-1))
 
     def __getitem__(self, index: Any) -> Observation:
         """Index the leading (batch or time) axes of every field."""
@@ -222,7 +222,9 @@ class Past:
         held = np.repeat(np.asarray(hold, self.controls.dtype)[:, None], missing, axis=1)
         return dataclasses.replace(
             self,
-            observations=Observation(front(self.observations.points), front(self.observations.winch)),
+            observations=Observation(
+                front(self.observations.points), front(self.observations.winch)
+            ),
             controls=np.concatenate([held, self.controls], axis=1),
             winch=front(self.winch),
         )

@@ -24,6 +24,4 @@ def lookup(table: Mapping[str, T], name: str, kind: str) -> T:
         return table[name]
     nearest = get_close_matches(name, table, n=1)
     hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
-    raise UnknownNameError(
-        f"There is no {kind} {name!r}. Known: {', '.join(sorted(table))}.{hint}"
-    )
+    raise UnknownNameError(f"There is no {kind} {name!r}. Known: {', '.join(sorted(table))}.{hint}")
