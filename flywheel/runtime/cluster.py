@@ -33,6 +33,7 @@ from flywheel.runtime.jobs import Beat, Group, Job, JobFailed, WorkerDied
 from flywheel.runtime.preflight import check_fits, check_reachable
 
 LOG = logging.getLogger(__name__)
+STARTS = 3  # of a local cluster, on a machine so busy that its start takes too long
 OBJECT_STORE_BYTES = 200_000_000
 _DEATHS = (
     exceptions.RayActorError,  # also ActorDiedError and ActorUnavailableError
@@ -94,9 +95,18 @@ class Cluster:
             check_reachable(self._config.address)
             ray.init(address=self._config.address, **quiet)
             return
-        if "RAY_AUTH_MODE" not in os.environ:
-            # A cluster on the loopback of this process needs no token, and none is left in HOME.
-            os.environ["RAY_AUTH_MODE"] = "disabled"
+        # A cluster on the loopback of this process needs no token, and none is left in HOME.
+        os.environ.setdefault("RAY_AUTH_MODE", "disabled")
+        for attempt in range(STARTS):
+            try:
+                self._start_local(quiet)
+                return
+            except Exception as error:  # Ray's own words for a start that took over 30 s
+                ray.shutdown()
+                if "timed out during startup" not in str(error) or attempt == STARTS - 1:
+                    raise
+
+    def _start_local(self, quiet: dict[str, Any]) -> None:
         ray.init(
             address="local",  # never one that happens to run on this machine
             num_cpus=self._config.cpus,
@@ -125,7 +135,9 @@ def _translated(address: str | None) -> Any:
     """Turn Ray's connection errors into one line of advice."""
     try:
         yield
-    except (ConnectionError, exceptions.RayError, RuntimeError, ValueError, OSError) as error:
+    except FlywheelError:
+        raise
+    except Exception as error:  # Ray raises almost anything, down to bare Exceptions
         where = f"the Ray cluster at {address}" if address else "a local Ray"
         token = "auth" in f"{type(error).__name__} {error}".lower()
         advice = (

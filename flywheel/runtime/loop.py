@@ -60,14 +60,18 @@ def run(
     """
     files = RunFolder(Path(folder).absolute())
     files.path.mkdir(parents=True, exist_ok=True)
-    with hold(files.lock, f"The run in {folder}"), StopRequest() as stop:
+    with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
         if (done := finished_run(files)) is not None:
             with _tracked(config, files, identity, tracker):  # delivers what is still waiting
                 return done
         files.check_space(config.workers.least_free_gb)
         cluster = ClusterConfig(address, cores_of(config.workers))
-        with Cluster(cluster) as ray, _tracked(config, files, identity, tracker) as log:
+        with (
+            Cluster(cluster) as ray,
+            StopRequest() as stop,  # after Ray, which catches signals, too
+            _tracked(config, files, identity, tracker) as log,
+        ):
             cores = config.workers.cores or ray.cpus
             with _pool(config, files, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))

@@ -103,7 +103,7 @@ def test_a_finished_run_that_is_resumed_is_left_as_it_is(peaceful):
 
 
 def test_a_tormented_run_comes_to_the_same_outcome(peaceful, begun):
-    """Trainer killed, second driver, Ctrl-C, changed configuration, driver killed twice."""
+    """Trainer killed, second driver, Ctrl-C, SIGTERM, another configuration, driver killed twice."""
     driver, folder = begun
     trainer = wait_for(driver, "trainer", LONG)
     assert trainer is not None and kill(trainer)
@@ -116,6 +116,11 @@ def test_a_tormented_run_comes_to_the_same_outcome(peaceful, begun):
     os.killpg(driver.pid, signal.SIGINT)  # what a terminal does
     assert driver.wait(60) == 130, words_of(folder)
     assert "what is finished is kept" in words_of(folder)
+
+    driver = start_driver(CONFIG, folder)
+    assert wait_for(driver, "trainer", LONG)
+    driver.terminate()  # what a container's runtime does
+    assert driver.wait(60) == 130, words_of(folder)
 
     changed = start_driver(CONFIG, folder, ["mppi.samples=9"])
     assert changed.wait(LONG) == 1
