@@ -59,7 +59,8 @@ class TrainingResult:
       weights: file of the best weights.
       digest: sha256 of them.
       best_error: selection error of the best weights, see `SELECTION`.
-      best_step: optimiser steps after which they were found.
+      best_step: optimiser steps after which they were found; 0: the initial weights were never
+        bettered.
       steps: optimiser steps done.
       curve: one point every `report_every` steps and at each validation.
     """

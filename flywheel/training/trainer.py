@@ -25,6 +25,7 @@ from flywheel.dynamics.gnn import (
     weights_digest,
 )
 from flywheel.errors import ConfigError, ModelError
+from flywheel.evaluation import ErrorTable
 from flywheel.robots import Robot
 from flywheel.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from flywheel.training.config import TrainingConfig
@@ -63,7 +64,8 @@ class Trainer:
       robot: of the episodes.
       train, validation: windows of the two splits.
       folder: for the checkpoint and the weights; made if need be.
-      initial_weights: file of weights to start from, by the fine-tuning schedule.
+      initial_weights: file of weights to start from, by the fine-tuning schedule; they are kept if
+        nothing better comes of it.
 
     Raises:
       DataError: a split has no window of the length needed.
@@ -121,6 +123,9 @@ class Trainer:
     def _run(self, on_progress: OnProgress, pool: Executor) -> TrainingResult:
         config, steps = self._config, self._schedule.steps
         state = self._start()
+        if self._initial_weights is not None and not state.best:
+            # They may be better than all that follows.
+            self._consider(state, selection_error(self._measure(state)))
         kept_at = {span.stop for span in spans(self._schedule)}
         began, first = time.perf_counter(), state.step
         while state.step < steps and not self._stale(state):
@@ -202,8 +207,7 @@ class Trainer:
 
     def _validate(self, state: _State, point: CurvePoint) -> None:
         """Add the validation errors to `point`, and keep the weights if they are the best."""
-        state.network.eval()
-        table = self._validation(self._simulator, state.network, self._config.device)
+        table = self._measure(state)
         error = selection_error(table)
         state.curve.append(
             dataclasses.replace(
@@ -214,6 +218,13 @@ class Trainer:
                 error=error,
             )
         )
+        self._consider(state, error)
+
+    def _measure(self, state: _State) -> ErrorTable:
+        state.network.eval()
+        return self._validation(self._simulator, state.network, self._config.device)
+
+    def _consider(self, state: _State, error: float) -> None:
         if error < state.best_error or not state.best:
             weights = state.network.state_dict()
             state.best = {name: value.detach().clone() for name, value in weights.items()}

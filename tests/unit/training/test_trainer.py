@@ -134,6 +134,16 @@ def test_fine_tuning_goes_on_from_the_weights_it_is_given(trainer, robot, make_c
     assert after.steps == 1
 
 
+def test_fine_tuning_that_only_does_harm_gives_the_initial_weights_back(trainer, make_config):
+    first = trainer("first", make_config(steps=40)).run()
+    wild = Schedule(steps=5, stages=(Stage(chunks=1, share=1),), learning_rate=3.0, warmup_steps=0)
+    after = trainer(
+        "after", make_config(steps=40, fine_tuning=wild), initial_weights=first.weights
+    ).run()
+    assert after.best_step == 0
+    assert after.digest == first.digest
+
+
 def test_weights_of_another_network_are_refused(
     trainer, robot, train, validation, network_config, make_config, tmp_path
 ):
