@@ -19,6 +19,8 @@ from pathlib import Path
 from tests.chaos.killing import ROOT, busy_workers, kill, outcome, start_driver
 
 DRIVER = "driver"
+LONG = 3600
+DRIVERS_SHARE = 0.3  # of the kills at instants at which a worker is busy
 CONFIG = ROOT / "configs" / "smoke.yaml"
 
 
@@ -26,24 +28,24 @@ def undisturbed(folder: Path, overrides: list[str]) -> tuple[dict[str, str], flo
     """Outcome and duration [s] of a run that nobody kills."""
     begun = time.monotonic()
     driver = start_driver(CONFIG, folder, overrides)
-    assert driver.wait(1800) == 0, folder.with_suffix(".log").read_text()[-3000:]
+    assert driver.wait(LONG) == 0, folder.with_suffix(".log").read_text()[-3000:]
     return outcome(folder), time.monotonic() - begun
 
 
 def disturbed(
-    folder: Path, overrides: list[str], rng: random.Random, duration: float, kills: int
+    folder: Path, overrides: list[str], rng: random.Random, pause: float, kills: int
 ) -> tuple[dict[str, str], list[tuple[str, float]]]:
     """Outcome of a run that is killed `kills` times, and what was killed when [s]."""
     done: list[tuple[str, float]] = []
     begun = time.monotonic()
     driver = start_driver(CONFIG, folder, overrides)
-    while len(done) < kills and time.monotonic() - begun < 40 * duration:
-        pause = rng.uniform(2.0, duration / 2)
-        if not _lives_for(driver, pause):
+    while len(done) < kills:
+        if not _lives_for(driver, rng.uniform(2.0, pause)):
             assert driver.returncode == 0, folder.with_suffix(".log").read_text()[-3000:]
             break
         workers = busy_workers(driver.pid)
-        wanted = rng.choice([DRIVER, *sorted(set(workers.values()))])
+        kinds = sorted(set(workers.values()))
+        wanted = rng.choice(kinds) if kinds and rng.random() > DRIVERS_SHARE else DRIVER
         pids = [driver.pid] if wanted == DRIVER else [p for p, k in workers.items() if k == wanted]
         if not kill(rng.choice(pids)):
             continue
@@ -51,7 +53,7 @@ def disturbed(
         if wanted == DRIVER:
             driver.wait()
             driver = start_driver(CONFIG, folder, overrides)
-    assert driver.wait(40 * duration) == 0, folder.with_suffix(".log").read_text()[-3000:]
+    assert driver.wait(LONG) == 0, folder.with_suffix(".log").read_text()[-3000:]
     return outcome(folder), done
 
 
@@ -68,6 +70,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=30)
     parser.add_argument("--per-run", type=int, default=5)
+    parser.add_argument("--pause", type=float, help="longest, between two kills [s]")
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--report", type=Path)
@@ -80,7 +83,8 @@ def main() -> int:
     while total < options.kills:
         run += 1
         folder = options.work / f"run{run:02d}"
-        got, kills = disturbed(folder, options.overrides, rng, duration, options.per_run)
+        pause = options.pause or duration / 2
+        got, kills = disturbed(folder, options.overrides, rng, pause, options.per_run)
         different = [key for key in expected if got.get(key) != expected[key]]
         wrong += bool(different)
         total += len(kills)
