@@ -28,20 +28,16 @@ def start_driver(
 ) -> subprocess.Popen[bytes]:
     """Start a driver in a session of its own; its words go to `<folder>.log`."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    log = folder.with_suffix(".log").open("ab")
-    return subprocess.Popen(
-        [sys.executable, "-m", "tests.chaos.driver", str(config), str(folder), *overrides],
-        cwd=ROOT,
-        env={
-            **os.environ,
-            "RAY_AUTH_MODE": "disabled",
-            "RAY_worker_niceness": "0",
-            "PYTHONPATH": str(ROOT),
-        },
-        stdout=log,
-        stderr=log,
-        start_new_session=True,
-    )
+    environment = {"RAY_AUTH_MODE": "disabled", "RAY_worker_niceness": "0", "PYTHONPATH": str(ROOT)}
+    with folder.with_suffix(".log").open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-m", "tests.chaos.driver", str(config), str(folder), *overrides],
+            cwd=ROOT,
+            env={**os.environ, **environment},
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
 
 
 def busy_workers(driver: int) -> dict[int, str]:
