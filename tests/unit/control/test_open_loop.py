@@ -39,14 +39,14 @@ def test_random_commands_keep_to_the_ranges_and_use_them(robot: Robot, middle) -
         assert (controls <= kind.control_high + 1e-12).all(), seed
         positions = kind.dead_reckon(middle, controls, DT)
         swing = np.ptp(positions, axis=0) / (kind.rest_high - kind.rest_low)
-        assert (swing > 0.6).all(), seed
+        assert swing.min() > 0.35 and swing.mean() > 0.75, (seed, swing)
 
 
 def test_random_winches_move_hold_and_change_their_mind_one_by_one(robot: Robot, middle) -> None:
     seed = secrets.randbits(32)
     controls = RandomControls(robot, DT).sequence(middle, STEPS, seed)
     still = np.isclose(controls, 0.0).mean(axis=0)
-    assert (still > 0.05).all() and (still < 0.9).all(), (seed, still)
+    assert 0.15 < still.mean() < 0.55 and (still < 0.9).all(), (seed, still)
     changes = (np.abs(np.diff(controls, axis=0)) > 1e-9).sum(axis=0)
     assert (changes < STEPS / 20).all(), "commands are held, not jittered"
     together = (np.abs(np.diff(controls, axis=0)) > 1e-9).all(axis=1).sum()
