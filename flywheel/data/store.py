@@ -228,13 +228,14 @@ class TrajectoryStore:
     def _check_same(self, receipt: Receipt) -> None:
         """The segment that is there already has the content that was to be stored, and is sound."""
         segment = receipt.segment
-        there = self._receipt(segment)
-        if there.sha256 != receipt.sha256:
+        damages = self._damages(segment)
+        there = None if damages else self._receipt(segment)
+        if there and there.sha256 != receipt.sha256:
             raise DataError(
                 f"Segment {segment} is committed with sha256 {there.sha256[:12]}; other content, "
                 f"{receipt.sha256[:12]}, cannot take its name."
             )
-        if damages := self._damages(segment):
+        if damages:
             raise DataError(
                 "It is committed already, but not as it was; set it aside first. "
                 + " ".join(map(str, damages))

@@ -182,6 +182,9 @@ def test_a_quarantined_segment_is_kept_aside_and_can_be_collected_again(tmp_path
     assert list(elsewhere.committed()) == ["e"]
     with pytest.raises(DataError, match="set it aside first"):
         store.commit("e", [make_episode("e", seed=1)])
+    (tmp_path / "segments/e/receipt.json").write_text("{}")
+    with pytest.raises(DataError, match="set it aside first"):
+        store.commit("e", [make_episode("e", seed=1)])
     store.quarantine("e")
     assert [name.split(".")[0] for name in store.quarantined()] == ["e"]
     assert store.committed() == elsewhere.committed() == {}
