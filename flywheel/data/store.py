@@ -228,17 +228,16 @@ class TrajectoryStore:
     def _check_same(self, receipt: Receipt) -> None:
         """The segment that is there already has the content that was to be stored, and is sound."""
         segment = receipt.segment
-        damages = self._damages(segment)
-        there = None if damages else self._receipt(segment)
-        if there and there.sha256 != receipt.sha256:
-            raise DataError(
-                f"Segment {segment} is committed with sha256 {there.sha256[:12]}; other content, "
-                f"{receipt.sha256[:12]}, cannot take its name."
-            )
-        if damages:
+        if damages := self._damages(segment):
             raise DataError(
                 "It is committed already, but not as it was; set it aside first. "
                 + " ".join(map(str, damages))
+            )
+        there = self._receipt(segment)
+        if there.sha256 != receipt.sha256:
+            raise DataError(
+                f"Segment {segment} is committed with sha256 {there.sha256[:12]}; other content, "
+                f"{receipt.sha256[:12]}, cannot take its name."
             )
 
     def _damages(
