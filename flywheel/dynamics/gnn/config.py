@@ -24,6 +24,9 @@ class NetworkConfig(BaseModel):
       smooth_present: also take the present positions from that fit instead of as measured.
       config_features: show nodes their place relative to a designated node and to their body's
         centre of mass, and the body's axis.
+      cable_ends: what a cable's features are measured between: the points of the bodies where it is
+        attached, with a rod's unseen twist computed from the cables ("attachments"), or the nodes
+        that stand for them ("nodes").
       recurrent: an LSTM on the body nodes.
       winch: the rest-length changes are the cable decoder's ("learned"), the decoder's on top of
         the nominal winch's ("residual"), or the nominal winch's alone ("analytic").
@@ -54,6 +57,7 @@ class NetworkConfig(BaseModel):
     velocity_window: int = Field(default=1, ge=1)
     smooth_present: bool = False
     config_features: bool = True
+    cable_ends: Literal["attachments", "nodes"] = "attachments"
     recurrent: bool = True
     winch: Literal["learned", "residual", "analytic"] = "residual"
     edge_updates: bool = False
@@ -75,6 +79,7 @@ class NetworkConfig(BaseModel):
         """The paper's network; at its own width of 512 it is hundreds of times slower than `lean`."""
         settings: dict[str, Any] = {
             "decomposition": "primitives",
+            "cable_ends": "nodes",
             "rounds": 4,
             "winch": "learned",
             "edge_updates": True,

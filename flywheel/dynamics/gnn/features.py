@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.gnn.graph import GRAVITY, RobotGraph
 from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.robots import Robot
-
-GRAVITY = 9.81  # only to make speeds dimensionless
 
 Ground = Callable[[Tensor], tuple[Tensor, Tensor]]
 """Terrain: horizontal positions (2, N, K) [m] -> height of the ground there, broadcastable to (N, K)
@@ -51,6 +50,8 @@ def feature_fields(robot: Robot, config: NetworkConfig) -> dict[str, tuple[Field
     speed = (GRAVITY * length) ** 0.5
     clearance = Field(1, config.ground_clamp * length)
     unit = Field(3, 1.0, fitted=False)
+    exact = config.cable_ends == "attachments"
+    at_ends = (Field(3, length), Field(3, length), Field(2, 1.0)) if exact else ()
     place = (Field(3, length), Field(1, length), Field(3, length), unit)
     return {
         "body_node": (Field(3, speed), clearance, *(place if config.config_features else ())),
@@ -64,6 +65,7 @@ def feature_fields(robot: Robot, config: NetworkConfig) -> dict[str, tuple[Field
             Field(1, speed),
             Field(1, length),
             Field(1, 0.1 * length),
+            *at_ends,
         ),
         "contact": (clearance, unit, Field(3, speed), Field(1, speed)),
     }
@@ -77,11 +79,14 @@ class MechanicalState:
       frames: (3, F, K) rigid frames [m, -].
       velocities: (3, N, K) of the body nodes [m/s].
       winch: (W, K) winch positions [m].
+      sides: (3, R, K) how far the rods are twisted, see `Attachments`; None where cables are taken to
+        end at nodes, and in a past that no cable is seen of.
     """
 
     frames: Tensor
     velocities: Tensor
     winch: Tensor
+    sides: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -118,8 +123,19 @@ def turn_back(vectors: Tensor, heading: Tensor) -> Tensor:
 
 
 @dataclass(frozen=True)
+class _Ends:
+    """Places and velocities of the cables' ends, (3, 2 C, K) each."""
+
+    places: Tensor
+    velocities: Tensor
+
+
+@dataclass(frozen=True)
 class _View:
-    """A state in the axes it is shown in; (3, N, K) each but the clearance (N, K) and anchors."""
+    """A state in the axes it is shown in; (3, N, K) each but the clearance (N, K) and anchors.
+
+    `ends` is None where cables are taken to end at nodes.
+    """
 
     nodes: Tensor
     arms: Tensor
@@ -128,6 +144,7 @@ class _View:
     anchors: Tensor
     clearance: Tensor
     normal: Tensor
+    ends: _Ends | None
 
 
 class FeatureBuilder:
@@ -136,10 +153,17 @@ class FeatureBuilder:
     Args:
       graph: the robot's graph.
       frames: layout of its rigid frames.
+      attachments: of its cables; used for states with sides.
       ground: the terrain.
     """
 
-    def __init__(self, graph: RobotGraph, frames: Frames, ground: Ground = flat_ground) -> None:
+    def __init__(
+        self,
+        graph: RobotGraph,
+        frames: Frames,
+        attachments: Attachments,
+        ground: Ground = flat_ground,
+    ) -> None:
         self._graph, self._config, self._ground = graph, graph.config, ground
         self._length, self._count = graph.robot.length, graph.body_count
         self._first, self._second = graph.designated
@@ -149,6 +173,9 @@ class FeatureBuilder:
             name: eye[relation.senders] - eye[relation.receivers]
             for name, relation in graph.relations.items()
         }
+        self._attachments = attachments
+        sender = graph.relations["cable"].origin  # edges are numbered as the ends they start at
+        self._ends = sender, sender ^ 1
         if "contact" in graph.relations:
             relation = graph.relations["contact"]
             self._contact = relation.origin % self._count, relation.constants
@@ -210,17 +237,21 @@ class FeatureBuilder:
         vectors = torch.matmul(self._maps, state.frames)
         nodes = vectors[:, : self._count]
         clearance, normal = self._clearance(nodes, origin)
-        anchors = self._graph.anchors[:, :, None].expand(-1, -1, nodes.shape[-1])
-        if anchors.shape[1]:
-            anchors = anchors - torch.cat([origin, torch.zeros_like(origin[:1])])[:, None]
-        velocities = state.velocities
+        anchors = self._graph.anchors_from(origin, nodes.shape[-1])
+        velocities, ends = state.velocities, None
+        if state.sides is not None:
+            places, across = self._attachments.positions(state.frames, state.sides, origin)
+            speeds = self._attachments.velocities(state.frames, across, velocities)
+            ends = _Ends(places, speeds)
         if heading is not None:
             vectors, velocities, anchors = (
                 turn(v, heading) for v in (vectors, velocities, anchors)
             )
             normal = turn(normal, heading)
+            if ends is not None:
+                ends = _Ends(turn(ends.places, heading), turn(ends.velocities, heading))
         nodes, arms, axes = vectors.split(self._count, dim=1)
-        return _View(nodes, arms, axes, velocities, anchors, clearance, normal)
+        return _View(nodes, arms, axes, velocities, anchors, clearance, normal, ends)
 
     def _clearance(self, nodes: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
         """(N, K) distance from each node's surface to the ground, and the ground's normal there."""
@@ -246,14 +277,30 @@ class FeatureBuilder:
 
     def _cable_features(self, view: _View, winch: Tensor) -> Tensor:
         graph, apart = self._graph, self._apart["cable"]
-        way = torch.matmul(apart, self._places(view))
-        speed = torch.matmul(apart[:, : self._count], view.velocities)
+        at_ends: tuple[Tensor, ...] = ()
+        if view.ends is not None:
+            relation, places = graph.relations["cable"], self._places(view)
+            senders, receivers = (view.ends.places[:, e] for e in self._ends)
+            way = senders - receivers
+            speed = view.ends.velocities[:, self._ends[0]] - view.ends.velocities[:, self._ends[1]]
+            at_ends = (
+                receivers - places[:, relation.receivers],
+                senders - places[:, relation.senders],
+            )
+        else:
+            way = torch.matmul(apart, self._places(view))
+            speed = torch.matmul(apart[:, : self._count], view.velocities)
         length = _norm(way)
         direction = way / length
         rate = (direction * speed).sum(0, keepdim=True)
-        driven = torch.cat([winch, torch.zeros_like(winch[:1])])
-        rest = (driven[graph.cable_winch] + graph.rest_offset)[None]
-        return torch.cat([way, length, direction, rate, rest, length - rest])
+        rest = graph.rest_lengths(winch)[None]
+        strain = length - rest
+        if at_ends:
+            # The loads of a stiff cable, from slack to taut, lie within millimetres: too little to be
+            # seen beside its length.
+            loads = torch.cat([graph.stiffness * strain, graph.damping * rate])
+            at_ends = (*at_ends, torch.asinh(loads))
+        return torch.cat([way, length, direction, rate, rest, strain, *at_ends])
 
     def _contact_features(self, view: _View) -> Tensor:
         """Of both directions, ordered as the relation's edges are; vectors point to the receiver."""

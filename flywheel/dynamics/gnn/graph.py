@@ -29,6 +29,8 @@ from flywheel.dynamics.gnn.nodes import (
 from flywheel.records import Floats
 from flywheel.robots import Attachment, Robot
 
+GRAVITY = 9.81  # only to make quantities dimensionless
+
 T = TypeVar("T")
 
 
@@ -96,6 +98,7 @@ class RobotGraph:
       designated: two body nodes; positions are shown relative to the first, and the horizontal
         direction to the second is the robot's heading.
       cable_winch: (E,) winch of each cable edge; W (one past the last) for a passive cable.
+      stiffness, damping: (E, 1) of each cable edge in weights of the robot per metre, and per m/s.
       winch_average: (W, E) averages over the cable edges of each winch.
       rest_offset: (E, 1) rest length of each cable edge at winch position 0 [m]; for a passive cable
         the rest length itself.
@@ -143,6 +146,18 @@ class RobotGraph:
             self._cache[name] = make(self)
         return self._cache[name]
 
+    def anchors_from(self, origin: Tensor, samples: int) -> Tensor:
+        """(3, A, K) places of the anchors relative to horizontal positions `origin` (2, K) [m]."""
+        anchors = self.anchors[:, :, None].expand(-1, -1, samples)
+        if not anchors.shape[1]:
+            return anchors
+        return anchors - torch.cat([origin, torch.zeros_like(origin[:1])])[:, None]
+
+    def rest_lengths(self, winch: Tensor) -> Tensor:
+        """(E, K) of the cable edges [m], from winch positions (W, K) [m]."""
+        driven = torch.cat([winch, torch.zeros_like(winch[:1])])
+        return driven[self.cable_winch] + self.rest_offset
+
     def _tensor(self, array: Floats) -> Tensor:
         return torch.as_tensor(array, dtype=torch.float32, device=self.device)
 
@@ -159,6 +174,11 @@ class RobotGraph:
                 if distance > best * (1.0 + 1e-6):
                     best, pair = distance, (self._node_of_point[a], self._node_of_point[b])
         return pair
+
+    @property
+    def _weight(self) -> float:
+        """Of the robot [N]."""
+        return GRAVITY * sum(body.mass for body in self.robot.bodies)
 
     def _relation(
         self, name: str, senders: list[int], receivers: list[int], constants: Floats
@@ -198,8 +218,8 @@ class RobotGraph:
     def _cable_relation(self) -> Relation:
         """Both directions of every cable; edges 2c and 2c + 1 are those of cable c."""
         senders, receivers, rows = [], [], []
-        weight = 9.81 * sum(body.mass for body in self.robot.bodies)
-        pace = np.sqrt(9.81 * self.robot.length)
+        weight = self._weight
+        pace = np.sqrt(GRAVITY * self.robot.length)
         for cable in self.robot.cables:
             a, b = (self._node_at(end) for end in cable.ends)
             senders += [a, b]
@@ -217,9 +237,13 @@ class RobotGraph:
         sign = np.repeat([[1.0], [-1.0]], self.body_count, axis=0)
         return self._relation("contact", ground + bodies, bodies + ground, sign)
 
+    def anchor_at(self, end: Attachment) -> int:
+        """Which of the anchors a cable's end in the world is."""
+        return find(self._places, end.offset, self.robot.length)
+
     def _node_at(self, end: Attachment) -> int:
         if end.body < 0:
-            return self.body_count + find(self._places, end.offset, self.robot.length)
+            return self.body_count + self.anchor_at(end)
         return self._node_of_point[end.point]
 
     def _place_winches(self) -> None:
@@ -227,6 +251,8 @@ class RobotGraph:
         robot = self.robot
         cable = self.relations["cable"].origin.cpu().numpy() // 2
         drives = np.array([c.winch for c in robot.cables])[cable]
+        force = np.array([(c.stiffness, c.damping) for c in robot.cables])[cable] / self._weight
+        self.stiffness, self.damping = self._tensor(force).split(1, dim=1)
         start = np.array([robot.cables[w.cables[0]].rest_length for w in robot.winches] + [0.0])
         rest = np.array([c.rest_length for c in robot.cables])[cable]
         self.cable_winch = self._index(np.where(drives < 0, len(robot.winches), drives))

@@ -9,8 +9,8 @@ import torch
 from torch import nn
 
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.features import GRAVITY, Field, feature_fields
-from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.gnn.features import Field, feature_fields
+from flywheel.dynamics.gnn.graph import GRAVITY, RobotGraph
 from flywheel.robots import Robot
 
 _DECODER_START = 0.1  # of the usual size: an untrained network hardly changes a motion

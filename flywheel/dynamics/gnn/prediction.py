@@ -89,6 +89,7 @@ def expanded(
         state.frames.expand(-1, -1, samples),
         state.velocities.expand(-1, -1, samples),
         state.winch.expand(-1, samples),
+        None if state.sides is None else state.sides.expand(-1, -1, samples),
     )
     if memory is not None:
         hidden, cell = (m[:, None].expand(-1, samples, -1).flatten(0, 1) for m in memory)

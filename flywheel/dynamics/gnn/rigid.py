@@ -74,6 +74,8 @@ class Frames:
       to_nodes, to_points: (N, F), (P, F) matrices from frames to positions.
       to_arms: (N, F) to the vectors from each node's body's centre of mass to the node.
       to_axes: (N, F) to each node's body's z-axis; to its axis where there is just one.
+      from_nodes: (F, N) least-squares fit of frames to nodes, before vectors are made orthonormal.
+      rods: the bodies of which only an axis is seen; row `rod_rows[i]` is that of rod i's axis.
     """
 
     def __init__(self, robot: Robot, nodes: tuple[BodyNode, ...], device: torch.device) -> None:
@@ -84,6 +86,8 @@ class Frames:
             for body in robot.bodies
         ]
         self._number_rows()
+        self.rods = tuple(b for b, axes in enumerate(self._axes) if len(axes.vectors) == 1)
+        self.rod_rows = [self._row[b, 0] for b in self.rods]
         of_nodes = [node.body for node in nodes]
         of_points = [point.body for point in robot.points]
         places = np.array([node.offset for node in nodes])
@@ -97,7 +101,7 @@ class Frames:
         self.to_nodes, self.to_points = tensor(to_nodes), tensor(to_points)
         self.to_arms = tensor(to_nodes - self._positions(of_nodes, com))
         self.to_axes = tensor(self._z_axes(of_nodes))
-        self._from_nodes = tensor(self._fit(of_nodes, to_nodes))
+        self.from_nodes = tensor(self._fit(of_nodes, to_nodes))
         self._from_points = tensor(self._fit(of_points, to_points))
         self.body_of_node = torch.as_tensor(of_nodes, device=device)
         self.body_of_point = torch.as_tensor(of_points, device=device)
@@ -122,6 +126,27 @@ class Frames:
             matrix[i, b] = 1.0
             for k, x in enumerate(self._axes[b].coordinates(offsets[i : i + 1])[0]):
                 matrix[i, self._row[b, k]] = x
+        return matrix
+
+    def across(self, body: int, offset: Floats) -> Floats:
+        """(2,) coordinates of a place in a rod across its axis, which are not seen [m].
+
+        They are along two directions fixed in the rod, the second one axis x first.
+        """
+        arm, axis = offset - self._axes[body].centroid, self._axes[body].vectors[0]
+        first = np.eye(3)[np.abs(axis).argmin()]
+        first = first - (first @ axis) * axis
+        first = first / np.linalg.norm(first)
+        return np.array([arm @ first, arm @ np.cross(axis, first)])
+
+    def along(self, bodies: list[int], offsets: Floats) -> Floats:
+        """Matrix (m, F) from frames to the places of `offsets` (m, 3), as far as that is seen.
+
+        A body of -1 stands for none: a row of zeros.
+        """
+        matrix = np.zeros((len(bodies), self.rows))
+        own = [i for i, b in enumerate(bodies) if b >= 0]
+        matrix[own] = self._positions([bodies[i] for i in own], offsets[own])
         return matrix
 
     def _z_axes(self, bodies: list[int]) -> Floats:
@@ -151,7 +176,7 @@ class Frames:
 
     def of_nodes(self, positions: Tensor) -> Tensor:
         """Frames (3, ..., F, K) fitted to body nodes (3, ..., N, K)."""
-        return self._orthonormal(torch.matmul(self._from_nodes, positions))
+        return self._orthonormal(torch.matmul(self.from_nodes, positions))
 
     def of_points(self, positions: Tensor) -> Tensor:
         """Frames (3, ..., F, K) fitted to tracked points (3, ..., P, K)."""

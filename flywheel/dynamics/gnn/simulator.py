@@ -8,11 +8,14 @@ velocities that the fitted nodes had over that step: the same definition as for 
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.features import (
     FeatureBuilder,
@@ -50,7 +53,8 @@ class _Parts:
     ) -> None:
         self.graph = RobotGraph(robot, config, device)
         self.frames = Frames(robot, self.graph.nodes, device)
-        self.builder = FeatureBuilder(self.graph, self.frames, ground)
+        self.attachments = Attachments(self.graph, self.frames)
+        self.builder = FeatureBuilder(self.graph, self.frames, self.attachments, ground)
         self.past = PastReader(robot, config, self.frames)
         self.winches = Winches(robot, config.dt, device)
         self.integrate = config.dt * torch.ones(config.chunk, config.chunk, device=device).tril()
@@ -153,8 +157,11 @@ class Simulator:
         points = (past_points - shift[:, None, None]).float().permute(3, 1, 2, 0).contiguous()
         controls = parts.winches.clipped(past_controls.float().permute(1, 2, 0))
         winch = parts.winches.present(past_winch.float().permute(1, 2, 0), controls)
-        states = parts.past.states(points, winch)
-        return Start(origin.float().t(), states, controls)
+        states, place = parts.past.states(points, winch), origin.float().t()
+        if self.config.cable_ends == "attachments":
+            sides = parts.attachments.find(states[-1].frames, place, winch)
+            states[-1] = dataclasses.replace(states[-1], sides=sides)
+        return Start(place, states, controls)
 
     def roll(self, forward: Forward, start: Start, controls: Tensor, dataset: Tensor) -> Unrolled:
         """Predict from a start; see `unroll`."""
@@ -177,7 +184,7 @@ class Simulator:
             features = parts.builder(state, origin, heading, window, dataset)
             said = forward(features, memory)
             state, outcome = self._advance(
-                parts, state, said, heading, commands[t : t + config.chunk]
+                parts, state, origin, said, heading, commands[t : t + config.chunk]
             )
             memory = said.memory
             taken.append(outcome)
@@ -197,6 +204,7 @@ class Simulator:
         self,
         parts: _Parts,
         state: MechanicalState,
+        origin: Tensor,
         said: Prediction,
         heading: Tensor | None,
         commands: Tensor,
@@ -211,7 +219,11 @@ class Simulator:
         nodes = torch.matmul(parts.frames.to_nodes, last)
         speed = (nodes[:, 1] - nodes[:, 0]) / self.dt
         winch = self._wind(parts, state.winch, said.winch, commands)
-        return MechanicalState(frames[:, -1], speed, winch[-1]), (frames, velocities, winch)
+        sides = state.sides
+        if sides is not None:
+            sides = parts.attachments.follow(frames[:, -1], sides, origin, winch[-1])
+        after = MechanicalState(frames[:, -1], speed, winch[-1], sides)
+        return after, (frames, velocities, winch)
 
     def _wind(
         self, parts: _Parts, position: Tensor, change: Tensor | None, commands: Tensor

@@ -82,8 +82,9 @@ def features(robot, config, window, controls=None):
     return parts.builder(state, start.origin, heading, controls, window.dataset), parts
 
 
-def test_cable_features_are_what_they_are_called(robots, make_window, seed):
-    robot, config = robots["prism3"], NetworkConfig.lean(width=16, yaw_frame=False)
+def test_cable_features_between_nodes_are_what_they_are_called(robots, make_window, seed):
+    robot = robots["prism3"]
+    config = NetworkConfig.lean(width=16, yaw_frame=False, cable_ends="nodes")
     window = make_window(robot, config, seed)
     shown, parts = features(robot, config, window)
     graph, present = parts.graph, window.past_points[:, -1]
@@ -109,6 +110,38 @@ def test_cable_features_are_what_they_are_called(robots, make_window, seed):
         torch.testing.assert_close(got[7], rate, rtol=0, atol=2e-3)
         torch.testing.assert_close(got[8], rest, rtol=0, atol=1e-5)
         torch.testing.assert_close(got[9], length - rest, rtol=0, atol=1e-4)
+
+
+def test_cable_features_between_attachments_are_what_they_are_called(robots, make_window, seed):
+    robot, config = robots["prism3"], NetworkConfig.lean(width=16, yaw_frame=False)
+    window = make_window(robot, config, seed)
+    shown, parts = features(robot, config, window)
+    simulator = Simulator(robot, config)
+    start = simulator.start(window.past_points, window.past_controls, window.past_winch)
+    state, relation = start.states[-1], parts.graph.relations["cable"]
+    ends, across = parts.attachments.positions(state.frames, state.sides, start.origin)
+    speeds = parts.attachments.velocities(state.frames, across, state.velocities)
+    nodes = torch.matmul(parts.frames.to_nodes, state.frames)
+    weight = 9.81 * sum(body.mass for body in robot.bodies)
+    for edge, origin in enumerate(relation.origin.tolist()):
+        cable, got = robot.cables[origin // 2], shown.edges["cable"][:, edge]
+        sender, receiver = ends[:, origin], ends[:, origin ^ 1]
+        length = (sender - receiver).norm(dim=0)
+        rate = (speeds[:, origin] - speeds[:, origin ^ 1]) * (sender - receiver) / length
+        torch.testing.assert_close(got[:3], sender - receiver)
+        torch.testing.assert_close(got[3], length)
+        torch.testing.assert_close(got[7], rate.sum(0), rtol=0, atol=1e-4)
+        torch.testing.assert_close(got[9], length - got[8], rtol=0, atol=1e-5)
+        arm = receiver - nodes[:, int(relation.receivers[edge])]
+        torch.testing.assert_close(got[10:13], arm, rtol=0, atol=1e-5)
+        offset = cable.ends[1 - origin % 2].offset
+        node = robot.points[cable.ends[1 - origin % 2].point].offset
+        torch.testing.assert_close(
+            arm.norm(dim=0), torch.full_like(length, float(np.linalg.norm(offset - node)))
+        )
+        torch.testing.assert_close(got[13:16], sender - nodes[:, int(relation.senders[edge])])
+        pull, drag = cable.stiffness * got[9] / weight, cable.damping * got[7] / weight
+        torch.testing.assert_close(got[16:18], torch.stack([pull, drag]).asinh())
 
 
 def test_node_velocity_and_distance_to_the_ground_are_the_measured_ones(robots, make_window, seed):

@@ -1,0 +1,190 @@
+"""Where cables end: on the bodies' surfaces, beside the points that are tracked.
+
+A rod whose tracked points lie on its axis shows everything but its twist, the turn about that axis. Its
+cables end on its surface, though, and centimetres more or less of a stiff cable are all of its force.
+The twist can be computed: a rod has little inertia about its axis, so it soon comes to rest where the
+elastic energy of its cables is least. There it is taken to be, at the start of every prediction chunk.
+
+Arrays are component-major: (3, ..., M, K) for M things of K samples.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.gnn.rigid import Frames
+from flywheel.records import Floats
+
+_GRID = 16  # angles tried per rod where nothing is known of its twist
+_SWEEPS = 2  # over all rods, in that search
+_SETTLING = 8  # descents after it
+_LARGEST = 0.5  # turn of one descent [rad]
+
+
+class Attachments:
+    """The ends of all cables of a robot; ends 2c and 2c + 1 are those of cable c.
+
+    A *rod* is a body of which only an axis is seen. Its twist is told by its *side*: a unit vector
+    across its axis that turns with it.
+
+    Args:
+      graph: of the robot.
+      frames: layout of its rigid frames.
+    """
+
+    def __init__(self, graph: RobotGraph, frames: Frames) -> None:
+        self._graph = graph
+        ends = [end for cable in graph.robot.cables for end in cable.ends]
+        bodies = [end.body for end in ends]
+        on_rod = np.array([bodies]) == np.array(frames.rods, dtype=int)[:, None]  # (R, 2 C)
+        along = frames.along(bodies, np.array([end.offset for end in ends]))
+        anchored = np.zeros((len(ends), graph.anchors.shape[1]))
+        across = np.zeros((len(ends), 2 * len(on_rod)))
+        for row in np.flatnonzero(np.array(bodies) < 0):
+            anchored[row, graph.anchor_at(ends[row])] = 1.0
+        for rod, row in np.argwhere(on_rod):
+            across[row, rod :: len(on_rod)] = frames.across(bodies[row], ends[row].offset)
+        self._twists = bool(across.any())
+        stiffness = np.array([cable.stiffness for cable in graph.robot.cables])
+        # Rods are turned at the same time: a cable between two of them counts double in the bound on
+        # the curvature, so that together they do not turn too far.
+        shared = on_rod.any(axis=0).reshape(-1, 2).all(axis=1)
+
+        def tensor(array: Floats) -> Tensor:
+            return torch.as_tensor(array, dtype=torch.float32, device=graph.device)
+
+        self._along = tensor(np.concatenate([along, anchored], axis=1))
+        self._across, self._sum = tensor(across), tensor(on_rod)
+        self._stiffness = tensor(stiffness / stiffness.max())[:, None]
+        self._bound = tensor(np.where(shared, 2.0, 1.0))[:, None] * self._stiffness
+        self._axes = torch.as_tensor(frames.rod_rows, dtype=torch.int64, device=graph.device)
+        self._of_nodes = tensor(along) @ frames.from_nodes
+        self._axes_of_nodes = frames.from_nodes[self._axes]
+        rod = on_rod.argmax(axis=0) if len(on_rod) else np.zeros(len(ends), dtype=int)
+        self._rod = torch.as_tensor(rod, device=graph.device)
+        self._on_rod = [torch.as_tensor(np.flatnonzero(r), device=graph.device) for r in on_rod]
+        self._edge = graph.relations["cable"].origin.argsort()[::2]
+
+    def positions(self, frames: Tensor, sides: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
+        """(3, 2 C, K) places of all ends [m], and the part of them that is across a rod's axis [m].
+
+        Gradients pass through the frames, but not through the twist.
+
+        Args:
+          frames: (3, F, K) rigid frames.
+          sides: (3, R, K) of the rods.
+          origin: (2, K) horizontal position of the frames' origin in the world [m].
+        """
+        anchors = self._graph.anchors_from(origin, frames.shape[-1])
+        seen = torch.cat([frames, anchors], dim=1) if anchors.shape[1] else frames
+        along = torch.matmul(self._along, seen)
+        if not self._twists:
+            return along, torch.zeros_like(along)
+        axes = frames[:, self._axes]
+        sides = upright(sides, axes)
+        both = torch.cat([sides, torch.linalg.cross(axes, sides, dim=0)], dim=1)
+        across = torch.matmul(self._across, both)
+        return along + across, across
+
+    def velocities(self, frames: Tensor, across: Tensor, nodes: Tensor) -> Tensor:
+        """(3, 2 C, K) velocities of the ends [m/s] if no rod spins about its axis.
+
+        Args:
+          frames: (3, F, K) rigid frames.
+          across: as `positions` gives it.
+          nodes: (3, N, K) velocities of the body nodes [m/s].
+        """
+        moved = torch.matmul(self._of_nodes, nodes)
+        if not self._twists:
+            return moved
+        axes = frames[:, self._axes]
+        turning = torch.matmul(self._axes_of_nodes, nodes)
+        return moved - (across * turning[:, self._rod]).sum(0) * axes[:, self._rod]
+
+    @torch.no_grad()
+    def find(self, frames: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
+        """(3, R, K) sides at which the cables' energy is least, with nothing known of them before.
+
+        Args:
+          frames: (3, F, K) rigid frames.
+          origin: (2, K) horizontal position of the frames' origin in the world [m].
+          winch: (W, K) winch positions [m].
+        """
+        axes = frames[:, self._axes]
+        sides = _any_across(axes)
+        if not self._twists:
+            return sides
+        rest = self._rest(winch)
+        angles = torch.arange(_GRID, device=axes.device) * (2.0 * np.pi / _GRID)
+        cos, sin = angles.cos()[:, None], angles.sin()[:, None]
+        for _ in range(_SWEEPS):
+            for rod, here in enumerate(self._on_rod):
+                ends, across = self.positions(frames, sides, origin)
+                side, axis = sides[:, rod, None], axes[:, rod, None]
+                other = torch.linalg.cross(axis, side, dim=0)
+                tried = torch.stack([cos * side + sin * other, cos * other - sin * side])
+                arms = self._across[here][:, rod :: len(self._on_rod)]
+                turned = torch.einsum("nj,jcgk->cngk", arms, tried)
+                still = ends[:, here] - across[:, here] - ends[:, here ^ 1]
+                length = _norm(still[:, :, None] + turned)
+                stretch = (length - rest[here // 2, None]).clamp(min=0.0)
+                energy = (self._stiffness[here // 2, None] * stretch**2).sum(0)
+                best = energy.argmin(0, keepdim=True).expand(3, 1, -1)
+                sides[:, rod] = tried[0].gather(1, best)[:, 0]
+        for _ in range(_SETTLING):
+            sides = self._descended(frames, sides, origin, rest)
+        return sides
+
+    @torch.no_grad()
+    def follow(self, frames: Tensor, sides: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
+        """The sides (3, R, K) after the rods have moved a little; arguments as of `find`."""
+        sides = upright(sides, frames[:, self._axes])
+        return self._descended(frames, sides, origin, self._rest(winch)) if self._twists else sides
+
+    def _rest(self, winch: Tensor) -> Tensor:
+        """(C, K) rest lengths of the cables [m]."""
+        return self._graph.rest_lengths(winch)[self._edge]
+
+    def _descended(self, frames: Tensor, sides: Tensor, origin: Tensor, rest: Tensor) -> Tensor:
+        """All rods turned once towards less energy, by Newton's method with a bound as curvature."""
+        ends, across = self.positions(frames, sides, origin)
+        way = ends[:, 1::2] - ends[:, ::2]
+        length = _norm(way)
+        stretch = (length - rest).clamp(min=0.0)
+        pull, stiff = (_twice(x * stretch.sign()) for x in (self._stiffness * stretch, self._bound))
+        unit = way / length
+        towards = torch.stack([-unit, unit], dim=2).flatten(1, 2)  # each end, from the other one
+        axes = frames[:, self._axes]
+        turning = torch.linalg.cross(axes[:, self._rod], across, dim=0)
+        lever = (towards * turning).sum(0)  # change of length with angle
+        bend = ((turning * turning).sum(0) - lever**2) / _twice(length)
+        curvature = stiff * lever**2 + pull * (bend - (towards * across).sum(0)).clamp(min=0.0)
+        slope, steepness = torch.matmul(self._sum, torch.stack([pull * lever, curvature]))
+        step = (-slope / steepness.clamp(min=1e-9)).clamp(-_LARGEST, _LARGEST)
+        other = torch.linalg.cross(axes, sides, dim=0)
+        return upright(step.cos() * sides + step.sin() * other, axes)
+
+
+def upright(sides: Tensor, axes: Tensor) -> Tensor:
+    """Sides (3, R, K) made unit vectors across the axes (3, R, K)."""
+    sides = sides - (sides * axes).sum(0) * axes
+    return sides / (sides * sides).sum(0).clamp(min=1e-12).sqrt()
+
+
+def _any_across(axes: Tensor) -> Tensor:
+    """(3, R, K) some unit vectors across the axes."""
+    steep = (axes[2].abs() > 0.9).to(axes)
+    return upright(torch.stack([torch.zeros_like(steep), steep, 1.0 - steep]), axes)
+
+
+def _norm(vectors: Tensor) -> Tensor:
+    """(...) lengths of (3, ...) vectors, never 0."""
+    return (vectors * vectors).sum(0).clamp(min=1e-18).sqrt()
+
+
+def _twice(of_cables: Tensor) -> Tensor:
+    """(2 C, K) for both ends of each cable, from (C, K)."""
+    return of_cables.repeat_interleave(2, 0)
