@@ -10,7 +10,7 @@ from flywheel.runtime.progress import console_progress
 from flywheel.runtime.run_folder import name_of
 from flywheel.runtime.seeds import derive_seed
 from flywheel.runtime.weights import Weights
-from flywheel.runtime.workers import FLOOR, PERSISTENCE, Scores, SimWorker
+from flywheel.runtime.workers import FLOOR, INFORMED_FLOOR, PERSISTENCE, Scores, SimWorker
 from pipelines.runs import OpenRun, open_run
 from pipelines.show import console, table
 
@@ -48,7 +48,10 @@ def score_models(
     columns = ["model", *ERRORS, *(f"full {name}" for name in ERRORS), "#predictions", "problem"]
     out = console()
     out.print(table(title, columns, rows))
-    out.print("full: whole episodes, from their start. floor: MuJoCo from the same observations.")
+    out.print(
+        "full: whole episodes, from their start. floor: MuJoCo from the same observations, with a "
+        "random twist of each rod. informed floor: with the twist that the cables tell."
+    )
 
 
 def episodes_of(run: OpenRun, split: str) -> list[str]:
@@ -68,7 +71,7 @@ def episodes_of(run: OpenRun, split: str) -> list[str]:
 
 
 def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
-    """What is scored: one weights file, or the run's models, between floor and persistence."""
+    """What is scored: one weights file, or the run's models, between persistence and the floors."""
     models: dict[str, Weights | str] = {}
     if weights is not None:
         if not weights.exists():
@@ -76,7 +79,8 @@ def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
         models[weights.stem] = Weights.read(weights, str(weights), run.robot)
     else:
         models = {name_of(i.iteration, i.arm): run.weights(i) for i in run.result.iterations}
-    return {PERSISTENCE: PERSISTENCE, **models, FLOOR: FLOOR}
+    beside = {name: name for name in (FLOOR, INFORMED_FLOOR)}
+    return {PERSISTENCE: PERSISTENCE, **models, **beside}
 
 
 def _row(name: str, scores: Scores) -> tuple[object, ...]:

@@ -62,7 +62,7 @@ COLUMNS = (
 
 
 def summary_rows(result: RunResult) -> list[tuple[object, ...]]:
-    """Errors on the pooled tests and success, of every model, floor, persistence and oracle."""
+    """Errors on the pooled tests and success, of every model, floors, persistence and oracle."""
     rows = [
         (
             name_of(each.iteration, each.arm),
@@ -75,6 +75,7 @@ def summary_rows(result: RunResult) -> list[tuple[object, ...]]:
     beside = [
         ("persistence", *_errors(result.persistence), None, None, ""),
         ("floor (MuJoCo)", *_errors(result.floor), None, None, ""),
+        ("informed floor", *_errors(result.informed_floor), None, None, ""),
         ("oracle (MPPI)", *_errors(None), *_success(result.oracle), ""),
     ]
     return [*rows, *(row for row in beside if any(cell is not None for cell in row[1:-1]))]

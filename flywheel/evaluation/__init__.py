@@ -1,7 +1,12 @@
 """Evaluation: statistics per sample, summed into errors by lead time and body; intervals."""
 
 from flywheel.evaluation.errors import ErrorTable, LeadTimeErrors
-from flywheel.evaluation.intervals import Interval, median_interval, success_interval
+from flywheel.evaluation.intervals import (
+    Interval,
+    median_interval,
+    rmse_ratio_interval,
+    success_interval,
+)
 from flywheel.evaluation.pasts import past_at
 from flywheel.evaluation.scoring import (
     BINS,
@@ -36,6 +41,7 @@ __all__ = [
     "com_weights",
     "median_interval",
     "past_at",
+    "rmse_ratio_interval",
     "rotation_error",
     "score",
     "score_by",

@@ -42,6 +42,35 @@ def success_interval(
     return Interval(successes / trials, float(ends.low), float(ends.high))
 
 
+def rmse_ratio_interval(
+    squared: Floats,
+    reference: Floats,
+    seed: int,
+    confidence: float = 0.95,
+    resamples: int = 2000,
+) -> Interval:
+    """How many times larger one model's RMSE is than another's, by a bootstrap over episodes.
+
+    Whole episodes are drawn, because errors within one resemble each other; and both models' errors
+    together, because an episode that is hard for one is hard for the other.
+
+    Args:
+      squared, reference: (E,) mean squared errors in the same E >= 2 episodes of equal weight.
+      seed: of the resampling.
+
+    Raises:
+      DataError: shapes differ, or fewer than two episodes.
+    """
+    both = np.asarray([squared, reference], np.float64)
+    if both.ndim != 2 or both.shape[1] < 2:
+        raise DataError(f"An interval needs errors of at least 2 episodes, got {both.shape[1:]}.")
+    drawn = np.random.default_rng(seed).integers(0, both.shape[1], (resamples, both.shape[1]))
+    new, old = both[:, drawn].mean(axis=-1)
+    low, high = np.quantile(np.sqrt(new / old), [(1 - confidence) / 2, (1 + confidence) / 2])
+    value = np.sqrt(both[0].mean() / both[1].mean())
+    return Interval(float(value), float(low), float(high))
+
+
 def median_interval(
     values: Floats, seed: int, confidence: float = 0.95, resamples: int = 2000
 ) -> Interval:

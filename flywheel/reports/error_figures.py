@@ -26,8 +26,8 @@ def error_by_lead_time(run: RunResult) -> Figure | None:
             name = f"iteration {turn.iteration}"
             _by_lead_time(axes, errors, measure, color=colour, label=name, zorder=3 + place)
         top = max(max(getattr(e.by_lead_time, measure)) for _, e in turns if e.by_lead_time)
-        if run.floor is not None:
-            _by_lead_time(axes, run.floor, measure, label="floor", zorder=9, **style.FLOOR_LINE)
+        for name, floor, line in _floors(run):
+            _by_lead_time(axes, floor, measure, label=name, zorder=9, **line)
         if run.persistence is not None:
             line = style.PERSISTENCE_LINE
             _by_lead_time(axes, run.persistence, measure, label="nothing moves", **line)
@@ -40,7 +40,7 @@ def error_by_lead_time(run: RunResult) -> Figure | None:
 
 
 def error_over_iterations(run: RunResult) -> Figure | None:
-    """Short-horizon and full-trajectory errors of both arms, with the floor."""
+    """Short-horizon and full-trajectory errors of both arms, with the floors."""
     if not any(run.test_errors(i) for i in run.iterations):
         return None
     figure = Figure(figsize=(9.2, 6.2))
@@ -122,11 +122,19 @@ def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
             color=style.ARM_COLOURS[arm],
             label=style.ARM_NAMES[arm],
         )
-    floor = getattr(run.floor, kind) if run.floor is not None else None
-    if floor is not None:
-        name = "floor: MuJoCo restarted from the same observations"
-        axes.axhline(getattr(floor, measure), label=name, **style.FLOOR_LINE)
+    for name, errors, line in _floors(run):
+        if (floor := getattr(errors, kind)) is not None:
+            axes.axhline(getattr(floor, measure), label=name, **line)
     style.whole_steps(axes, sorted(iterations))
+
+
+def _floors(run: RunResult) -> list[tuple[str, Errors, dict[str, Any]]]:
+    """MuJoCo restarted from the same observations: name, errors and look of each that was measured."""
+    floors = [
+        ("floor", run.floor, style.FLOOR_LINE),
+        ("informed floor", run.informed_floor, style.INFORMED_LINE),
+    ]
+    return [(name, errors, line) for name, errors, line in floors if errors is not None]
 
 
 def _seen_from_above(axes: Axes, window: Overlay) -> None:

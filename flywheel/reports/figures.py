@@ -41,13 +41,14 @@ FIGURES: dict[str, Picture] = {
     "errors": Picture(
         error_figures.error_over_iterations,
         "Prediction errors over iterations",
-        "Test episodes are never trained on. The floor is the plant itself, restarted from what "
-        "the model may see: what is missing there cannot be known.",
+        "Test episodes are never trained on. The floors are the plant itself, restarted from what "
+        "the model may see: with the unseen twist of the rods drawn at random, and (informed) computed "
+        "from the cables by exact parameters.",
     ),
     "lead-time": Picture(
         error_figures.error_by_lead_time,
         "Prediction errors by lead time",
-        "MPPI arm, light to dark from the first to the last iteration. Dashed: the floor. "
+        "MPPI arm, light to dark from the first to the last iteration. Dashed: the floors. "
         "Dotted: the prediction that nothing moves.",
     ),
     "walks": Picture(

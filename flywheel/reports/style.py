@@ -20,11 +20,13 @@ MPPI = COLOURS["mppi"]
 CONTROL = COLOURS["control arm"]
 ORACLE = COLOURS["oracle"]
 FLOOR = COLOURS["floor"]
+INFORMED = COLOURS["informed floor"]
 MISSED = "#D55E00"
 ARM_COLOURS = {"mppi": MPPI, "control": CONTROL}
 ARM_NAMES = {"mppi": "MPPI arm", "control": "control arm (random controls)"}
 ARM_MARKERS = {"mppi": "o", "control": "s"}
 FLOOR_LINE: dict[str, Any] = {"color": FLOOR, "linestyle": (0, (5, 2)), "linewidth": 1.4}
+INFORMED_LINE: dict[str, Any] = {"color": INFORMED, "linestyle": (0, (5, 2)), "linewidth": 1.4}
 ORACLE_LINE: dict[str, Any] = {"color": ORACLE, "linestyle": (0, (5, 2)), "linewidth": 1.4}
 PERSISTENCE_LINE: dict[str, Any] = {"color": FAINT, "linestyle": (0, (1, 1.6)), "linewidth": 1.4}
 

@@ -61,6 +61,8 @@ def verdicts(run: RunResult) -> list[Verdict]:
         found.append(_control_verdict(run, turns[-1]))
     if run.floor is not None and (errors := run.test_errors(turns[-1])) is not None:
         found.append(_floor_verdict(errors.short, run.floor.short))
+        if run.informed_floor is not None:
+            found.append(_informed_verdict(errors.short, run.informed_floor.short))
     if run.oracle is not None and turns[-1].navigation is not None:
         found.append(_oracle_verdict(turns[-1].navigation.success, run.oracle.success))
     return found
@@ -138,6 +140,16 @@ def _floor_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
         reached,
         f"Against the floor: rotation error {rot:.2f} times, position error (RMSE/L) {pos:.2f} "
         f"times that of the restarted plant (goals: {GOAL_ROTATION} and {GOAL_POSITION}).",
+    )
+
+
+def _informed_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
+    """Whether anything is left to be learnt: not a goal, but what the goals must not hide."""
+    rot, pos = _ratio(ours.e_rot, floor.e_rot), _ratio(ours.e_pos_rmse, floor.e_pos_rmse)
+    return Verdict(
+        "yes" if max(rot, pos) <= 1.0 else "no",
+        "Against exact physics that also computes the unseen twist (the informed floor): rotation "
+        f"error {rot:.1f} times, position error (RMSE/L) {pos:.1f} times its error.",
     )
 
 

@@ -2,7 +2,7 @@
 
 The part of a name before the slash becomes a section of MLflow's page, in alphabetical order: what
 people look for first comes first. The parent run's step is the iteration; the names of its lines
-are shared by the runs that stand beside it (the control arm, the floor, the oracle), so that they
+are shared by the runs that stand beside it (the control arm, the floors, the oracle), so that they
 meet in one chart.
 """
 
@@ -25,6 +25,7 @@ COLOURS = {  # of Okabe and Ito (2008, jfly.uni-koeln.de/color); the figures hav
     "mppi": "#0072B2",
     "control arm": "#E69F00",
     "floor": "#4a4a4a",
+    "informed floor": "#CC79A7",
     "oracle": "#009E73",
 }
 

@@ -7,13 +7,13 @@ from flywheel.runtime.plan import ceiling
 from flywheel.runtime.results import PooledTest, RunResult
 from flywheel.runtime.run_state import Run, usable
 from flywheel.runtime.scoring import navigation, score_jobs, scored
-from flywheel.runtime.workers import FLOOR, PERSISTENCE
+from flywheel.runtime.workers import FLOOR, INFORMED_FLOOR, PERSISTENCE
 
 POOLED = "pooled-tests"
 
 
 def conclude(run: Run, so_far: RunResult) -> RunResult:
-    """Score every model, the floor and persistence on the test episodes of all iterations.
+    """Score every model, the floors and persistence on the test episodes of all iterations.
 
     The test episodes are sealed under a name of their own: the numbers say what they are of.
     """
@@ -28,7 +28,9 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
             scores[name] = score_jobs(run, name, weights, episodes)
     scores[PERSISTENCE] = score_jobs(run, PERSISTENCE, PERSISTENCE, episodes)
     if run.config.evaluate.floor:
-        scores[FLOOR] = score_jobs(run, FLOOR, FLOOR, episodes)
+        for floor in (FLOOR, INFORMED_FLOOR):
+            name = floor.replace(" ", "-")
+            scores[floor] = score_jobs(run, name, floor, episodes)
     plans = ceiling(run.config)
     jobs = [*(job for part in scores.values() for job in part), *run.recordings(plans)]
     report = run.do(jobs, "pooled tests")
@@ -41,6 +43,7 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
                 if (found := errors.get(f"{r.arm}-{r.iteration}")) is not None
             ),
             "floor": errors.get(FLOOR),
+            "informed_floor": errors.get(INFORMED_FLOOR),
             "persistence": errors[PERSISTENCE],
             "oracle": navigation(run, "mppi on the plant", report, plans),
             "finished": True,

@@ -109,7 +109,8 @@ class GateConfig(_Frozen):
     """When a new model replaces the champion.
 
     Attributes:
-      error_ratio: its validation error may be at most this times the champion's, on the same data.
+      error_ratio: its validation error may be at most this times the champion's, on the same data;
+        an error whose 95 % interval reaches below that is let pass.
       success_drop: its success rate may be at most this much lower than the champion's.
     """
 

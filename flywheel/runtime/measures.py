@@ -8,6 +8,8 @@ errors are given as MSE/L and as RMSE/L [%], as defined in `flywheel.evaluation.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Self
 
 import numpy as np
@@ -86,19 +88,33 @@ class LeadTimes(ResultRecord):
 
 
 class Errors(ResultRecord):
-    """A dynamics model's errors on one set of episodes. `full` is None where it was not run."""
+    """A dynamics model's errors on one set of episodes.
+
+    Attributes:
+      short: from random starts.
+      full: over whole episodes; None where it was not run.
+      by_lead_time: of the short horizon.
+      by_episode: episode id -> e_pos_mse from random starts in it [%].
+    """
 
     short: ErrorNumbers
     full: ErrorNumbers | None = None
     by_lead_time: LeadTimes | None = None
+    by_episode: dict[str, float] = {}
 
     @classmethod
-    def of(cls, short: ErrorTable, full: ErrorTable | None = None) -> Self:
+    def of(
+        cls,
+        short: ErrorTable,
+        full: ErrorTable | None = None,
+        by_episode: Mapping[str, ErrorTable] = MappingProxyType({}),
+    ) -> Self:
         """From the tables of `evaluation.score` and `evaluation.score_full`."""
         return cls(
             short=ErrorNumbers.of(short),
             full=None if full is None else ErrorNumbers.of(full),
             by_lead_time=LeadTimes.of(short),
+            by_episode={name: table.e_pos_mse for name, table in by_episode.items()},
         )
 
 
@@ -178,6 +194,7 @@ class GateDecision(ResultRecord):
       measure: what was compared, with its unit ("validation e_rot at 2 s [deg]").
       number: of the candidate.
       reference: of the champion so far; None for the first.
+      ratio, low, high: number over reference, with its 95 % interval; None where unknown.
       reason: one sentence for people.
     """
 
@@ -185,6 +202,9 @@ class GateDecision(ResultRecord):
     measure: str
     number: float
     reference: float | None = None
+    ratio: float | None = None
+    low: float | None = None
+    high: float | None = None
     reason: str = ""
 
 

@@ -2,7 +2,7 @@
 
 One parent run per flywheel, whose step is the iteration and whose lines are those of the MPPI arm;
 one child run per iteration, with its training curve, its errors by lead time, its data, its model
-and its files; and, beside the parent, one run per line to compare with (the control arm, the floor,
+and its files; and, beside the parent, one run per line to compare with (the control arm, the floors,
 the oracle). Their numbers have the parent's names, so that they meet in one chart; they are no
 children, because MLflow draws a child only once someone has unfolded it.
 """
@@ -102,7 +102,7 @@ def publish_iteration(
 def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path] = ()) -> None:
     """Log what is known only at the end, and end the run.
 
-    That is pooled test errors and the lines to compare with: floor, oracle and, with iteration 0 in
+    That is pooled test errors and the lines to compare with: floors, oracle and, with iteration 0 in
     common, the control arm.
     """
     for arm in result.arms:
@@ -112,8 +112,9 @@ def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path]
                 values = error_values("error_pooled", errors)
                 tracker.log(_arm(tracker, arm), values, iteration.iteration)
     steps = sorted({iteration.iteration for iteration in result.iterations})
-    if result.floor is not None:
-        _constant(tracker, "floor", error_values("error_pooled", result.floor), steps)
+    for name, floor in (("floor", result.floor), ("informed floor", result.informed_floor)):
+        if floor is not None:
+            _constant(tracker, name, error_values("error_pooled", floor), steps)
     if result.oracle is not None:
         _constant(tracker, "oracle", navigation_values(result.oracle), steps)
     if result.persistence is not None:

@@ -84,7 +84,9 @@ class RunResult(ResultRecord):
       robot, robot_digest, length: L is the characteristic length [m].
       iterations: in the order in which they ended, both arms.
       pooled: every model on the pooled test set (filled at the end).
-      floor: MuJoCo restarted from the same partial observations, on the pooled test set.
+      floor: MuJoCo restarted from the same partial observations, on the pooled test set,
+        with the twist of each rod drawn at random.
+      informed_floor: the same with the twist computed from the cables, by exact parameters.
       persistence: "nothing moves", on the same set.
       oracle: MPPI on the plant itself; the ceiling of success.
       notes: sentences that the page must show among its limits.
@@ -102,6 +104,7 @@ class RunResult(ResultRecord):
     iterations: tuple[IterationResult, ...] = ()
     pooled: tuple[PooledTest, ...] = ()
     floor: Errors | None = None
+    informed_floor: Errors | None = None
     persistence: Errors | None = None
     oracle: Navigation | None = None
     finished: bool = False

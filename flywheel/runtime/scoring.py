@@ -51,7 +51,7 @@ def scored(report: PoolReport, jobs: Sequence[Job]) -> Errors | None:
     total = reduce(added, parts)
     if total.short is None:
         return _NOT_FINITE
-    return Errors.of(total.short, total.full)
+    return Errors.of(total.short, total.full, total.by_episode)
 
 
 _NOT_FINITE = Errors(short=ErrorNumbers(e_pos_mse=math.nan, e_pos_rmse=math.nan, e_rot=math.nan))

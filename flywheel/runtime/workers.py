@@ -5,8 +5,11 @@ Only ids and numbers go back to the driver; episodes go to the store, weights to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial, reduce
+from operator import add
+from typing import Literal
 
 import numpy as np
 
@@ -16,7 +19,7 @@ from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
-from flywheel.evaluation import ErrorTable, score, score_full
+from flywheel.evaluation import ErrorTable, score, score_by, score_full
 from flywheel.records import Episode, Floats, Past
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
@@ -29,7 +32,8 @@ from flywheel.runtime.watch import Watch
 from flywheel.runtime.weights import Weights
 
 MODELS_KEPT = 4
-FLOOR, PERSISTENCE = "floor", "persistence"
+PERSISTENCE, FLOOR, INFORMED_FLOOR = "persistence", "floor", "informed floor"
+TWISTS: dict[str, Literal["random", "relaxed"]] = {FLOOR: "random", INFORMED_FLOOR: "relaxed"}
 
 
 @dataclass(frozen=True)
@@ -56,14 +60,19 @@ class Scores:
     """Errors over a share of the episodes; the shares add.
 
     Attributes:
-      short: from random starts.
+      by_episode: episode id -> errors from random starts in it.
       full: over whole episodes.
       problem: why there are none, or "".
     """
 
-    short: ErrorTable | None = None
+    by_episode: Mapping[str, ErrorTable] = field(default_factory=dict)
     full: ErrorTable | None = None
     problem: str = ""
+
+    @property
+    def short(self) -> ErrorTable | None:
+        """Errors from random starts, in all episodes together."""
+        return reduce(add, self.by_episode.values()) if self.by_episode else None
 
 
 class SimWorker:
@@ -115,10 +124,10 @@ class SimWorker:
     def score(
         self, subject: Weights | str, episodes: Sequence[str], seed: int, full: bool
     ) -> Scores:
-        """Score a model, the floor or persistence on episodes of the store.
+        """Score a model, a floor or persistence on episodes of the store.
 
         Args:
-          subject: weights, or "floor" or "persistence".
+          subject: weights, or "persistence", "floor" or "informed floor".
           episodes: ids.
           seed: of the starts.
           full: also predict whole episodes.
@@ -189,7 +198,7 @@ class SimWorker:
             by_plant.setdefault(number, []).append(episode)
         window = self._config.evaluate.floor_window
         return [
-            (RestartedPlant(self._recorder.plant(number), window), part)
+            (RestartedPlant(self._recorder.plant(number), window, twist=TWISTS[subject]), part)
             for number, part in by_plant.items()
         ]
 
@@ -199,21 +208,16 @@ class SimWorker:
         evaluate, datasets = self._config.evaluate, self._config.dataset_numbers()
         steps = round(evaluate.horizon_seconds / dynamics.dt)
         long = [e for e in episodes if e.trajectory.steps >= steps]
-        empty = ErrorTable.empty(dynamics.robot, dynamics.dt)
-        short = (
-            score(
-                dynamics,
-                long,
-                horizon_seconds=evaluate.horizon_seconds,
-                starts_per_episode=evaluate.starts,
-                seed=seed,
-                datasets=datasets,
-            )
-            if long
-            else empty
+        short = partial(
+            score,
+            dynamics,
+            horizon_seconds=evaluate.horizon_seconds,
+            starts_per_episode=evaluate.starts,
+            seed=seed,
+            datasets=datasets,
         )
         whole = score_full(dynamics, long, datasets=datasets) if full and long else None
-        return Scores(short, whole)
+        return Scores(score_by(lambda episode: episode.id, long, short), whole)
 
     def _model(self, weights: Weights) -> LearnedDynamics:
         if weights.digest not in self._models:
@@ -229,7 +233,7 @@ def added(one: Scores, other: Scores) -> Scores:
     """Errors over both shares of the episodes."""
     if problem := one.problem or other.problem:
         return Scores(problem=problem)
-    assert one.short is not None and other.short is not None
+    short = {**one.by_episode, **other.by_episode}
     if one.full is None or other.full is None:
-        return Scores(one.short + other.short, one.full or other.full)
-    return Scores(one.short + other.short, one.full + other.full)
+        return Scores(short, one.full or other.full)
+    return Scores(short, one.full + other.full)

@@ -44,14 +44,15 @@ def decide(
                 invalid=collected[arm].invalid,
                 seconds={stage: round(s, 2) for stage, s in tally.seconds.items()},
                 curve=trained[arm].note.curve,
-                gate=_gate(run, done) if arm == "mppi" else None,
+                gate=_gate(run, trained[arm], done) if arm == "mppi" else None,
                 overlay=done.overlay,
             )
         )
     return results
 
 
-def _gate(run: Run, done: Evaluated) -> GateDecision:
+def _gate(run: Run, trained: Trained, done: Evaluated) -> GateDecision:
+    champion = run.latest_model("mppi")
     return decide_champion(
         run.config.gate,
         run.config.evaluate.horizon_seconds,
@@ -59,6 +60,7 @@ def _gate(run: Run, done: Evaluated) -> GateDecision:
         done.champion_validation,
         done.navigation,
         done.champion_navigation,
+        same=champion is not None and champion.digest == trained.note.digest,
     )
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flywheel.errors import DataError
-from flywheel.evaluation import median_interval, success_interval
+from flywheel.evaluation import median_interval, rmse_ratio_interval, success_interval
 
 
 def test_wilsons_interval_equals_its_closed_form():
@@ -44,3 +44,19 @@ def test_the_median_of_nothing_is_nan_and_of_one_value_a_point():
     assert np.isnan(median_interval(np.array([]), seed=0).value)
     got = median_interval(np.array([3.0]), seed=0)
     assert (got.value, got.low, got.high) == (3.0, 3.0, 3.0)
+
+
+def test_the_interval_of_a_ratio_covers_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng()
+    covered = 0
+    for trial in range(300):
+        hard = rng.gamma(4.0, 1.0, 40)  # common to both models
+        new, old = hard * rng.gamma(20.0, 0.8, 40), hard * rng.gamma(20.0, 1.0, 40)
+        interval = rmse_ratio_interval(new, old, seed=trial, resamples=400)
+        covered += interval.low <= np.sqrt(0.8) <= interval.high
+    assert 0.86 < covered / 300 < 0.99
+
+
+def test_an_interval_of_one_episode_is_refused():
+    with pytest.raises(DataError, match="at least 2 episodes"):
+        rmse_ratio_interval(np.ones(1), np.ones(1), seed=0)

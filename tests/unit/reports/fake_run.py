@@ -188,6 +188,7 @@ def fake_run(
         iterations=turns,
         pooled=pooled if finished else (),
         floor=fake_errors(0.9) if finished else None,
+        informed_floor=fake_errors(0.1) if finished else None,
         persistence=fake_errors(7.0) if finished else None,
         oracle=fake_navigation(rng, 0.9, controller="mppi on the plant") if finished else None,
         finished=finished,

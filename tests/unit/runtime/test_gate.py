@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from flywheel.runtime.config import GateConfig
@@ -42,6 +43,43 @@ def test_a_model_without_finite_numbers_is_never_promoted(candidate):
 )
 def test_the_error_may_not_be_worse_than_the_ratio_allows(new, old, promoted):
     assert decide(errors(new), errors(old)).promoted is promoted
+
+
+def by_episode(mse: np.ndarray) -> Errors:
+    rmse = float(np.sqrt(100 * mse.mean()))
+    episodes = {f"episode-{i}": float(x) for i, x in enumerate(mse)}
+    short = ErrorNumbers(e_pos_mse=mse.mean(), e_pos_rmse=rmse, e_rot=3.0, windows=10 * len(mse))
+    return Errors(short=short, by_episode=episodes)
+
+
+def test_a_higher_error_that_few_episodes_cannot_prove_is_let_pass():
+    rng = np.random.default_rng()
+    champion = rng.uniform(0.5, 2.0, 12)
+    scatter = np.where(np.arange(12) % 2, 3.0, 0.4) * champion  # 1.7 times the MSE, and all chance
+    decision = decide(by_episode(scatter), by_episode(champion))
+    assert decision.promoted and decision.low < 1.05 < decision.ratio < decision.high
+    assert "is not clearly above" in decision.reason
+    proven = decide(by_episode(1.7 * champion), by_episode(champion))
+    assert not proven.promoted and proven.ratio == pytest.approx(np.sqrt(1.7))
+    assert "is above the champion's" in proven.reason
+
+
+def test_the_words_of_a_promotion_say_whether_the_error_fell():
+    champion = np.random.default_rng().uniform(0.5, 2.0, 12)
+    assert "beats" in decide(by_episode(0.5 * champion), by_episode(champion)).reason
+    assert "not clearly above" in decide(by_episode(champion), by_episode(champion)).reason
+
+
+def test_only_episodes_that_both_were_scored_on_are_compared():
+    champion = by_episode(np.full(4, 1.0))
+    candidate = by_episode(np.array([1.0, 1.0, 1.0, 1.0, 100.0]))
+    decision = decide(candidate, champion)
+    assert (decision.ratio, decision.low, decision.high) == (1.0, 1.0, 1.0)
+
+
+def test_the_champions_own_weights_are_not_promoted_again():
+    decision = decide_champion(GATE, 2.0, errors(5.0), errors(5.0), same=True)
+    assert not decision.promoted and "no better weights" in decision.reason
 
 
 def test_a_model_that_reaches_far_fewer_goals_is_not_promoted():

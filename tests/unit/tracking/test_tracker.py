@@ -120,7 +120,8 @@ def test_an_iteration_makes_a_child_and_lines_that_share_their_names(tmp_path, n
     assert len(children) == 5
     assert {key for key, parent in opened.items() if parent == "key"} == children
     beside = {key for key, parent in opened.items() if not parent}
-    assert beside == {"key", "key/control-arm", "key/floor", "key/oracle"}
+    lines = ("control-arm", "floor", "informed-floor", "oracle")
+    assert beside == {"key", *(f"key/{line}" for line in lines)}
     points = notes.points()
     for line in ("key", "key/control-arm", "key/floor"):
         steps = [s for (r, n, s) in points if r == line and n == "error_pooled/short_e_rot_deg"]
