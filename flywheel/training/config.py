@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
 
@@ -121,3 +121,16 @@ class TrainingConfig(_Frozen):
     device: Literal["cpu", "cuda"] = "cpu"
     threads: PositiveInt = 1
     seed: int = Field(default=0, ge=0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _schedules_keep_what_is_not_given(cls, values: Any) -> Any:
+        """So that `training.initial.steps=500` alone changes just that."""
+        if not isinstance(values, dict):
+            return values
+        partial = {
+            name: {**cls.model_fields[name].default.model_dump(), **values[name]}
+            for name in ("initial", "fine_tuning")
+            if isinstance(values.get(name), dict)
+        }
+        return {**values, **partial}

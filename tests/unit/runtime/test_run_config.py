@@ -36,6 +36,17 @@ def test_a_stored_configuration_reads_back_as_it_was():
     assert again == config and config_digest(again) == config_digest(config)
 
 
+def test_one_setting_of_a_schedule_can_be_changed_alone():
+    config = load_config(CONFIGS / "prism3.yaml", ["training.initial.steps=321"])
+    before = load_config(CONFIGS / "prism3.yaml").training
+    assert config.training.initial == before.initial.model_copy(update={"steps": 321})
+    assert config.training.fine_tuning == before.fine_tuning
+    with pytest.raises(
+        ConfigError, match=r"training.initial.stepz: unknown key. Did you mean 'steps'"
+    ):
+        load_config(CONFIGS / "prism3.yaml", ["training.initial.stepz=321"])
+
+
 @pytest.mark.parametrize(
     "change",
     [
