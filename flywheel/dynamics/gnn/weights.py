@@ -17,7 +17,7 @@ from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
-_FORMAT = 1
+_FORMAT = 2  # 1: cables between nodes
 
 
 def weights_arrays(network: ChunkNetwork) -> dict[str, np.ndarray]:
@@ -101,7 +101,8 @@ def read_about(path: Path | str) -> dict[str, Any]:
         about: dict[str, Any] = json.loads(side.read_text())
         if about["format"] != _FORMAT:
             raise ModelError(
-                f"{side} has format {about['format']!r}; this version reads format {_FORMAT}."
+                f"{side} has format {about['format']!r}; this version reads format {_FORMAT}. Train the "
+                "network anew, or read it with the version of this project that wrote it."
             )
     except FileNotFoundError:
         raise ModelError(f"There are no weights at {path}: {side.name} is missing.") from None
