@@ -24,8 +24,9 @@ class Winches:
 
         lag = np.array([w.time_constant for w in robot.winches])
         rate = np.asarray(robot.rate_driven)
-        # position' = position + gain (command - position), or + gain command for a rate winch
+        # position' = keep position + gain command, where keep is 1 for a rate winch
         self._gain = column(np.where(rate, dt, -np.expm1(-dt / np.maximum(lag, 1e-9))))
+        self._keep = None if rate.all() else torch.where(column(rate) > 0, 1.0, 1.0 - self._gain)
         self._rate = torch.as_tensor(rate, device=device)[:, None]
         self._low, self._high = column(robot.control_low), column(robot.control_high)
         self._rest_low, self._rest_high = column(robot.rest_low), column(robot.rest_high)
@@ -38,7 +39,7 @@ class Winches:
 
     def clipped(self, controls: Tensor) -> Tensor:
         """Commands within the winches' range, (..., W, K)."""
-        return torch.maximum(torch.minimum(controls, self._high), self._low)
+        return torch.clamp(controls, self._low, self._high)
 
     def scaled(self, controls: Tensor) -> Tensor:
         """Commands in units of their range, within [-1, 1]."""
@@ -46,7 +47,7 @@ class Winches:
 
     def within(self, positions: Tensor) -> Tensor:
         """Positions within the winches' range."""
-        return torch.maximum(torch.minimum(positions, self._rest_high), self._rest_low)
+        return torch.clamp(positions, self._rest_low, self._rest_high)
 
     def held(self, last: Tensor, steps: int) -> Tensor:
         """(steps, W, K) commands that hold winches still whose last commands (W, K) were `last`."""
@@ -58,10 +59,9 @@ class Winches:
         Computes what `Robot.dead_reckon` does.
         """
         positions = []
-        steps = self._gain * controls
-        keep = torch.where(self._rate, torch.ones_like(self._gain), 1.0 - self._gain)
-        for step in steps:
-            position = self.within(keep * position + step)
+        for step in (self._gain * controls).unbind():
+            kept = position if self._keep is None else self._keep * position
+            position = self.within(kept + step)
             positions.append(position)
         return torch.stack(positions)
 
@@ -73,9 +73,9 @@ class Winches:
             taken to have been where the robot's keyframe has them.
           controls: (h, W, K) commands between them.
         """
-        position = torch.where(torch.isfinite(past[0]), past[0], self.start.expand_as(past[0]))
         if bool(torch.isfinite(past[-1]).all()):
             return past[-1]
+        position = torch.where(torch.isfinite(past[0]), past[0], self.start.expand_as(past[0]))
         for t in range(len(controls)):
             position = self.nominal(position, controls[t : t + 1])[0]
             position = torch.where(torch.isfinite(past[t + 1]), past[t + 1], position)
