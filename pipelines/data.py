@@ -23,11 +23,11 @@ def verify_store(run: Path, snapshot: str) -> None:
     out = console()
     for damage in damages:
         out.print(f"[red]damaged[/red] {damage}", soft_wrap=True, highlight=False)
+    if damages:
+        out.print(f"{len(damages)} damaged; the rest is as it was committed.", highlight=False)
+        raise typer.Exit(FAILED)
     count = len(chosen.episodes) if chosen else len(store.committed())
     what = f"{count} episodes of {snapshot}" if chosen else f"{count} segments"
-    if damages:
-        out.print(f"{len(damages)} of {what} are damaged.", highlight=False)
-        raise typer.Exit(FAILED)
     out.print(f"[green]All {what} are as they were committed.[/green]", highlight=False)
 
 

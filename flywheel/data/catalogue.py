@@ -181,7 +181,8 @@ class Damage:
     what: str
 
     def __str__(self) -> str:
-        return f"{self.segment}: {self.what}. Episodes: {', '.join(self.episodes) or 'unknown'}."
+        episodes = ", ".join(self.episodes) or "unknown"
+        return f"{self.segment}: {self.what.rstrip('.')}. Episodes: {episodes}."
 
 
 def replaced(receipt: Receipt, sha256: str) -> Damage:
