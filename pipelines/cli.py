@@ -192,6 +192,25 @@ def report(run: RunArgument) -> None:
 
 
 @app.command()
+def summary(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Folders of runs with different seeds.")
+    ],
+) -> None:
+    """Put several seeds of one configuration into one table.
+
+    [bold]Examples[/bold]
+
+    flywheel run configs/prism3.yaml seed=1 --folder runs/prism3-1
+
+    flywheel summary runs/prism3 runs/prism3-1
+    """
+    from pipelines.summary import show_seeds
+
+    show_seeds(runs)
+
+
+@app.command()
 def ui(
     run: RunArgument,
     port: Annotated[int, typer.Option(help="To serve at.")] = 5000,
