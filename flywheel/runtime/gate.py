@@ -68,9 +68,15 @@ def decide_champion(
     fall = _success_drop(navigation, champion_navigation)
     if fall > config.success_drop:
         return decision(False, f"Its success rate is {fall:.0%} lower than the champion's.")
-    beats = number < reference if ratio is None else ratio.high < 1.0
-    verb = "beats" if beats else "is not clearly above"
-    return decision(True, f"{words} {verb} the champion's {reference:.3g} %.")
+    return decision(True, f"{words} {_verb(number, reference, ratio)} {reference:.3g} %.")
+
+
+def _verb(number: float, reference: float, ratio: Interval | None) -> str:
+    """What a promoted model's error does to the champion's."""
+    if number >= reference:
+        return "is not clearly above the champion's"
+    sure = ratio is None or ratio.high < 1.0
+    return "beats the champion's" if sure else "is below, if not clearly, the champion's"
 
 
 def _ratio(candidate: Errors | None, champion: Errors | None) -> Interval | None:
