@@ -36,7 +36,7 @@ def score_models(
     changed = {"horizon_seconds": horizon, "starts": starts}
     evaluate = opened.config.evaluate.model_copy(update=changed)
     config = opened.config.model_copy(update={"evaluate": evaluate})
-    worker = SimWorker(config, opened.folder.store_url(opened.config))
+    worker = SimWorker(config, opened.folder.store_url(opened.config), opened.robot)
     subjects = subjects_of(opened, weights)
     seed = derive_seed(config.seed, "score")  # of the starts: those that the run itself used
     rows = []

@@ -12,6 +12,7 @@ from flywheel.runtime.config import RunConfig, load_config
 from flywheel.runtime.plan import ORACLE, EpisodePlan
 from flywheel.runtime.progress import Stage, console_progress
 from flywheel.runtime.recording import Recorder
+from flywheel.runtime.run_folder import RunFolder
 from flywheel.runtime.watch import Watch
 from pipelines.runs import open_run
 from pipelines.show import console
@@ -30,7 +31,7 @@ def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path
       video: where it goes, or None for the usual place.
     """
     config = _config(source, overrides)
-    recorder = Recorder(config)
+    recorder = Recorder(config, RunFolder(source).robot(config))
     dynamics, digest = _dynamics(source, config, recorder, model)
     plan = EpisodePlan(
         id=f"navigate-{model}-{seed}",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from flywheel.data import TrajectoryStore
 from flywheel.errors import DataError, UnknownNameError
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig, load_config
 from flywheel.runtime.results import IterationResult, RunResult
 from flywheel.runtime.run_folder import RunFolder, name_of
@@ -31,7 +31,7 @@ class OpenRun:
     @property
     def robot(self) -> Robot:
         """It is about."""
-        return load_robot(self.config.robot)
+        return self.folder.robot(self.config)
 
     @property
     def store(self) -> TrajectoryStore:

@@ -28,7 +28,7 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
     if plan is None:
         return result
     name = f"videos/{name_of(result.iteration, result.arm)}.mp4"
-    recorder = Recorder(run.config)
+    recorder = Recorder(run.config, run.robot)
     task, trajectory = recorder.task(plan), run.store.read(plan.id).trajectory
     if task is None or trajectory.states is None:
         return result

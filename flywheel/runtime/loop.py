@@ -9,7 +9,7 @@ from pathlib import Path
 
 from flywheel.data import TrajectoryStore
 from flywheel.reports import write_report
-from flywheel.robots import load_robot
+from flywheel.robots import Robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.conclusion import conclude
 from flywheel.runtime.config import RunConfig, WorkersConfig
@@ -62,6 +62,7 @@ def run(
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
+        robot = files.robot(config)
         if (done := finished_run(files)) is not None:
             with _tracked(config, files, identity, tracker):  # delivers what is still waiting
                 return done
@@ -73,9 +74,8 @@ def run(
             _tracked(config, files, identity, tracker) as log,
         ):
             cores = config.workers.cores or ray.cpus
-            with _pool(config, files, ray, cores, stop) as pool:
+            with _pool(config, files, robot, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))
-                robot = load_robot(config.robot)
                 shown = progress or Quiet()
                 return turn(Run(config, files, robot, store, pool, log, shown), identity)
 
@@ -109,9 +109,14 @@ def turn(run: Run, identity: Identity) -> RunResult:
 
 @contextmanager
 def _pool(
-    config: RunConfig, files: RunFolder, ray: Cluster, cores: int, stop: StopRequest
+    config: RunConfig,
+    files: RunFolder,
+    robot: Robot,
+    ray: Cluster,
+    cores: int,
+    stop: StopRequest,
 ) -> Iterator[WorkerPool]:
-    workers, arguments = config.workers, (config, files.store_url(config))
+    workers, arguments = config.workers, (config, files.store_url(config), robot)
     trainers = workers.trainers or (2 if config.control_arm and config.iterations else 1)
     groups = [
         Group("sim", SimWorker, arguments, workers.sim, threads=config.sim_threads),

@@ -17,7 +17,7 @@ from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Episode, Provenance, State
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig, config_digest
 from flywheel.runtime.measures import Walk
 from flywheel.runtime.plan import ORACLE, EpisodePlan
@@ -33,11 +33,11 @@ class Recorder:
 
     Args:
       config: of the run.
+      robot: of the run.
     """
 
-    def __init__(self, config: RunConfig) -> None:
-        self.config = config
-        self.robot: Robot = load_robot(config.robot)
+    def __init__(self, config: RunConfig, robot: Robot) -> None:
+        self.config, self.robot = config, robot
         self._digest = config_digest(config)
         self._settled: dict[int, State] = {}
 

@@ -24,6 +24,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from flywheel.errors import ConfigError, RunError
+from flywheel.robots import Robot, load_robot
 from flywheel.runtime.config import RunConfig, config_digest, decisive
 from flywheel.runtime.config_files import differences, validated
 from flywheel.runtime.results import Arm, IterationResult, load, save
@@ -67,6 +68,21 @@ class RunFolder:
         return self.path / "config.yaml"
 
     @property
+    def robot_file(self) -> Path:
+        """Copy of the MJCF that the run was begun with."""
+        return self.path / "robot.xml"
+
+    def robot(self, config: RunConfig) -> Robot:
+        """The robot that the run was begun with, wherever its MJCF is now.
+
+        Raises:
+          RobotError: a run from before there were copies, and the MJCF cannot be used.
+        """
+        if self.robot_file.exists():
+            return Robot.from_mjcf(self.robot_file)
+        return load_robot(config.robot)
+
+    @property
     def cache(self) -> Path:
         """Windows for training; made again where missing."""
         return self.path / "cache"
@@ -100,7 +116,8 @@ class RunFolder:
         """Begin a run here, or go on with the one that is here.
 
         Raises:
-          ConfigError: there is a run and `resume` is false, or its configuration was another.
+          ConfigError: there is a run and `resume` is false, or its configuration or MJCF was another.
+          RobotError: the MJCF cannot be used.
         """
         if not self.config_file.exists():
             return self._created(config)
@@ -118,7 +135,20 @@ class RunFolder:
                 f"The run in {self.path} was begun with another configuration:\n{lines}\n"
                 "Resume it with the one it has, or begin a new run in another folder."
             )
+        self._check_robot(config)
         return Identity.model_validate_json((self.path / "run.json").read_text())
+
+    def _check_robot(self, config: RunConfig) -> None:
+        """Refuse an MJCF that was edited since; one that is gone is not missed."""
+        if config.robot.endswith(".xml") and not Path(config.robot).exists():
+            return
+        now, kept = load_robot(config.robot), self.robot(config)
+        if now.digest != kept.digest:
+            raise ConfigError(
+                f"The robot {config.robot} has changed since the run in {self.path} was begun (digest "
+                f"{kept.digest[:12]} -> {now.digest[:12]}): its episodes are of the MJCF kept in "
+                f"{self.robot_file.name}. Begin a new run in another folder, or restore that MJCF."
+            )
 
     def check_space(self, least_gb: float) -> None:
         """Raises RunError where the disk is almost full."""
@@ -135,6 +165,7 @@ class RunFolder:
             config_digest=config_digest(config),
             begun=time.strftime("%F %T"),
         )
+        self.robot_file.write_text(load_robot(config.robot).xml)
         (self.path / "run.json").write_text(identity.model_dump_json(indent=1))
         text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
         temporary = self.config_file.with_suffix(".tmp")

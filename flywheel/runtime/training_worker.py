@@ -8,11 +8,11 @@ from pathlib import Path
 from flywheel.data import TrajectoryStore, WindowCache
 from flywheel.errors import ModelError
 from flywheel.records import Split
+from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
 from flywheel.runtime.lock import hold
 from flywheel.runtime.measures import TrainingPoint
-from flywheel.runtime.recording import Recorder
 from flywheel.runtime.watch import Watch
 from flywheel.training import Trainer, TrainingProgress
 
@@ -61,11 +61,11 @@ class TrainerWorker:
     Args:
       config: of the run.
       store: URL of the trajectory store.
+      robot: of the run.
     """
 
-    def __init__(self, config: RunConfig, store: str) -> None:
-        self._config = config
-        self._robot = Recorder(config).robot
+    def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
+        self._config, self._robot = config, robot
         self._store = TrajectoryStore(store)
         self._watch = Watch()
 

@@ -21,6 +21,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ErrorTable, score, score_by, score_full
 from flywheel.records import Episode, Floats, Past
+from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
 from flywheel.runtime.measures import Overlay, Walk
@@ -81,10 +82,11 @@ class SimWorker:
     Args:
       config: of the run.
       store: URL of the trajectory store.
+      robot: of the run.
     """
 
-    def __init__(self, config: RunConfig, store: str) -> None:
-        self._recorder = Recorder(config)
+    def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
+        self._recorder = Recorder(config, robot)
         self._config = config
         self._store = TrajectoryStore(store)
         self._watch = Watch()

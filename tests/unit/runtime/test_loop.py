@@ -77,11 +77,11 @@ class Bench:
 
     def turn(self, resume: bool = False):
         self.backend = LocalBackend()
-        arguments = (self.config, self.files.store_url(self.config))
+        identity = self.files.begin(self.config, resume)
+        robot = self.files.robot(self.config)
+        arguments = (self.config, self.files.store_url(self.config), robot)
         groups = [Group("sim", SimWorker, arguments), Group("trainer", TrainerWorker, arguments)]
         pool = WorkerPool(self.backend, groups, cores=2)
-        identity = self.files.begin(self.config, resume)
-        robot = load_robot(self.config.robot)
         progress = Lines(self.said.append)
         return turn(Run(self.config, self.files, robot, self.store, pool, None, progress), identity)
 
@@ -261,7 +261,7 @@ def test_measurement_noise_reaches_what_is_stored(tmp_path):
     bench = Bench(tmp_path, iterations=0, measurement={"noise": 0.01})
     bench.turn()
     episode = bench.store.read("i0000-random-0000")
-    recorder = Recorder(bench.config)
+    recorder = Recorder(bench.config, load_robot(bench.config.robot))
     truth = recorder.plant(0).observe(episode.trajectory.states).points
     spread = np.std(episode.trajectory.observations.points - truth)
     assert spread == pytest.approx(0.01 * recorder.robot.length, rel=0.1)

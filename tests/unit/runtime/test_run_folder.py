@@ -3,6 +3,7 @@
 import pytest
 
 from flywheel.errors import ConfigError, RunError
+from flywheel.robots import load_robot
 from flywheel.runtime.config import RunConfig, WorkersConfig
 from flywheel.runtime.results import IterationResult
 from flywheel.runtime.run_folder import RunFolder
@@ -56,3 +57,33 @@ def test_an_almost_full_disk_is_told_before_anything_starts(folder):
     with pytest.raises(RunError, match="workers.least_free_gb"):
         folder.check_space(least_gb=1e9)
     folder.check_space(least_gb=0.0)
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A user's own MJCF, and a run begun with it."""
+    mjcf = tmp_path / "mine" / "swing.xml"
+    mjcf.parent.mkdir()
+    mjcf.write_text(load_robot("platform4").xml)
+    folder, config = RunFolder(tmp_path / "run"), RunConfig(robot=str(mjcf))
+    folder.path.mkdir()
+    folder.begin(config, resume=False)
+    return mjcf, folder, config
+
+
+def test_a_run_keeps_the_mjcf_it_was_begun_with(own):
+    mjcf, folder, config = own
+    kept = folder.robot(config).digest
+    assert kept == load_robot("platform4").digest
+    mjcf.unlink()
+    folder.begin(config, resume=True)
+    assert folder.robot(config).digest == kept
+
+
+def test_an_mjcf_that_was_edited_since_is_refused_and_one_laid_out_anew_is_not(own):
+    mjcf, folder, config = own
+    mjcf.write_text(mjcf.read_text().replace("</mujoco>", "<!-- mine -->\n</mujoco>"))
+    folder.begin(config, resume=True)
+    mjcf.write_text(mjcf.read_text().replace("<option ", '<option wind="0 0 1" ', 1))
+    with pytest.raises(ConfigError, match="has changed since the run .* robot.xml"):
+        folder.begin(config, resume=True)
