@@ -86,6 +86,10 @@ class TrajectoryStore:
         self._receipts = {name: self._receipts[name] for name in there if name in self._receipts}
         return dict(self._receipts)
 
+    def unreadable(self) -> list[str]:
+        """Segments that are there, but whose receipt cannot be read."""
+        return sorted(set(self._place.segments()) - self.committed().keys())
+
     def episodes(self, segment: str) -> tuple[EpisodeSummary, ...]:
         """What a segment holds."""
         return self._receipt(segment).summaries

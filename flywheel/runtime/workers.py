@@ -166,7 +166,7 @@ class SimWorker:
 
     def _committed(self, name: str) -> Episode | None:
         """The episode, if the store has it whole; a damaged one not in use yet is set aside."""
-        if name not in self._store.committed():
+        if name not in (*self._store.committed(), *self._store.unreadable()):
             return None
         try:
             return self._store.read(name)

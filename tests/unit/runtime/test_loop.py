@@ -224,15 +224,16 @@ def test_a_first_training_that_diverges_ends_the_run(bench, monkeypatch):
         bench.turn()
 
 
+@pytest.mark.parametrize("part", [".zarr", "receipt.json"])
 def test_a_damaged_episode_that_nothing_builds_on_is_set_aside_and_recorded_again(
-    bench, monkeypatch
+    bench, monkeypatch, part
 ):
     with monkeypatch.context() as patch:
         fail_at(patch, "i0000-random-0004", error=RunError("stop"))
         with pytest.raises(RunError):
             bench.turn()
     name = "i0000-random-0001"
-    files = [p for p in bench.files.path.rglob("*") if name in str(p) and ".zarr" in str(p)]
+    files = [p for p in bench.files.path.rglob("*") if name in str(p) and part in str(p)]
     victim = max((p for p in files if p.is_file()), key=lambda p: p.stat().st_size)
     content = bytearray(victim.read_bytes())
     content[len(content) // 2] ^= 1
