@@ -83,6 +83,9 @@ class CollectConfig(_Frozen):
 class EvaluateConfig(_Frozen):
     """How models are judged.
 
+    Predictions start from what was measured. They are compared with what really happened, where a
+    simulated episode tells; with a recording's own measurements else.
+
     Attributes:
       tasks: closed-loop episodes per model, each as long as `task.seconds` at most; the same tasks
         for every model.

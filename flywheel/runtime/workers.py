@@ -16,7 +16,7 @@ import numpy as np
 from flywheel.data import TrajectoryStore
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics
-from flywheel.dynamics.plant import RestartedPlant
+from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ErrorTable, score, score_by, score_full
@@ -210,16 +210,27 @@ class SimWorker:
         evaluate, datasets = self._config.evaluate, self._config.dataset_numbers()
         steps = round(evaluate.horizon_seconds / dynamics.dt)
         long = [e for e in episodes if e.trajectory.steps >= steps]
+        truth = None if self._config.measurement == MeasurementModel() else self._truth
         short = partial(
             score,
             dynamics,
             horizon_seconds=evaluate.horizon_seconds,
             starts_per_episode=evaluate.starts,
             seed=seed,
+            truth=truth,
             datasets=datasets,
         )
-        whole = score_full(dynamics, long, datasets=datasets) if full and long else None
+        whole = None
+        if full and long:
+            whole = score_full(dynamics, long, truth=truth, datasets=datasets)
         return Scores(score_by(lambda episode: episode.id, long, short), whole)
+
+    def _truth(self, episode: Episode) -> Floats:
+        """Where the points really were, if that is known: noise is no error of the model."""
+        states = episode.trajectory.states
+        if states is None:
+            return episode.trajectory.observations.points
+        return self._recorder.plant(0).observe(states).points
 
     def _model(self, weights: Weights) -> LearnedDynamics:
         if weights.digest not in self._models:

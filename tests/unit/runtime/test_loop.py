@@ -266,3 +266,18 @@ def test_measurement_noise_reaches_what_is_stored(tmp_path):
     truth = recorder.plant(0).observe(episode.trajectory.states).points
     spread = np.std(episode.trajectory.observations.points - truth)
     assert spread == pytest.approx(0.01 * recorder.robot.length, rel=0.1)
+
+
+def test_predictions_are_judged_by_what_happened_not_by_what_was_measured(tmp_path):
+    bench = Bench(tmp_path, iterations=0, measurement={"noise": 0.05})
+    bench.turn()
+    names = [e.id for e in bench.store.snapshot("i0000-mppi").episodes]
+    robot = load_robot(bench.config.robot)
+    worker = SimWorker(bench.config, bench.files.store_url(bench.config), robot)
+    informed = worker.score("informed floor", names, 0, False).short
+    noisy = RunConfig.model_validate({**bench.config.model_dump(), "measurement": {}})
+    measured = SimWorker(noisy, bench.files.store_url(bench.config), robot)
+    blurred = measured.score("informed floor", names, 0, False).short
+    noise_of_a_centre = 100 * 0.05 / np.sqrt(2)  # of two caps [% of L]
+    expected = np.hypot(informed.e_pos_rmse, np.sqrt(3) * noise_of_a_centre)
+    assert blurred.e_pos_rmse == pytest.approx(expected, rel=0.1)
