@@ -101,9 +101,10 @@ def settings(robot: Robot, coarse: bool) -> dict[str, tuple[Controller, TaskConf
     task = TaskConfig()
     return {
         "default": (mppi(), task),
-        "32 samples": (mppi(samples=32), task),
+        "24 samples": (mppi(samples=24), task),
         "no fresh strokes": (mppi(fresh=0.0), task),
-        "cost without broadside": (mppi(), task.model_copy(update={"broadside": 0.0})),
+        "broadside 0.5": (mppi(), task.model_copy(update={"broadside": 0.5})),
+        "broadside 1.5": (mppi(), task.model_copy(update={"broadside": 1.5})),
         "random shooting": (RandomShooting(dynamics, MppiConfig()), task),
     }
 

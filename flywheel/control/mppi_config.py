@@ -31,7 +31,7 @@ class MppiConfig(BaseModel):
     TIMES: ClassVar = ("horizon_seconds", "knot_seconds", "replan_seconds")
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    samples: int = Field(default=24, ge=1)
+    samples: int = Field(default=48, ge=1)
     rounds: int = Field(default=1, ge=1)
     horizon_seconds: float = Field(default=3.0, gt=0)
     knot_seconds: float = Field(default=0.5, gt=0)

@@ -23,7 +23,8 @@ class TaskConfig(BaseModel):
       seconds: time limit [s].
       along: weight of the distance to the goal, averaged over the horizon (the paper's alpha1).
       final: weight of the distance to the goal at the end of the horizon.
-      broadside: weight of the robot's spread along the way to the goal, which makes it turn.
+      broadside: weight of the robot's spread along the way to the goal. It makes a long robot turn
+        sooner; too much of it makes the robot stretch itself out across the way, and stay.
       arrival: reward for reaching the goal within the horizon.
       near: weight alpha2 of the collision term, among boxes only.
       obstacles: boxes where they are given [m]; none to draw `boxes` of them.
@@ -44,7 +45,7 @@ class TaskConfig(BaseModel):
     seconds: float = Field(default=60.0, gt=0)
     along: float = Field(default=0.5, ge=0)
     final: float = Field(default=1.0, ge=0)
-    broadside: float = Field(default=1.5, ge=0)
+    broadside: float = Field(default=0.0, ge=0)
     arrival: float = Field(default=0.0, ge=0)
     near: float = Field(default=0.005, ge=0)
     obstacles: tuple[Box, ...] = ()

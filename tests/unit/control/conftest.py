@@ -49,7 +49,7 @@ def points(robot: Robot) -> np.ndarray:
 def task(robot: Robot, points: np.ndarray) -> Task:
     # within what winches that begin in the middle of their range can reach
     place = points[:, :2].mean(axis=0)
-    config = TaskConfig(goal=tuple(place + (1.5, -1.2)), broadside=0.0)
+    config = TaskConfig(goal=tuple(place + (1.5, -1.2)))
     return sample_task("reach", robot, points, np.random.default_rng(0), config)
 
 
