@@ -1,19 +1,26 @@
 """The plant: MuJoCo as the robot's stand-in, what is measured of it, and MuJoCo as a model."""
 
+from flywheel.dynamics.plant.augmented import AugmentedPlant, Motion
 from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
+from flywheel.dynamics.plant.tangent import between, moved, turning
 
 __all__ = [
+    "AugmentedPlant",
     "MeasurementModel",
+    "Motion",
     "Plant",
     "PlantDynamics",
     "PlantParameters",
     "RestartedPlant",
     "Shot",
+    "between",
+    "moved",
     "render_episode",
     "render_frames",
+    "turning",
 ]

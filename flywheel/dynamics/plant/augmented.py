@@ -1,0 +1,240 @@
+"""A plant with effects: every simulation of a batch can have its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped
+from flywheel.dynamics.plant.parameters import scaled
+from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.world import scene
+from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
+from flywheel.errors import ModelError
+from flywheel.records import Floats, State
+from flywheel.robots import Robot
+
+PERSISTENT = 512  # simulations that are stepped together: each has an MjData of its own
+CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What simulations did.
+
+    Attributes:
+      points: (n, T + 1, P, 3) where the tracked points are seen [m].
+      states: (n, T + 1) full states.
+      finite: (n,) bool; a simulation that diverged repeats what it last was.
+      memory: effect name -> (n, C) what the cables remember at the end.
+    """
+
+    points: Floats
+    states: State
+    finite: np.ndarray
+    memory: Memories
+
+    def __getitem__(self, rows: np.ndarray) -> Motion:
+        """The simulations in another order, or some of them."""
+        memory = {name: held[rows] for name, held in self.memory.items()}
+        return Motion(self.points[rows], self.states[rows], self.finite[rows], memory)
+
+
+class AugmentedPlant:
+    """The robot's MJCF with effects, stepped in batches.
+
+    Without terms it is `Plant`, to the bit.
+
+    Args:
+      plant: the plant without effects; one set of parameters.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant, self.robot, self.dt = plant, plant.robot, plant.dt
+        self._scales = Scales.of(plant.robot)
+        self._model, self._movable = _with_pulls(plant, False), _with_pulls(plant, True)
+        self._cables = Geometry.of(self._model, plant.robot)
+        self._edited: dict[tuple[object, ...], mujoco.MjModel] = {}
+        self._batches: dict[tuple[bool, int], Batch] = {}
+
+    def commands(self, controls: Floats, terms: Sequence[Terms]) -> Floats:
+        """What the winches are told (n, T, W), of what was commanded from an episode's beginning.
+
+        Args:
+          controls: (n, T, W) commands.
+          terms: of each simulation.
+        """
+        told = np.clip(controls, self.robot.control_low, self.robot.control_high)
+        width = len(self.robot.winches)
+        groups = grouped(terms, CommandEffect, width)  # type: ignore[type-abstract]
+        for effect, rows, values in groups:
+            told[rows] = effect.command(told[rows], values, self.robot, self.dt)
+        return told
+
+    def simulate(
+        self,
+        start: State,
+        told: Floats,
+        terms: Sequence[Terms],
+        memory: Memories | None = None,
+    ) -> Motion:
+        """Simulate each state under what its winches are told.
+
+        Args:
+          start: (n,) states.
+          told: (n, T, W) see `commands`; not clipped again.
+          terms: of each simulation.
+          memory: effect name -> (n, C), as an earlier piece left it; none for fresh cables.
+
+        Raises:
+          ModelError: shapes that do not fit.
+        """
+        total = len(told)
+        if len(start.qpos) != total or len(terms) != total:
+            raise ModelError(
+                f"{total} simulations need as many starts and terms, got {len(start.qpos)} and "
+                f"{len(terms)}."
+            )
+        memory = dict(memory or {})
+        groups = grouped(terms, TensionEffect, 1)  # type: ignore[type-abstract]
+        for law, _, _ in groups:
+            if law.remembers and law.name not in memory:
+                memory[law.name] = np.zeros((total, len(self.robot.cables)))
+        moves = np.array([any(_moves_mass(term) for term in each) for each in terms])
+        pieces, order = [], []
+        for base, members in ((self._model, ~moves), (self._movable, moves)):
+            chosen = np.flatnonzero(members)
+            for first in range(0, len(chosen), PERSISTENT):
+                rows = chosen[first : first + PERSISTENT]
+                part = {name: held[rows] for name, held in memory.items()}
+                here = [terms[row] for row in rows]
+                pieces.append(self._simulate(base, start[rows], told[rows], here, part))
+                order.append(rows)
+        return _joined(pieces)[np.argsort(np.concatenate(order))]
+
+    def _simulate(
+        self,
+        base: mujoco.MjModel,
+        start: State,
+        told: Floats,
+        terms: Sequence[Terms],
+        memory: Memories,
+    ) -> Motion:
+        plant, steps = self.plant, told.shape[1]
+        batch = self._batch(base, terms)
+        nq, nv = start.qpos.shape[1], start.qvel.shape[1]
+        fields = [batch.bind(name) for name in ("qpos", "qvel", "act")]
+        for field, values in zip(fields, (start.qpos, start.qvel, start.act), strict=True):
+            field[:] = values
+        batch.bind("time")[:] = 0.0
+        laws = Laws(self._cables, batch, terms, memory, self.robot.timestep, self._scales.slow)
+        sensors = batch.bind("sensordata")
+        ctrl = batch.bind("ctrl")
+        drive = plant._drive
+        states = np.empty((len(terms), steps + 1, nq + nv + start.act.shape[1]))
+        points = np.empty((len(terms), steps + 1, *plant._points.shape))
+        batch.forward(stage=CURRENT)
+        alive = np.ones(len(terms), bool)
+        for step in range(steps + 1):
+            states[:, step] = np.concatenate(fields, axis=1)
+            points[:, step] = sensors[:, plant._points]
+            if step == steps:
+                break
+            for _ in range(plant.substeps):
+                rate = laws.rate(told[:, step]) if laws.active else told[:, step]
+                ctrl[:, : drive.shape[1]] = (rate * plant._speed[:, 0]) @ drive + plant._drive_shift
+                if laws.active:
+                    ctrl[:, drive.shape[1] :] = -laws.tension()
+                batch.step(stage=CURRENT)
+            expected = (step + 1) * self.dt
+            alive &= np.abs(batch.bind("time").reshape(-1) - expected) < self.robot.timestep / 2
+        _hold_diverged(states, points, alive)
+        state = State(*np.split(states, [nq, nq + nv], axis=-1))
+        return Motion(points, state, alive, laws.memory)
+
+    def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
+        """A batch of the right size, each simulation on the model that its terms ask for."""
+        key = (base is self._movable, len(terms))
+        if key not in self._batches:
+            threads = max(1, self.plant.threads)
+            self._batches[key] = Batch(base, len(terms), threads, persistent=True)
+        batch = self._batches[key]
+        batch.set_models([self._compiled(base, each) for each in terms])
+        batch.reset(stage=int(mujoco.mjtStage.mjSTAGE_NONE))
+        return batch
+
+    def _compiled(self, base: mujoco.MjModel, terms: Terms) -> mujoco.MjModel:
+        """The model with the terms that MuJoCo can express."""
+        native = tuple(t for t in terms if isinstance(t.effect, ModelEffect) and not t.absent)
+        key = tuple((t.effect.name, t.place, t.values) for t in native)
+        if not native:
+            return base
+        if key not in self._edited:
+            if len(self._edited) > 4 * PERSISTENT:
+                self._edited.clear()
+            self._edited[key] = edited(base, self.robot, native)
+        return self._edited[key]
+
+
+def _moves_mass(term: Term) -> bool:
+    return isinstance(term.effect, ModelEffect) and term.effect.moves_mass and not term.absent
+
+
+def edited(model: mujoco.MjModel, robot: Robot, terms: Terms) -> mujoco.MjModel:
+    """A copy of the model with terms compiled into it; the model itself without any."""
+    if not terms:
+        return model
+    model = model.__copy__()
+    for term in terms:
+        assert isinstance(term.effect, ModelEffect)
+        term.effect.edit(model, robot, term.place, term.named)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
+    """The plant's model with one more actuator per cable, which pulls it by its control [N].
+
+    Args:
+      movable: without MuJoCo's short cut for bodies whose centre of mass never moves.
+    """
+    spec = scene(plant.robot, plant.obstacles)
+    for tendon in list(spec.tendons):
+        pull = spec.add_actuator(name=f"effects on {tendon.name}", target=tendon.name)
+        pull.trntype = mujoco.mjtTrn.mjTRN_TENDON
+        pull.gear[0] = 1.0
+    if movable:
+        for body in spec.bodies[1:]:
+            body.simple = False
+    model = spec.compile()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
+    parameters = plant.parameters
+    return scaled(
+        model, plant.robot, parameters if not isinstance(parameters, Sequence) else parameters[0]
+    )
+
+
+def _hold_diverged(states: Floats, points: Floats, alive: np.ndarray) -> None:
+    """Let simulations that diverged repeat their start: nothing there means anything."""
+    for row in np.flatnonzero(~alive):
+        states[row, 1:], points[row, 1:] = states[row, 0], points[row, 0]
+
+
+def _joined(pieces: list[Motion]) -> Motion:
+    def together(arrays: list[Floats]) -> Floats:
+        return np.concatenate(arrays)
+
+    return Motion(
+        together([p.points for p in pieces]),
+        State(
+            together([p.states.qpos for p in pieces]),
+            together([p.states.qvel for p in pieces]),
+            together([p.states.act for p in pieces]),
+        ),
+        np.concatenate([p.finite for p in pieces]),
+        {name: together([p.memory[name] for p in pieces]) for name in pieces[0].memory},
+    )

@@ -1,0 +1,141 @@
+"""The laws that act on cables and winches while simulations are stepped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from flywheel.effects import Cables, CommandEffect, TensionEffect, Term, Terms, WinchEffect
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+Memories = dict[str, Floats]
+E = TypeVar("E", CommandEffect, TensionEffect, WinchEffect)
+Group = tuple[E, np.ndarray, dict[str, Floats]]
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """How MuJoCo's numbers become those of cables, which are in the order of its tendons.
+
+    Attributes:
+      activation: (C,) place of each cable's rest length in `act`, -1 for passive cables.
+      rest: (C,) rest length at the keyframe [m].
+      stiffness, damping: (C,).
+      loads: (W, C) bool, which cables a winch carries.
+    """
+
+    activation: np.ndarray
+    rest: Floats
+    stiffness: Floats
+    damping: Floats
+    loads: np.ndarray
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, robot: Robot) -> Geometry:
+        activation = np.full(len(robot.cables), -1)
+        loads = np.zeros((len(robot.winches), len(robot.cables)), bool)
+        for index, winch in enumerate(robot.winches):
+            activation[list(winch.cables)] = model.actuator_actadr[list(winch.actuators)]
+            loads[index, list(winch.cables)] = True
+        cables = robot.cables
+        return cls(
+            activation,
+            np.array([cable.rest_length for cable in cables]),
+            np.array([cable.stiffness for cable in cables]),
+            np.array([cable.damping for cable in cables]),
+            loads,
+        )
+
+
+class Laws:
+    """The laws of n simulations, each on the rows that have it.
+
+    Args:
+      geometry: of the cables.
+      batch: the simulations.
+      terms: of each.
+      memory: effect name -> (n, C), changed in place as time goes on.
+      dt: time step [s].
+      slow: speed of a cable that counts as still [m/s].
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        batch: Batch,
+        terms: Sequence[Terms],
+        memory: Memories,
+        dt: float,
+        slow: float,
+    ) -> None:
+        cables, winches = len(geometry.rest), len(geometry.loads)
+        self._tensions = grouped(terms, TensionEffect, cables)  # type: ignore[type-abstract]
+        self._rates = grouped(terms, WinchEffect, winches)  # type: ignore[type-abstract]
+        self.active = bool(self._tensions or self._rates)
+        self.memory = memory
+        self._geometry, self._batch = geometry, batch
+        self._dt, self._slow = dt, slow
+        if self.active:
+            names = ("ten_length", "ten_velocity", "act")
+            self._length, self._speed, self._act = (batch.bind(name) for name in names)
+            self._none = np.zeros((len(terms), cables))
+
+    def cables(self) -> Cables:
+        """All cables as they are now."""
+        geometry = self._geometry
+        held = self._act[:, geometry.activation]
+        rest = np.where(geometry.activation >= 0, held, geometry.rest)
+        stiffness = np.broadcast_to(geometry.stiffness, rest.shape)
+        elastic = stiffness * np.maximum(self._length - rest, 0.0)
+        return Cables(self._length, self._speed, rest, stiffness, elastic, self._dt, self._slow)
+
+    def rate(self, told: Floats) -> Floats:
+        """Rates (n, W) of winches that are told (n, W), under their load."""
+        if not self._rates:
+            return told
+        elastic = self.cables().elastic[:, None] * self._geometry.loads
+        load, told = elastic.max(axis=-1), told.copy()
+        for effect, rows, values in self._rates:
+            told[rows] = effect.rate(told[rows], load[rows], values)
+        return told
+
+    def tension(self) -> Floats:
+        """(n, C) extra tension [N]: on taut cables only, and never pushing."""
+        if not self._tensions:
+            return self._none
+        extra, cables = np.zeros_like(self._none), self.cables()
+        for effect, rows, values in self._tensions:
+            held = self.memory[effect.name][rows] if effect.remembers else self._none[rows]
+            added, after = effect.tension(cables[rows], held, values)
+            extra[rows] += added
+            if effect.remembers:
+                self.memory[effect.name][rows] = after
+        pull = np.maximum(cables.elastic + self._geometry.damping * cables.speed, 0.0)
+        return np.where(cables.taut, np.maximum(extra, -pull), 0.0)
+
+
+def grouped(terms: Sequence[Terms], kind: type[E], width: int) -> list[Group[E]]:
+    """Effects of a kind: which simulations have them, and their values (rows, width)."""
+    found: dict[str, tuple[E, dict[int, list[Term]]]] = {}
+    for row, each in enumerate(terms):
+        for term in each:
+            if isinstance(term.effect, kind) and not term.absent:
+                _, by_row = found.setdefault(term.effect.name, (term.effect, {}))
+                by_row.setdefault(row, []).append(term)
+    groups: list[Group[E]] = []
+    for effect, by_row in found.values():
+        names = [parameter.name for parameter in effect.parameters]
+        values: dict[str, Floats] = {name: np.zeros((len(by_row), width)) for name in names}
+        for index, here in enumerate(by_row.values()):
+            for term in here:
+                where = slice(None) if term.place is None else term.place
+                for name, value in term.named.items():
+                    values[name][index, where] = value
+        groups.append((effect, np.array(list(by_row)), values))
+    return groups

@@ -1,0 +1,229 @@
+"""One physical cause that a plant can have or not.
+
+An effect has *sizes*, zero where the cause is absent, and may have *shapes* (time and length
+constants), which mean nothing while the sizes are zero. It acts in one of four ways, each a base
+class here: on MuJoCo's model, on the commands, on the winches while they move, or on the tension of
+the cables. A plant with no effects, or with effects of size zero, is the MJCF to the bit.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import mujoco
+import numpy as np
+
+from flywheel.effects.scales import Scales
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+Where = Literal["robot", "cable", "point"]
+Values = Mapping[str, Floats]
+Memory = Floats
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of an effect.
+
+    Attributes:
+      name, unit: as printed.
+      typical: a size that users meet, for a robot of given scales.
+      low, high: bounds, as multiples of the typical size.
+      grid: for shapes, the multiples of the typical value that are told apart.
+    """
+
+    name: str
+    unit: str
+    typical: Callable[[Scales], float]
+    low: float = 0.0
+    high: float = 20.0
+    grid: tuple[float, ...] = ()
+
+    @property
+    def one_sided(self) -> bool:
+        """It cannot be negative."""
+        return self.low >= 0.0
+
+
+class Effect(ABC):
+    """Base of the four ways to act. Effects are stateless; `EFFECTS` holds one of each.
+
+    Attributes:
+      name: as in `EFFECTS`.
+      where: what it is tied to: the whole robot, one cable, or one tracked point.
+      sizes, shapes: its parameters.
+      equation: in the symbols of docs/effects.md.
+      source: where the law comes from.
+      shown_by: the experiment that shows it best.
+    """
+
+    name: ClassVar[str]
+    where: ClassVar[Where] = "robot"
+    sizes: ClassVar[tuple[Parameter, ...]]
+    shapes: ClassVar[tuple[Parameter, ...]] = ()
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    shown_by: ClassVar[str]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Sizes, then shapes."""
+        return self.sizes + self.shapes
+
+    def places(self, robot: Robot) -> tuple[int | None, ...]:
+        """Where on a robot it can be: indices of its cables or points, or None for all of it."""
+        if self.where == "robot":
+            return (None,)
+        return tuple(range(len(robot.cables if self.where == "cable" else robot.points)))
+
+
+class ModelEffect(Effect):
+    """Compiled into MuJoCo's model: costs nothing while stepping.
+
+    Attributes:
+      moves_mass: it moves the centre of mass of a body.
+    """
+
+    moves_mass: ClassVar[bool] = False
+
+    @abstractmethod
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        """Change the model, which nobody else uses. `mj_setConst` is called afterwards."""
+
+
+class CommandEffect(Effect):
+    """Between what was commanded and what the winches are told."""
+
+    @abstractmethod
+    def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
+        """Commands (n, T, W) that the winches really get.
+
+        Args:
+          controls: (n, T, W) commands from the beginning of an episode on.
+          values: name -> (n, W), of each winch.
+          dt: control step [s].
+        """
+
+
+@dataclass(frozen=True)
+class Cables:
+    """The cables of n simulations at one instant; every array is (n, C).
+
+    Attributes:
+      length: [m].
+      speed: rate of the length [m/s].
+      rest: rest length [m].
+      stiffness: [N/m].
+      elastic: tension of the spring alone [N]; 0 where slack.
+      dt: time to the next instant [s].
+      slow: speed that counts as still [m/s].
+    """
+
+    length: Floats
+    speed: Floats
+    rest: Floats
+    stiffness: Floats
+    elastic: Floats
+    dt: float
+    slow: float
+
+    @property
+    def taut(self) -> np.ndarray:
+        """Whether each is longer than its rest length."""
+        return self.elastic > 0
+
+    @property
+    def direction(self) -> Floats:
+        """Sign of the speed, smooth around zero."""
+        return np.tanh(self.speed / self.slow)
+
+    def __getitem__(self, rows: Any) -> Cables:
+        return Cables(
+            self.length[rows],
+            self.speed[rows],
+            self.rest[rows],
+            self.stiffness[rows],
+            self.elastic[rows],
+            self.dt,
+            self.slow,
+        )
+
+
+class TensionEffect(Effect):
+    """Adds tension to taut cables, step by step.
+
+    Attributes:
+      remembers: it has a memory of one number per cable.
+    """
+
+    remembers: ClassVar[bool] = False
+
+    @abstractmethod
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        """Extra tension (n, C) [N], and the memory (n, C) at the next instant.
+
+        Args:
+          cables: of n simulations.
+          memory: (n, C); zero at the beginning of an episode.
+          values: name -> (n, C).
+        """
+
+
+class WinchEffect(Effect):
+    """Changes the rate of the winches under load, step by step."""
+
+    @abstractmethod
+    def rate(self, rate: Floats, load: Floats, values: Values) -> Floats:
+        """Rates (n, W) [m/s] of winches told `rate` (n, W) while they carry `load` (n, W) [N].
+
+        Args:
+          values: name -> (n, W).
+        """
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect at a place, with its values: what is added to a plant.
+
+    Attributes:
+      effect: which.
+      place: index of the cable or point, or None.
+      values: of all its parameters [their units].
+    """
+
+    effect: Effect
+    place: int | None
+    values: tuple[float, ...]
+
+    @property
+    def named(self) -> dict[str, float]:
+        """Parameter name -> value."""
+        names = (parameter.name for parameter in self.effect.parameters)
+        return dict(zip(names, self.values, strict=True))
+
+    @property
+    def absent(self) -> bool:
+        """All sizes are zero."""
+        return not any(self.values[: len(self.effect.sizes)])
+
+    def label(self, robot: Robot) -> str:
+        """For people: "weak_cable at long_03"."""
+        if self.place is None:
+            return self.effect.name
+        return f"{self.effect.name} at {place_name(self.effect, self.place, robot)}"
+
+
+def place_name(effect: Effect, place: int | None, robot: Robot) -> str:
+    """Name of the cable or tracked point; "" for the whole robot."""
+    if place is None:
+        return ""
+    return (robot.cables if effect.where == "cable" else robot.points)[place].name
+
+
+Terms = tuple[Term, ...]

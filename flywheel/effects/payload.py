@@ -1,0 +1,53 @@
+"""Mass that the MJCF does not know of."""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from flywheel.effects.effect import ModelEffect, Parameter
+from flywheel.robots import Robot
+
+
+class Payload(ModelEffect):
+    """A point mass at a tracked point."""
+
+    name = "payload"
+    where = "point"
+    moves_mass = True
+    sizes = (Parameter("mass", "kg", lambda s: 0.02 * s.mass),)
+    equation = "m at the point, with its weight and inertia"
+    source = "Steiner's theorem"
+    shown_by = "lifting the point, and fast strokes"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        assert place is not None
+        point = robot.points[place]
+        body = model.site(point.name).bodyid[0]
+        old, extra = float(model.body_mass[body]), values["mass"]
+        centre = model.body_ipos[body].copy()
+        site = model.site(point.name).pos
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+        axes = turn.reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        total = old + extra
+        together = (old * centre + extra * site) / total
+        inertia = inertia + _about(old, centre - together) + _about(extra, site - together)
+        model.body_mass[body], model.body_ipos[body] = total, together
+        _set_inertia(model, int(body), inertia)
+
+
+def _about(mass: float, arm: np.ndarray) -> np.ndarray:
+    """Inertia (3, 3) of a point mass at an arm [kg m^2]."""
+    return mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+
+
+def _set_inertia(model: mujoco.MjModel, body: int, inertia: np.ndarray) -> None:
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    model.body_inertia[body] = moments
+    mujoco.mju_mat2Quat(model.body_iquat[body], axes.ravel())

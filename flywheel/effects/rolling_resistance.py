@@ -1,0 +1,27 @@
+"""Ground that resists rolling."""
+
+from collections.abc import Mapping
+
+import mujoco
+
+from flywheel.effects.effect import ModelEffect, Parameter
+from flywheel.robots import Robot
+
+ROLLING = 2  # column of MuJoCo's friction coefficients
+FULL = 6  # condim with sliding, turning and rolling friction
+
+
+class RollingResistance(ModelEffect):
+    """A moment against rolling, in proportion to the normal force."""
+
+    name = "rolling_resistance"
+    sizes = (Parameter("length", "m", lambda s: 0.1 * s.cap),)
+    equation = "M = rho N"
+    source = "MuJoCo's rolling friction"
+    shown_by = "rolling over, and drops that roll out"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        model.geom_friction[:, ROLLING] += values["length"]
+        model.geom_condim[model.geom_condim > 1] = FULL
