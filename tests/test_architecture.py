@@ -16,7 +16,7 @@ LAYERS = {
     "effects": 2, "tasks": 2, "data": 2,
     "dynamics": 3,
     "evaluation": 4,
-    "control": 5, "training": 5, "diagnosis": 5,
+    "control": 5, "training": 5, "diagnosis": 5, "hidden": 5,
     "runtime": 6, "reports": 6,
 }  # fmt: skip
 PIPELINES = 7
@@ -25,7 +25,12 @@ DOORS = {
     "ray": ("flywheel/runtime/cluster.py",),
     "mlflow": ("flywheel/runtime/tracking.py",),
     "zarr": ("flywheel/data/zarr_files.py",),
-    "mujoco": ("flywheel/robots/", "flywheel/dynamics/plant/", "flywheel/effects/"),
+    "mujoco": (
+        "flywheel/robots/",
+        "flywheel/dynamics/plant/",
+        "flywheel/effects/",
+        "flywheel/hidden/",
+    ),
 }
 LONGEST_FILE = 320
 LONGEST_FUNCTION = 60
