@@ -33,9 +33,7 @@ def turn(
     """
     settings = load_config(config, overrides)
     place = folder or RUNS / config.stem
-    progress = console_progress()
-    progress.say(f"The run is in {place}. Ctrl-C stops it; --resume goes on.")
-    result = run(settings, place, resume=resume, address=address, progress=progress)
+    result = run(settings, place, resume=resume, address=address, progress=console_progress())
     show_summary(console(), result, place)
 
 

@@ -18,6 +18,7 @@ from flywheel.runtime.iteration import run_iteration
 from flywheel.runtime.jobs import Group
 from flywheel.runtime.keeping import result_so_far, start_tags
 from flywheel.runtime.lock import hold
+from flywheel.runtime.outbox import OUTBOX_FILE
 from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import Progress, Quiet
 from flywheel.runtime.publishing import publish_end, publish_start
@@ -63,20 +64,21 @@ def run(
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
         robot = files.robot(config)
+        shown = progress or Quiet()
         if (done := finished_run(files)) is not None:
-            with _tracked(config, files, identity, tracker):  # delivers what is still waiting
+            with _tracked(config, files, identity, tracker, shown):  # delivers what is waiting
                 return done
         files.check_space(config.workers.least_free_gb)
+        shown.say(f"The run is in {folder}. Ctrl-C stops it; --resume goes on.")
         cluster = ClusterConfig(address, cores_of(config.workers))
         with (
             Cluster(cluster) as ray,
             StopRequest() as stop,  # after Ray, which catches signals, too
-            _tracked(config, files, identity, tracker) as log,
+            _tracked(config, files, identity, tracker, shown) as log,
         ):
             cores = config.workers.cores or ray.cpus
             with _pool(config, files, robot, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))
-                shown = progress or Quiet()
                 return turn(Run(config, files, robot, store, pool, log, shown), identity)
 
 
@@ -144,7 +146,11 @@ def _pool(
 
 @contextmanager
 def _tracked(
-    config: RunConfig, files: RunFolder, identity: Identity, tracker: OpenTracker | None
+    config: RunConfig,
+    files: RunFolder,
+    identity: Identity,
+    tracker: OpenTracker | None,
+    progress: Progress,
 ) -> Iterator[Tracker | None]:
     """The tracker, told how the run ended, and given some time to deliver."""
     if tracker is None:
@@ -163,7 +169,11 @@ def _tracked(
         log.end(log.key, "FAILED")
         raise
     finally:
-        log.close(patience)
+        if not log.close(patience):
+            progress.say(
+                f"tracking: {log.pending()} records were not delivered. They are kept in "
+                f"{files.path / OUTBOX_FILE}; the same command with --resume delivers them."
+            )
 
 
 def cores_of(workers: WorkersConfig) -> int:

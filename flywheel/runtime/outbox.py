@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 
 Record = dict[str, Any]
 
+OUTBOX_FILE = "outbox.jsonl"
+
 
 class Outbox:
     """An append-only file of records with a durable delivery offset.
@@ -33,7 +35,7 @@ class Outbox:
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self.path = folder / "outbox.jsonl"
+        self.path = folder / OUTBOX_FILE
         self._offset_path = folder / "outbox.offset"
         self._rejected_path = folder / "outbox.rejected.jsonl"
         self._lock = threading.Lock()

@@ -160,6 +160,7 @@ class RunFolder:
             )
 
     def _created(self, config: RunConfig) -> Identity:
+        self.check_space(config.workers.least_free_gb)  # a run that is refused leaves nothing
         identity = Identity(
             key=f"{config.name}-{uuid.uuid4().hex[:8]}",
             config_digest=config_digest(config),

@@ -59,6 +59,15 @@ def test_an_almost_full_disk_is_told_before_anything_starts(folder):
     folder.check_space(least_gb=0.0)
 
 
+def test_a_run_refused_for_lack_of_space_leaves_nothing_to_resume(tmp_path):
+    folder = RunFolder(tmp_path)
+    greedy = RunConfig.model_validate({"workers": {"least_free_gb": 1e9}})
+    for _ in range(2):
+        with pytest.raises(RunError, match="workers.least_free_gb"):
+            folder.begin(greedy, resume=False)
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.fixture
 def own(tmp_path):
     """A user's own MJCF, and a run begun with it."""
