@@ -1,0 +1,15 @@
+"""Find out which physical effect a plant lacks to explain recordings."""
+
+from flywheel.diagnosis.diagnose import Limits, diagnose
+from flywheel.diagnosis.noise import noise_floor
+from flywheel.diagnosis.verdict import EXIT_CODES, Diagnosis, Found, Verdict
+
+__all__ = [
+    "EXIT_CODES",
+    "Diagnosis",
+    "Found",
+    "Limits",
+    "Verdict",
+    "diagnose",
+    "noise_floor",
+]

@@ -1,0 +1,58 @@
+"""What could be missing: every effect of a library, at every place, with every shape of its grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+from flywheel.effects import Effect, Scales, Term, place_name
+from flywheel.robots import Robot
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect at one place.
+
+    Attributes:
+      effect, place: see `Term`.
+      typical: of every size.
+      shapes: alternatives for the values of its shapes; one empty tuple where it has none.
+      location: name of the place; "" for the whole robot.
+    """
+
+    effect: Effect
+    place: int | None
+    typical: tuple[float, ...]
+    shapes: tuple[tuple[float, ...], ...]
+    location: str
+
+    @property
+    def label(self) -> str:
+        """For people: "weak_cable at long_03"."""
+        return f"{self.effect.name} at {self.location}" if self.location else self.effect.name
+
+    def term(self, sizes: tuple[float, ...], shape: int = 0) -> Term:
+        """The effect with these sizes, in multiples of the typical ones, and this shape."""
+        values = tuple(s * t for s, t in zip(sizes, self.typical, strict=True))
+        return Term(self.effect, self.place, values + self.shapes[shape])
+
+    def unit_terms(self) -> list[Term]:
+        """Each size alone at its typical value, for each shape: shapes outside, sizes inside."""
+        count = len(self.typical)
+        units = [tuple(float(i == j) for j in range(count)) for i in range(count)]
+        return [self.term(unit, shape) for shape in range(len(self.shapes)) for unit in units]
+
+
+def candidates(robot: Robot, library: Mapping[str, Effect]) -> tuple[Candidate, ...]:
+    """All candidates of a library for a robot."""
+    scales = Scales.of(robot)
+    found = []
+    for effect in library.values():
+        typical = tuple(size.typical(scales) for size in effect.sizes)
+        grids = [[factor * s.typical(scales) for factor in s.grid or (1.0,)] for s in effect.shapes]
+        shapes = tuple(product(*grids))
+        for place in effect.places(robot):
+            location = place_name(effect, place, robot)
+            found.append(Candidate(effect, place, typical, shapes, location))
+    return tuple(found)

@@ -1,0 +1,60 @@
+"""Values of terms that a fit may change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.effects import Parameter, Scales, Term, Terms
+
+
+@dataclass(frozen=True)
+class Free:
+    """One value of one term.
+
+    Attributes:
+      term, index: entry `index` of the values of term `term`.
+      unit: one step of the fit.
+      low, high: bounds.
+    """
+
+    term: int
+    index: int
+    unit: float
+    low: float
+    high: float
+
+    def moved(self, terms: Terms, steps: float) -> Terms:
+        """The terms with this value moved by so many units, within its bounds."""
+        term = terms[self.term]
+        values = list(term.values)
+        moved = values[self.index] + steps * self.unit
+        values[self.index] = float(np.clip(moved, self.low, self.high))
+        changed = Term(term.effect, term.place, tuple(values))
+        return (*terms[: self.term], changed, *terms[self.term + 1 :])
+
+    def step_from(self, terms: Terms) -> float:
+        """Units for a finite difference: backwards where a bound is in the way."""
+        value = terms[self.term].values[self.index]
+        step = STEP
+        return -step if value + step * self.unit > self.high else step
+
+
+STEP = 0.25  # a secant, not a derivative: friction and play have none at zero
+
+
+def free_values(terms: Terms, scales: Scales, shapes: bool = True) -> list[Free]:
+    """All sizes of all terms, and their shapes."""
+    found = []
+    for number, term in enumerate(terms):
+        sizes = len(term.effect.sizes)
+        for index, parameter in enumerate(term.effect.parameters):
+            if index < sizes or shapes:
+                found.append(_free(number, index, parameter, scales))
+    return found
+
+
+def _free(term: int, index: int, parameter: Parameter, scales: Scales) -> Free:
+    typical = parameter.typical(scales)
+    return Free(term, index, typical, parameter.low * typical, parameter.high * typical)

@@ -1,0 +1,36 @@
+"""How noisy measured positions are, from the measurements alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flywheel.errors import DataError
+from flywheel.records import Floats
+
+ORDER = 4  # of the differences: motion that is smooth over five samples cancels
+GAIN = np.sqrt(70.0)  # standard deviation of a fourth difference of unit white noise
+NORMAL = 0.6745  # median absolute deviation of a unit normal
+FEWEST = 50  # differences below which an estimate means nothing
+
+
+def noise_floor(points: Sequence[Floats]) -> float:
+    """Standard deviation of the noise of each coordinate [m].
+
+    From the median of fourth differences in time, which neither smooth motion nor a few leaps change.
+    Gaps leave out the differences that reach over them.
+
+    Args:
+      points: (T + 1, P, 3) of each recording, at regular times; NaN where missing [m].
+
+    Raises:
+      DataError: too few samples in a row.
+    """
+    differences = [np.diff(p, ORDER, axis=0).ravel() for p in points if len(p) > ORDER]
+    known = np.concatenate([d[np.isfinite(d)] for d in differences] or [np.empty(0)])
+    if len(known) < FEWEST:
+        raise DataError(
+            f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}."
+        )
+    return float(np.median(np.abs(known)) / (NORMAL * GAIN))

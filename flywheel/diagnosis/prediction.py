@@ -1,0 +1,190 @@
+"""What a plant with effects predicts for every window, from given starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.starts import nominal_winch
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import AugmentedPlant, Plant, moved, turning
+from flywheel.effects import Scales, Terms
+from flywheel.records import Floats, State
+
+Memories = dict[str, Floats]
+
+
+@dataclass(frozen=True)
+class Starts:
+    """The unknowns that belong to the windows and recordings, not to the robot.
+
+    Attributes:
+      mechanics: (K,) states at the windows' starts; their activations do not count.
+      winch: (logs, W) how far the winches were from where they were thought to be, when each
+        recording began [m].
+    """
+
+    mechanics: State
+    winch: Floats
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What windows take over from the ones before, under one set of terms.
+
+    Attributes:
+      winch: (K, W) winch positions at the windows' starts [m].
+      memory: effect name -> (K, C).
+    """
+
+    winch: Floats
+    memory: Memories
+
+
+class Predictor:
+    """Predicts windows with one plant.
+
+    Args:
+      windows: to be predicted.
+      plant: without effects.
+    """
+
+    def __init__(self, windows: Windows, plant: Plant) -> None:
+        self.windows, self.plant = windows, plant
+        self.augmented = AugmentedPlant(plant)
+        self.nominal = nominal_winch(windows)
+        scales = Scales.of(windows.robot)
+        angles = turning(plant)
+        # one unit of each entry of a change of start: positions, then velocities
+        length, time = scales.length, scales.time
+        self.unit = np.concatenate(
+            [np.where(angles, 1.0, length), np.where(angles, 1.0, length) / time]
+        )
+        self.length = length
+
+    @property
+    def tangent(self) -> int:
+        """Length of a change of one window's start."""
+        return len(self.unit)
+
+    def told(self, terms: Sequence[Terms]) -> list[Floats]:
+        """Per log, what the winches are told (n, T, W) under each of n sets of terms."""
+        return [
+            self.augmented.commands(np.repeat(log.controls[None], len(terms), axis=0), terms)
+            for log in self.windows.logs
+        ]
+
+    def chained(self, starts: Starts, terms: Sequence[Terms]) -> tuple[Floats, list[Carried]]:
+        """Predict all windows of a log one after the other, under each of n sets of terms.
+
+        Winch positions and what cables remember go on from window to window.
+
+        Returns:
+          (n, K, steps + 1, P, 3) points [m], NaN where the simulation diverged; and what each window
+          began with.
+        """
+        windows, count = self.windows, len(terms)
+        told = self.told(terms)
+        points = np.empty((count, *windows.measured.shape))
+        winch = np.empty((count, len(windows), len(windows.robot.winches)))
+        memory: Memories = {}
+        kept: list[tuple[np.ndarray, Memories]] = []
+        held = np.repeat((self.nominal[windows.first == 0] + starts.winch)[None], count, axis=0)
+        for members in windows.ranks:
+            logs = windows.log[members]
+            state = _tiled(starts.mechanics[members], count)
+            now = held[:, logs]
+            winch[:, members] = now
+            state = self.with_winch(state, now.reshape(-1, now.shape[-1]))
+            each = [t for t in terms for _ in members]
+            pieces = [
+                told[log][:, windows.first[k] : windows.first[k] + windows.steps]
+                for log, k in zip(logs, members, strict=True)
+            ]
+            commands = np.stack(pieces, axis=1).reshape(-1, *pieces[0].shape[1:])
+            carried = _of_logs(memory, count, logs)
+            motion = self.augmented.simulate(state, commands, each, carried)
+            kept.append((members, _started_with(carried, motion.memory)))
+            seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+            points[:, members] = seen.reshape(count, len(members), *seen.shape[1:])
+            last = self.plant.winch(motion.states[:, -1]).reshape(count, len(members), -1)
+            held[:, logs] = last
+            memory = _to_logs(motion.memory, count, logs, len(windows.logs))
+        return points, [self._carried(winch[i], kept, i, count) for i in range(count)]
+
+    def parallel(
+        self,
+        starts: State,
+        carried: Carried,
+        terms: Terms,
+        members: np.ndarray,
+        winch: Floats | None = None,
+    ) -> Floats:
+        """Predict windows by themselves, each from a start of its own.
+
+        Args:
+          starts: (n,) states; activations do not count.
+          carried: under these terms.
+          terms: of all simulations.
+          members: (n,) which window each belongs to.
+          winch: (n, W) winch positions at the starts [m]; None for those carried over.
+
+        Returns:
+          (n, steps + 1, P, 3) points [m]; NaN where the simulation diverged.
+        """
+        windows = self.windows
+        told = self.told([terms])
+        places = zip(windows.log[members], windows.first[members], strict=True)
+        commands = np.stack([told[i][0, f : f + windows.steps] for i, f in places])
+        memory = {name: values[members] for name, values in carried.memory.items()}
+        state = self.with_winch(starts, carried.winch[members] if winch is None else winch)
+        motion = self.augmented.simulate(state, commands, [terms] * len(members), memory)
+        return np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+
+    def with_winch(self, state: State, winch: Floats) -> State:
+        """The states with winches at (n, W) [m], within their ranges."""
+        robot = self.windows.robot
+        within = np.clip(winch, robot.rest_low, robot.rest_high)
+        return State(state.qpos, state.qvel, self.plant.activation(within))
+
+    def moved(self, state: State, change: Floats) -> State:
+        """States (n,) changed by (n, tangent), in units of `unit`."""
+        position, velocity = np.split(change * self.unit, 2, axis=1)
+        return moved(self.plant, state, position, velocity)
+
+    def _carried(
+        self, winch: Floats, kept: list[tuple[np.ndarray, Memories]], index: int, count: int
+    ) -> Carried:
+        memory: Memories = {}
+        for members, part in kept:
+            for name, values in part.items():
+                rows = values.reshape(count, len(members), -1)[index]
+                whole = memory.setdefault(name, np.zeros((len(self.windows), rows.shape[-1])))
+                whole[members] = rows
+        return Carried(winch, memory)
+
+
+def _tiled(state: State, count: int) -> State:
+    return State(*(np.tile(a, (count, 1)) for a in (state.qpos, state.qvel, state.act)))
+
+
+def _of_logs(memory: Memories, count: int, logs: np.ndarray) -> Memories:
+    """Of (count, all logs, C), what these logs remember, as rows."""
+    return {name: v[:, logs].reshape(count * len(logs), -1) for name, v in memory.items()}
+
+
+def _to_logs(memory: Memories, count: int, logs: np.ndarray, total: int) -> Memories:
+    """The inverse: rows as (count, all logs, C)."""
+    spread: Memories = {}
+    for name, values in memory.items():
+        rows = values.reshape(count, len(logs), -1)
+        spread[name] = np.zeros((count, total, rows.shape[-1]))
+        spread[name][:, logs] = rows
+    return spread
+
+
+def _started_with(before: Memories, after: Memories) -> Memories:
+    """What simulations began with; nothing where the law was not there yet."""
+    return {name: before.get(name, np.zeros_like(values)) for name, values in after.items()}

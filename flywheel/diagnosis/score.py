@@ -1,0 +1,201 @@
+"""The projected score test: which effect explains what the fitted model cannot.
+
+Everything that is unknown and of no interest (the windows' starts, the winches' offsets, effects that
+are already in the model) is projected out of residuals and sensitivities alike. What is left of an
+effect's sensitivity, g, and of the residual, r, gives its size, its score and what the data could show
+at all, without a refit: Lagrange-multiplier test (Rao 1948), in the linearisation of the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.candidates import Candidate
+from flywheel.diagnosis.fit import Fit, Fitter, Linear
+from flywheel.records import Floats
+
+DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Takes out of vectors what the nuisances can explain.
+
+    Attributes:
+      bases: (K, D + X, X) orthonormal, of the starts with their priors.
+      shared: (K, D + X, S) orthonormal over all windows together, of what windows share.
+      weights: (K,) of the windows, at most 1; what one bad window says counts less.
+    """
+
+    bases: Floats
+    shared: Floats
+    weights: Floats
+
+    @classmethod
+    def of(
+        cls, fitter: Fitter, linear: Linear, sizes: Floats | None, weights: Floats
+    ) -> Projection:
+        """The nuisances of a fit: starts, offsets, and the sizes (K, D, n) already in the model."""
+        count, _, entries = linear.by_start.shape
+        root = weights[:, None, None]
+        prior = np.broadcast_to(np.diag(1.0 / fitter.prior), (count, entries, entries))
+        bases = np.linalg.qr(np.concatenate([linear.by_start * root, prior], axis=1))[0]
+        shared = fitter.shared(linear, None) * root
+        if sizes is not None:
+            shared = np.concatenate([shared, sizes * root], axis=2)
+        partial = cls(bases, np.zeros((*bases.shape[:2], 0)), weights)
+        left = partial._without_starts(partial._padded(shared))
+        flat = left.reshape(-1, left.shape[2])
+        norms = np.linalg.norm(flat, axis=0)
+        flat = flat[:, norms > DEAD] / norms[norms > DEAD]
+        vectors, spread, _ = np.linalg.svd(flat, full_matrices=False)
+        kept = vectors[:, spread > 1e-8 * max(spread.max(initial=0.0), 1e-300)]
+        return cls(bases, kept.reshape(*left.shape[:2], -1), weights)
+
+    def __call__(self, vectors: Floats) -> Floats:
+        """(K (D + X), n) what is left of vectors (K, D, n)."""
+        left = self.of_starts(vectors)
+        left = left.reshape(-1, left.shape[2])
+        shared = self.shared.reshape(len(left), -1)
+        return left - shared @ (shared.T @ left)
+
+    def of_starts(self, vectors: Floats) -> Floats:
+        """(K, D + X, n) what the windows' starts leave of vectors (K, D, n)."""
+        return self._without_starts(self._padded(vectors * self.weights[:, None, None]))
+
+    def _padded(self, vectors: Floats) -> Floats:
+        missing = self.bases.shape[1] - vectors.shape[1]
+        return np.pad(vectors, ((0, 0), (0, missing), (0, 0)))
+
+    def _without_starts(self, vectors: Floats) -> Floats:
+        return vectors - self.bases @ (self.bases.swapaxes(1, 2) @ vectors)
+
+
+@dataclass(frozen=True)
+class Score:
+    """What the test says of one candidate.
+
+    Attributes:
+      candidate: which.
+      shape: index of its best shape.
+      power: S, fall of the squared residuals in the linearisation [sigma^2].
+      score: S per size and per noise, to compare with `Threshold`.
+      sizes: one-step estimates, in multiples of the typical sizes.
+      errors: their standard deviations.
+      smallest: size that these data would have shown, in multiples of the typical one.
+    """
+
+    candidate: Candidate
+    shape: int
+    power: float
+    score: float
+    sizes: tuple[float, ...]
+    errors: tuple[float, ...]
+    smallest: float
+
+
+@dataclass(frozen=True)
+class ScoreTest:
+    """Residual and sensitivities after the projection.
+
+    Attributes:
+      candidates: that were tested.
+      residual: (N,).
+      columns: (N, n) of every size of every shape of every candidate, in `unit_terms` order.
+      slices: candidate -> shape -> its columns.
+      noise: variance of the residual per degree of freedom.
+      freedom: degrees of freedom of the residual.
+      projection: that was used.
+    """
+
+    candidates: tuple[Candidate, ...]
+    residual: Floats
+    columns: Floats
+    slices: tuple[tuple[slice, ...], ...]
+    noise: float
+    freedom: float
+    projection: Projection
+
+    def scores(self, residual: Floats | None = None) -> list[Score]:
+        """Of every candidate, in order; of another residual if one is given."""
+        r = self.residual if residual is None else residual
+        gram, pull = self.columns.T @ self.columns, self.columns.T @ r
+        return [
+            self._score(index, candidate, gram, pull)
+            for index, candidate in enumerate(self.candidates)
+        ]
+
+    def _score(self, index: int, candidate: Candidate, gram: Floats, pull: Floats) -> Score:
+        tried = []
+        for shape, columns in enumerate(self.slices[index]):
+            a, b = gram[columns, columns], pull[columns]
+            sizes, power = _solved(a, b, candidate)
+            tried.append((power, shape, sizes, a))
+        power, shape, sizes, a = max(tried, key=lambda each: each[0])
+        weakest = np.linalg.eigvalsh(a)[0]
+        inverse = np.linalg.pinv(a)
+        noise = max(self.noise, 1.0)
+        return Score(
+            candidate,
+            shape,
+            power,
+            power / len(sizes) / noise,
+            tuple(sizes),
+            tuple(np.sqrt(noise * np.diag(inverse))),
+            float(np.sqrt(CRITICAL * noise / weakest)) if weakest > DEAD**2 else np.inf,
+        )
+
+
+CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes are stated
+
+
+def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
+    """Sizes that explain the most, and how much; a size that cannot be negative is zero instead."""
+    if np.linalg.eigvalsh(a)[0] < DEAD**2:
+        return np.zeros(len(b)), 0.0
+    sizes = np.linalg.solve(a, b)
+    one_sided = np.array([parameter.one_sided for parameter in candidate.effect.sizes])
+    if (sizes[one_sided] < 0).any():
+        return np.zeros(len(b)), 0.0
+    return sizes, float(b @ sizes)
+
+
+def score_test(
+    fitter: Fitter,
+    fit: Fit,
+    library: Sequence[Candidate],
+    known: Floats | None = None,
+    linear: Linear | None = None,
+) -> ScoreTest:
+    """Test candidates on top of a fit.
+
+    Args:
+      fitter, fit: the model so far.
+      library: candidates.
+      known: (K, D, n) sensitivities of sizes that were fitted, to be projected out.
+      linear: of the fit, where it is at hand.
+    """
+    linear = linear or fitter.linear(fit)
+    terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
+    columns = fitter.columns(fit, terms)
+    slices, place = [], 0
+    for candidate in library:
+        size = len(candidate.typical)
+        starts = [place + size * shape for shape in range(len(candidate.shapes))]
+        slices.append(tuple(slice(start, start + size) for start in starts))
+        place += size * len(candidate.shapes)
+    square = (fit.residual**2).sum(axis=1)
+    measured = np.isfinite(fitter.predictor.windows.measured).sum(axis=(1, 2, 3))
+    mean = square / np.maximum(measured, 1)
+    weights = 1.0 / np.sqrt(np.maximum(1.0, mean / np.median(mean)))
+    projection = Projection.of(fitter, linear, known, weights)
+    residual = projection(fit.residual[..., None])[:, 0]
+    entries = linear.by_start.shape[2]
+    freedom = float(measured.sum() - len(measured) * entries - projection.shared.shape[2])
+    noise = float(residual @ residual) / max(freedom, 1.0)
+    return ScoreTest(
+        tuple(library), residual, projection(columns), tuple(slices), noise, freedom, projection
+    )

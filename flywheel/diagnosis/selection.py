@@ -1,0 +1,207 @@
+"""Which effects, together: forward by score, with joint refits, pairs, and a look back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from flywheel.diagnosis.candidates import Candidate
+from flywheel.diagnosis.fit import Fit, Fitter, Linear
+from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.score import Score, ScoreTest, score_test
+from flywheel.effects import Scales, Term, Terms
+from flywheel.records import Floats
+
+SHORTLIST = 4  # candidates that are refitted in each turn
+SHARE = 0.5  # of the best candidate's power that one needs to be refitted
+PER_FAMILY = 2  # places of one effect on the short list
+PAIRS = 1  # pairs on the short list
+MORE = 1.2  # times what the best explains alone, from which a pair is tried
+MOST = 3  # effects together
+RIVAL = 0.8  # share of an effect's power from which another is tried in its place
+
+
+@dataclass(frozen=True)
+class Step:
+    """One turn of the selection: the model so far, and what the test says of it.
+
+    Attributes:
+      fit: the model.
+      linear: its sensitivities.
+      test: of every candidate on top of it.
+      scores: of every candidate, best first.
+    """
+
+    fit: Fit
+    linear: Linear
+    test: ScoreTest
+    scores: tuple[Score, ...]
+
+
+class Selection:
+    """Adds effects to a fitted model until none explains any more.
+
+    Args:
+      fitter: of the windows.
+      library: what may be added.
+      threshold: score from which an effect counts as seen.
+    """
+
+    def __init__(self, fitter: Fitter, library: Sequence[Candidate], threshold: float) -> None:
+        self.fitter, self.library, self.threshold = fitter, tuple(library), threshold
+        self.scales = Scales.of(fitter.predictor.windows.robot)
+
+    def run(self, fit: Fit) -> list[Step]:
+        """The model without effects, with one, and so on; the last step is the answer."""
+        steps = [self.look(fit)]
+        while len(steps[-1].fit.terms) < MOST:
+            better = self._next(steps[-1])
+            if better is None:
+                break
+            steps.append(self.look(better))
+        return steps
+
+    def alternatives(self, steps: Sequence[Step], margin: float) -> list[Fit]:
+        """Models that explain the data as well as the last one, which comes first.
+
+        Each term of the last model is exchanged for others that scored nearly as well in its place.
+        """
+        last = steps[-1].fit
+        found = [last]
+        for term in last.terms:
+            found += self._exchanged(steps, last, term, margin)
+        return found
+
+    def _exchanged(self, steps: Sequence[Step], last: Fit, term: Term, margin: float) -> list[Fit]:
+        others = without(last.terms, term)
+        step = steps[0] if not others else self.look(self._dropped(last, term))
+        own = max(s.power for s in step.scores if same_place(s, term))
+        found: list[Fit] = []
+        for score in step.scores:
+            if same_place(score, term) or score.power < RIVAL * own or len(found) >= SHORTLIST:
+                continue
+            terms = (*others, score.candidate.term(score.sizes, score.shape))
+            near = self.fitter.at(last.change, last.starts.winch, terms)
+            fit = self.fitter.fit(near, free_values(terms, self.scales), rounds=3)
+            if self.criterion(fit) < self.criterion(last) + margin:
+                found.append(fit)
+        return found
+
+    def look(self, fit: Fit) -> Step:
+        """ScoreTest all candidates on top of a model."""
+        linear = self.fitter.linear(fit)
+        test = score_test(self.fitter, fit, self.library, self.known(fit), linear)
+        scores = sorted(test.scores(), key=lambda s: -s.score)
+        return Step(fit, linear, test, tuple(scores))
+
+    def known(self, fit: Fit) -> Floats | None:
+        """(K, D, n) sensitivities with all values of the model's terms; None without terms."""
+        free = free_values(fit.terms, self.scales)
+        if not free:
+            return None
+        moves = [f.step_from(fit.terms) for f in free]
+        stepped = [f.moved(fit.terms, m) for f, m in zip(free, moves, strict=True)]
+        return self.fitter.columns(fit, stepped) / moves
+
+    def _next(self, step: Step) -> Fit | None:
+        """The model with another effect, fitted; None if none is seen."""
+        best = step.scores[0]
+        if best.score < self.threshold:
+            return None
+        proposals = [
+            (score.candidate.term(score.sizes, score.shape),) for score in self.short(step)
+        ]
+        if len(step.fit.terms) + 2 <= MOST:
+            proposals += self._pairs(step)
+        refits = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
+        chosen = min(refits, key=self.criterion)
+        chosen = self.fitter.fit(chosen, free_values(chosen.terms, self.scales), rounds=3)
+        return self.pruned(chosen)
+
+    def with_terms(self, step: Step, terms: Terms) -> Fit:
+        """The model with these terms instead, fitted from the step's starts."""
+        fitter, free, before = self.fitter, free_values(terms, self.scales), step.fit
+        fit = fitter.at(before.change, before.starts.winch, terms)
+        fit = fitter.refit(fit, step.linear, free, rounds=1)
+        return fitter.fit(fit, free, rounds=2)
+
+    def pruned(self, fit: Fit) -> Fit:
+        """The model without the terms that it does as well without."""
+        while len(fit.terms) > 1:
+            shorter = [self._dropped(fit, term) for term in fit.terms]
+            best = min(shorter, key=self.criterion)
+            if self.criterion(best) > self.criterion(fit):
+                break
+            fit = best
+        return fit
+
+    def _dropped(self, fit: Fit, term: Term) -> Fit:
+        terms = without(fit.terms, term)
+        left = self.fitter.at(fit.change, fit.starts.winch, terms)
+        return self.fitter.fit(left, free_values(terms, self.scales), rounds=2)
+
+    def criterion(self, fit: Fit) -> float:
+        """Cost with what every fitted value costs (BIC)."""
+        measured = np.isfinite(self.fitter.predictor.windows.measured).sum()
+        values = sum(len(term.values) for term in fit.terms)
+        return fit.cost + values * float(np.log(measured))
+
+    def short(self, step: Step) -> list[Score]:
+        """Candidates worth a refit, best first."""
+        found: list[Score] = []
+        families: dict[str, int] = {}
+        for score in step.scores:
+            family = score.candidate.effect.name
+            enough = score.power >= SHARE * step.scores[0].power
+            if enough and score.score >= self.threshold and families.get(family, 0) < PER_FAMILY:
+                found.append(score)
+                families[family] = families.get(family, 0) + 1
+        return found[:SHORTLIST]
+
+    def _pairs(self, step: Step) -> list[Terms]:
+        """Two effects at once that explain clearly more than the best alone."""
+        test = step.test
+        gram, pull = test.columns.T @ test.columns, test.columns.T @ test.residual
+        index = {score.candidate: i for i, score in enumerate(test.scores())}
+        found = []
+        for first, second in combinations(step.scores[:25], 2):
+            columns = [
+                np.arange(test.columns.shape[1])[test.slices[index[s.candidate]][s.shape]]
+                for s in (first, second)
+            ]
+            both = np.concatenate(columns)
+            a, b = gram[np.ix_(both, both)], pull[both]
+            if np.linalg.cond(a) > 1e6:
+                continue
+            sizes = np.linalg.solve(a, b)
+            parts = np.split(sizes, [len(columns[0])])
+            if not all(allowed(s, part) for s, part in zip((first, second), parts, strict=True)):
+                continue
+            terms = tuple(
+                s.candidate.term(tuple(part), s.shape)
+                for s, part in zip((first, second), parts, strict=True)
+            )
+            found.append((float(b @ sizes), terms))
+        found.sort(key=lambda each: -each[0])
+        least = MORE * step.scores[0].power + self.threshold
+        return [terms for power, terms in found[:PAIRS] if power > least]
+
+
+def same_place(score: Score, term: Term) -> bool:
+    """A score of the effect of a term, at its place."""
+    candidate = score.candidate
+    return candidate.effect.name == term.effect.name and candidate.place == term.place
+
+
+def allowed(score: Score, sizes: Floats) -> bool:
+    """Sizes that cannot be negative are not."""
+    parameters = score.candidate.effect.sizes
+    return all(s >= 0 or not p.one_sided for s, p in zip(sizes, parameters, strict=True))
+
+
+def without(terms: Terms, term: Term) -> Terms:
+    """All terms but one."""
+    return tuple(t for t in terms if t is not term)

@@ -1,0 +1,64 @@
+"""Where and how fast a robot was when a window began, from the measurements around it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import Plant, RestartedPlant
+from flywheel.errors import DataError
+from flywheel.records import Floats, Observation, Past, State
+
+AROUND = 8  # samples to either side of the start
+DEGREE = 2
+
+
+def estimated_starts(windows: Windows, plant: Plant) -> State:
+    """(K,) states: poses and velocities that fit the measurements best, rods relaxed about their axes.
+
+    Raises:
+      DataError: a point is not seen anywhere around a start.
+    """
+    robot, dt = windows.robot, windows.dt
+    places, speeds = smoothed(windows)
+    winch = nominal_winch(windows)
+    points = np.stack([places - speeds * dt, places], axis=1)
+    hold = robot.holding(winch)[:, None]
+    past = Past(
+        Observation(points, np.repeat(winch[:, None], 2, axis=1)),
+        hold,
+        np.repeat(winch[:, None], 2, axis=1),
+    )
+    return RestartedPlant(plant, twist="relaxed").estimate(past)
+
+
+def nominal_winch(windows: Windows) -> Floats:
+    """(K, W) winch positions at each start: measured, or dead-reckoned from the commands [m]."""
+    known = [windows.robot.known_winch(log.winch, log.controls, windows.dt) for log in windows.logs]
+    return np.stack([known[i][f] for i, f in zip(windows.log, windows.first, strict=True)])
+
+
+def smoothed(windows: Windows) -> tuple[Floats, Floats]:
+    """(K, P, 3) places [m] and speeds [m/s] at each start, by parabolas through the samples around."""
+    found = [_smooth(windows, i, f) for i, f in zip(windows.log, windows.first, strict=True)]
+    places, speeds = (np.stack(part) for part in zip(*found, strict=True))
+    return places, speeds
+
+
+def _smooth(windows: Windows, log: int, first: int) -> tuple[Floats, Floats]:
+    points = windows.logs[log].points
+    around = AROUND
+    while True:
+        low, high = max(0, first - around), min(len(points), first + around + 1)
+        near = points[low:high]
+        known = np.asarray(np.isfinite(near).all(axis=-1))
+        if (known.sum(axis=0) > DEGREE).all():
+            break
+        if low == 0 and high == len(points):
+            raise DataError(f"A point is seen fewer than {DEGREE + 1} times in recording {log}.")
+        around *= 2
+    time = (np.arange(low, high) - first) * windows.dt
+    powers = time[:, None] ** np.arange(DEGREE + 1)
+    weights = known.T[..., None]  # (P, n, 1)
+    fit = np.linalg.pinv(weights * powers) @ np.where(weights, near.swapaxes(0, 1), 0.0)
+    return fit[:, 0], fit[:, 1]

@@ -1,0 +1,48 @@
+"""Effects hidden by another simulator are found. The whole examination is in docs/results."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis import Verdict, diagnose
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import EFFECTS
+from flywheel.hidden import hidden_effect
+from flywheel.hidden.recording import HiddenRecording, record
+from flywheel.robots import Robot, load_robot
+
+SECONDS = 1.6
+FEW = {name: EFFECTS[name] for name in ("cable_friction", "winch_gain", "payload", "slope")}
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("prism3")
+
+
+def hidden(robot: Robot, name: str, seed: int) -> HiddenRecording:
+    effects = ()
+    if name:
+        effects = (hidden_effect(name).typical(robot, np.random.default_rng(seed)).scaled(2.0),)
+    return record(robot, effects, seconds=SECONDS, seed=seed)
+
+
+@pytest.mark.parametrize("name", ["winch_gain", "cable_friction"])
+def test_a_hidden_effect_is_named_and_measured(robot: Robot, name: str) -> None:
+    recording = hidden(robot, name, seed=7)
+    found = diagnose(Plant(robot, threads=2), [recording.trajectory], library=FEW)
+    assert found.verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
+    assert [each.effect for each in found.answers[0]] == [name]
+    (truth,) = recording.effects[0].values.values()
+    (value,) = found.answers[0][0].values
+    assert value.value == pytest.approx(truth, rel=0.25)
+    assert found.errors.augmented < found.errors.baseline
+
+
+def test_nothing_hidden_is_said_to_be_noise(robot: Robot) -> None:
+    found = diagnose(Plant(robot, threads=2), [hidden(robot, "", 11).trajectory], library=FEW)
+    assert found.verdict is Verdict.NOISE_ONLY
+    assert found.exit_code == 0
+    assert found.answers == ((),)
+    assert found.errors.noise == pytest.approx(0.003 * robot.length, rel=0.1)

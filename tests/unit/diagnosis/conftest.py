@@ -1,0 +1,57 @@
+"""A short recording of a robot whose plant is known."""
+
+from __future__ import annotations
+
+import secrets
+
+import numpy as np
+import pytest
+
+from flywheel.control import RandomControls
+from flywheel.diagnosis.baseline import fitter_of
+from flywheel.diagnosis.fit import Fitter
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
+from flywheel.effects import Terms
+from flywheel.records import Observation, Trajectory
+from flywheel.robots import Robot, load_robot
+
+SECONDS = 0.8
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    return load_robot("prism3")
+
+
+@pytest.fixture(scope="session")
+def seed() -> int:
+    return secrets.randbits(32)
+
+
+def recorded(robot: Robot, terms: Terms, seed: int, noise: float = 0.001) -> Trajectory:
+    """What a plant with these terms does under random controls, as measured."""
+    rng, augmented = np.random.default_rng(seed), AugmentedPlant(Plant(robot))
+    start = augmented.plant.settle(1.0)
+    controls = RandomControls(robot, 0.01).sequence(
+        augmented.plant.winch(start)[0], round(SECONDS / 0.01), int(rng.integers(2**31))
+    )[None]
+    motion = augmented.simulate(start, augmented.commands(controls, [terms]), [terms])
+    blind = np.full((motion.points.shape[1], len(robot.winches)), np.nan)
+    seen = MeasurementModel(noise=noise).apply(Observation(motion.points[0], blind), robot, rng)
+    return Trajectory(seen, controls[0], 0.01)
+
+
+@pytest.fixture(scope="session")
+def trajectory(robot: Robot, seed: int) -> Trajectory:
+    return recorded(robot, (), seed)
+
+
+@pytest.fixture(scope="session")
+def windows(robot: Robot, trajectory: Trajectory) -> Windows:
+    return Windows.cut(robot, [trajectory], seconds=0.4)
+
+
+@pytest.fixture(scope="session")
+def fitter(robot: Robot, windows: Windows) -> Fitter:
+    return fitter_of(windows, Plant(robot))

@@ -1,0 +1,75 @@
+"""Fits and the projected score test."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis.baseline import fitted, mean_squares
+from flywheel.diagnosis.candidates import Candidate, candidates
+from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.score import Projection, score_test
+from flywheel.dynamics.plant import between, moved
+from flywheel.effects import EFFECTS
+from flywheel.robots import Robot
+
+
+@pytest.fixture(scope="module")
+def fit(fitter: Fitter) -> Fit:
+    return fitted(fitter, rounds=2)
+
+
+@pytest.fixture(scope="module")
+def library(robot: Robot) -> tuple[Candidate, ...]:
+    few = ("cable_friction", "payload", "slope", "command_delay")
+    return candidates(robot, {name: EFFECTS[name] for name in few})
+
+
+def test_what_was_moved_is_what_lies_between(fitter: Fitter, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    position, velocity = rng.normal(0, 0.3, (2, len(fitter.first.qpos), fitter.first.qvel.shape[1]))
+    plant = fitter.predictor.plant
+    there = moved(plant, fitter.first, position, velocity)
+    found = between(plant, fitter.first, there)
+    assert np.allclose(found[0], position, atol=1e-9)
+    assert np.allclose(found[1], velocity, atol=1e-12)
+
+
+def test_the_true_plant_is_fitted_down_to_the_noise(fitter: Fitter, fit: Fit, seed: int) -> None:
+    squares = mean_squares(fitter, fit)
+    assert (squares < 1.3).all(), seed
+    assert fit.cost < fitter.beginning().cost
+
+
+def test_a_projection_takes_out_what_starts_explain(fitter: Fitter, fit: Fit) -> None:
+    linear = fitter.linear(fit)
+    projection = Projection.of(fitter, linear, None, np.ones(len(fit.change)))
+    after = np.linalg.norm(projection(linear.by_start), axis=0)
+    # all but what contradicts the priors, which are the last rows of what is projected on
+    assert (after < 1.01 * np.sqrt(len(fit.change)) / fitter.prior).all()
+    assert (after < np.linalg.norm(linear.by_start, axis=(0, 1))).all()
+
+
+def test_a_planted_sensitivity_is_found_with_its_size(
+    fitter: Fitter, fit: Fit, library: tuple[Candidate, ...], seed: int
+) -> None:
+    test = score_test(fitter, fit, library)
+    rng = np.random.default_rng(seed)
+    for index in rng.permutation(len(library))[:4]:
+        candidate = library[index]
+        column = test.columns[:, test.slices[index][0]][:, 0]
+        strength = 40.0 / np.linalg.norm(column)  # forty sigmas
+        scores = test.scores(strength * column)
+        best = max(scores, key=lambda s: s.power)
+        assert scores[index].power == pytest.approx(best.power, rel=1e-6), (seed, candidate.label)
+        assert scores[index].sizes[0] == pytest.approx(strength, rel=1e-6)
+        assert scores[index].power == pytest.approx(1600.0, rel=1e-6)
+
+
+def test_a_one_sided_effect_cannot_explain_its_opposite(
+    fitter: Fitter, fit: Fit, library: tuple[Candidate, ...]
+) -> None:
+    test = score_test(fitter, fit, library)
+    assert library[0].effect.sizes[0].one_sided
+    column = test.columns[:, test.slices[0][0]][:, 0]
+    assert test.scores(-column)[0].power == 0.0
