@@ -111,7 +111,7 @@ class Selection:
         best = step.scores[0]
         if best.score < self.threshold:
             return None
-        proposals = [
+        proposals: list[Terms] = [
             (score.candidate.term(score.sizes, score.shape),) for score in self.short(step)
         ]
         if len(step.fit.terms) + 2 <= MOST:
