@@ -8,7 +8,7 @@ from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.prediction import Predictor
 from flywheel.diagnosis.starts import estimated_starts
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import Plant, turning
+from flywheel.dynamics.plant import Plant, refined, turning
 from flywheel.effects import Terms
 from flywheel.records import Floats
 
@@ -19,7 +19,8 @@ TURN = 0.4  # standard deviation of their turns [rad]
 
 def fitter_of(windows: Windows, plant: Plant) -> Fitter:
     """A fitter that begins with starts estimated from the measurements."""
-    return Fitter(Predictor(windows, plant), estimated_starts(windows, plant))
+    finer = Predictor(windows, refined(plant))
+    return Fitter(Predictor(windows, plant), estimated_starts(windows, plant), finer)
 
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int = 4, seed: int = 0) -> Fit:

@@ -70,10 +70,11 @@ class Fitter:
     Args:
       predictor: of the windows.
       first: (K,) first estimates of the starts.
+      finer: of the same windows, with smaller time steps.
     """
 
-    def __init__(self, predictor: Predictor, first: State) -> None:
-        self.predictor, self.first = predictor, first
+    def __init__(self, predictor: Predictor, first: State, finer: Predictor) -> None:
+        self.predictor, self.first, self.finer = predictor, first, finer
         half = predictor.tangent // 2
         self.prior = np.repeat([PRIOR_PLACE, PRIOR_SPEED], half)
         self.winch_prior = PRIOR_WINCH * predictor.length
@@ -164,6 +165,13 @@ class Fitter:
         points, _ = self.predictor.chained(fit.starts, list(terms))
         difference = np.moveaxis(points - fit.points[None], 0, 1)
         return self.slope(difference, 1.0, np.arange(len(fit.change)))
+
+    def step_error(self, fit: Fit) -> Floats:
+        """(K, D, 1) how the prediction changes with smaller time steps: numbers, not physics."""
+        points, _ = self.finer.chained(fit.starts, [fit.terms])
+        return self.slope(
+            (points - fit.points[None]).swapaxes(0, 1), 1.0, np.arange(len(points[0]))
+        )
 
     def improved(self, fit: Fit, linear: Linear, free: Sequence[Free]) -> Fit | None:
         """One step of all unknowns; None if none makes the cost fall.

@@ -93,7 +93,9 @@ class Selection:
     def look(self, fit: Fit) -> Step:
         """ScoreTest all candidates on top of a model."""
         linear = self.fitter.linear(fit)
-        test = score_test(self.fitter, fit, self.library, self.known(fit), linear)
+        numbers, sizes = self.fitter.step_error(fit), self.known(fit)
+        taken = numbers if sizes is None else np.concatenate([numbers, sizes], axis=2)
+        test = score_test(self.fitter, fit, self.library, taken, linear)
         scores = sorted(test.scores(), key=lambda s: -s.score)
         return Step(fit, linear, test, tuple(scores))
 

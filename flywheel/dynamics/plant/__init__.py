@@ -5,6 +5,7 @@ from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.refined import refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
 from flywheel.dynamics.plant.tangent import between, moved, turning
@@ -20,6 +21,7 @@ __all__ = [
     "Shot",
     "between",
     "moved",
+    "refined",
     "render_episode",
     "render_frames",
     "turning",
