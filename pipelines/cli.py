@@ -226,6 +226,34 @@ def ui(
     serve(run, port)
 
 
+@app.command("diagnose-bench")
+def diagnose_bench(
+    folder: Annotated[Path, typer.Argument(help="One result file per case.")] = Path(
+        "runs/diagnose-bench"
+    ),
+    robot: Annotated[str, typer.Option(help="prism3, icosa6 or platform4.")] = "prism3",
+    groups: Annotated[
+        str, typer.Option(help="none, single, pairs, outside, hard.")
+    ] = "none,single,pairs,outside,hard",
+    sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
+    seeds: Annotated[int, typer.Option(help="Cases of each kind.")] = 5,
+    only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
+    address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
+) -> None:
+    """Hide effects in recordings of another simulator, have them diagnosed, and count.
+
+    Cases that have a result in the folder are not done again, so that it can be stopped at any time.
+
+    [bold]Example[/bold]
+
+    flywheel diagnose-bench --groups single --sizes 1 --seeds 1 --only winch
+    """
+    from pipelines.diagnose_bench import examine
+
+    factors = [float(size) for size in sizes.split(",")]
+    examine(folder, robot, groups.split(","), factors, range(seeds), only, address)
+
+
 @app.command()
 def bench(
     threads: Annotated[str, typer.Option(help="Numbers of threads, one after the other.")] = "1,2",

@@ -1,0 +1,121 @@
+"""A worker that makes a case's recordings, has them diagnosed, and compares."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from flywheel.diagnosis import Diagnosis, Found, diagnose
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import Scales
+from flywheel.errors import FlywheelError
+from flywheel.hidden.cases import Case, Recorded
+from flywheel.hidden.effect import EffectTruth
+from flywheel.robots import load_robot
+from flywheel.runtime.examination.results import CaseResult, Named
+from flywheel.runtime.jobs import Beat
+
+
+class Examiner:
+    """Diagnoses cases.
+
+    Args:
+      threads: of the plant.
+    """
+
+    def __init__(self, threads: int = 1) -> None:
+        self._threads = threads
+        self.beat = Beat()
+
+    def examine(self, case: Case) -> CaseResult:
+        """Make the recordings, diagnose them, and say what came of it. A failure is a result, too."""
+        robot = load_robot(case.robot)
+        recorded = case.record(robot)
+        truth = tuple(_truth(each) for each in recorded.held_out.effects)
+        empty = CaseResult(
+            name=case.name,
+            group=case.group,
+            robot=case.robot,
+            scripts=tuple(each.script for each in recorded.fit),
+            truth=truth,
+            visible=_visible(case, recorded),
+        )
+        plant = Plant(robot, case.measurement.dt, threads=self._threads)
+        try:
+            found = diagnose(
+                plant,
+                [each.trajectory for each in recorded.fit],
+                [recorded.held_out.trajectory],
+            )
+        except FlywheelError as error:
+            return empty.model_copy(update={"failure": str(error)})
+        return filled(empty, found, Scales.of(robot))
+
+
+def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:
+    """The case with what the diagnosis said."""
+    held, left = found.held_out, found.after
+    assert held is not None
+    answers = tuple(tuple(_named(each) for each in answer) for answer in found.answers)
+    own = {each.key for answer in answers[:1] for each in answer}
+    named = [
+        (Named(effect=s.candidate.effect.name, location=s.candidate.location), s)
+        for s in found.ranking
+    ]
+    others = [s.score for n, s in named if n.key not in own]
+    return case.model_copy(
+        update={
+            "verdict": str(found.verdict),
+            "answers": answers,
+            "runner_up": max(others, default=0.0) / max(found.ranking[0].score, 1e-9),
+            "smallest": _smallest(case, found),
+            "noise": found.errors.noise,
+            "baseline": found.errors.baseline,
+            "augmented": found.errors.augmented,
+            "held_out_baseline": held.baseline,
+            "held_out": held.augmented,
+            "left": (left.noise, left.correlation, left.inconstancy),
+            "seconds": found.seconds,
+        }
+    )
+
+
+def _smallest(case: CaseResult, found: Diagnosis) -> float:
+    """Of the first hidden effect: the size that could have been seen, over the true one."""
+    for score in found.ranking:
+        candidate = score.candidate
+        named = Named(effect=candidate.effect.name, location=candidate.location)
+        if case.truth and named.key == case.truth[0].key:
+            sizes = [case.truth[0].values.get(p.name, 0.0) for p in candidate.effect.sizes]
+            true = np.linalg.norm(np.array(sizes) / np.array(candidate.typical))
+            return float(score.smallest / true) if true else float("inf")
+    return float("nan")
+
+
+def _truth(effect: EffectTruth) -> Named:
+    return Named(effect=effect.name, location=effect.place, values=dict(effect.values))
+
+
+def _named(found: Found) -> Named:
+    return Named(
+        effect=found.effect,
+        location=found.location,
+        values={v.name: v.value for v in found.values},
+        low={v.name: v.low for v in found.values},
+        high={v.name: v.high for v in found.values},
+    )
+
+
+def _visible(case: Case, recorded: Recorded) -> float:
+    """Change of the true points by the effects, in the truth simulator, over the noise."""
+    if not case.effects:
+        return 0.0
+    robot = load_robot(case.robot)
+    without = replace(case, effects=()).record(robot)
+    sigma = case.measurement.noise * robot.length
+    off = [
+        ((a.true_points - b.true_points) ** 2).mean()
+        for a, b in zip(recorded.fit, without.fit, strict=True)
+    ]
+    return float(np.sqrt(np.mean(off)) / sigma)

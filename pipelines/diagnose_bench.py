@@ -1,0 +1,123 @@
+"""`flywheel diagnose-bench`: hide effects, have them diagnosed, and count."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from flywheel.errors import ConfigError
+from flywheel.evaluation.intervals import Interval
+from flywheel.hidden.cases import GROUPS, Case, cases
+from flywheel.hidden.cases import Group as CaseGroup
+from flywheel.robots import load_robot
+from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
+from flywheel.runtime.examination import CaseResult, Examiner, Line, summary
+from flywheel.runtime.interrupts import StopRequest
+from flywheel.runtime.jobs import Group, Job
+from flywheel.runtime.pool import Patience, WorkerPool
+from flywheel.runtime.progress import console_progress
+from pipelines.show import console, table
+
+LONGEST = 1800.0  # without a sign of progress, a case is begun again [s]
+
+
+def examine(
+    folder: Path,
+    robot: str,
+    groups: Sequence[str],
+    sizes: Sequence[float],
+    seeds: Sequence[int],
+    only: str,
+    address: str | None,
+) -> None:
+    """Examine the cases that the folder has no result of yet, and print the table of all.
+
+    Args:
+      folder: one JSON file per case.
+      robot, groups, sizes, seeds: which cases; see `flywheel.hidden.cases`.
+      only: part of the names of the cases wanted.
+      address: of an existing Ray cluster.
+    """
+    wanted = [c for c in cases(load_robot(robot), _checked(groups), sizes, seeds) if only in c.name]
+    if not wanted:
+        raise ConfigError(f"No case of {robot} has {only!r} in its name.")
+    folder.mkdir(parents=True, exist_ok=True)
+    missing = [case for case in wanted if not _file(folder, case.name).exists()]
+    if missing:
+        _examine(folder, missing, address)
+    files = [_file(folder, case.name) for case in wanted]
+    results = [CaseResult.model_validate_json(file.read_text()) for file in files if file.exists()]
+    show(results)
+
+
+def _examine(folder: Path, missing: Sequence[Case], address: str | None) -> None:
+    cores = len(os.sched_getaffinity(0))
+    with (
+        Cluster(ClusterConfig(address, cores)) as ray,
+        StopRequest() as stop,
+    ):
+        groups = [Group("examiner", Examiner, (), count=ray.cpus)]
+        ray.check_fits(groups)
+        pool = WorkerPool(RayBackend(), groups, ray.cpus, Patience(stall=LONGEST), stop)
+        try:
+            jobs = [Job(case.name, "examiner", "examine", (case,)) for case in missing]
+            pool.run(jobs, lambda job, result: _keep(folder, result), console_progress(), "examine")
+        finally:
+            pool.close()
+
+
+def _keep(folder: Path, result: CaseResult) -> None:
+    file = _file(folder, result.name)
+    temporary = file.with_suffix(".tmp")
+    temporary.write_text(result.model_dump_json(indent=1) + "\n")
+    temporary.replace(file)
+
+
+def _file(folder: Path, name: str) -> Path:
+    return folder / f"{name}.json"
+
+
+def _checked(names: Sequence[str]) -> list[CaseGroup]:
+    unknown = [name for name in names if name not in GROUPS]
+    if unknown:
+        raise ConfigError(f"There is no group {unknown[0]!r}. Known: {', '.join(GROUPS)}.")
+    return [group for group in GROUPS if group in names]
+
+
+COLUMNS = (
+    "hidden", "#cases", "#first right", "#place aside", "#truth among answers", "#too small", "#answers",
+    "size error", "#in interval", "held out / noise before", "after", "#explained", "[s]", "verdicts",
+)  # fmt: skip
+
+
+def show(results: Sequence[CaseResult]) -> None:
+    """The table."""
+    out = console()
+    out.width = max(out.width, 200)
+    out.print(table("hidden effects", COLUMNS, [_row(line) for line in summary(results)]))
+
+
+def _row(line: Line) -> tuple[object, ...]:
+    return (
+        line.what,
+        line.cases,
+        _share(line.first),
+        _share(line.family),
+        _share(line.contained),
+        line.unseen,
+        line.answers,
+        line.size_error,
+        _share(line.coverage),
+        line.held_out_before,
+        line.held_out_after,
+        _share(line.explained),
+        line.seconds,
+        ", ".join(f"{name} {count}" for name, count in line.verdicts.items()),
+    )
+
+
+def _share(interval: Interval) -> str:
+    if interval.value != interval.value:
+        return "-"
+    return f"{interval.value:.0%} ({interval.low:.0%}-{interval.high:.0%})"
