@@ -12,7 +12,9 @@ from typing import Annotated
 
 import typer
 
+from pipelines.diagnosis_cli import app as diagnosis_app
 from pipelines.exits import CODES, Commands
+from pipelines.recordings_cli import app as recordings_app
 
 app = typer.Typer(
     name="flywheel",
@@ -30,6 +32,8 @@ data_app = typer.Typer(
 robot_app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
 app.add_typer(data_app, name="data")
 app.add_typer(robot_app, name="robot")
+app.add_typer(recordings_app, name="recordings")
+app.add_typer(diagnosis_app)
 
 RunArgument = Annotated[
     Path,
@@ -224,34 +228,6 @@ def ui(
     from pipelines.ui import serve
 
     serve(run, port)
-
-
-@app.command("diagnose-bench")
-def diagnose_bench(
-    folder: Annotated[Path, typer.Argument(help="One result file per case.")] = Path(
-        "runs/diagnose-bench"
-    ),
-    robot: Annotated[str, typer.Option(help="prism3, icosa6 or platform4.")] = "prism3",
-    groups: Annotated[
-        str, typer.Option(help="none, single, pairs, outside, hard.")
-    ] = "none,single,pairs,outside,hard",
-    sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
-    seeds: Annotated[int, typer.Option(help="Cases of each kind.")] = 5,
-    only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
-    address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
-) -> None:
-    """Hide effects in recordings of another simulator, have them diagnosed, and count.
-
-    Cases that have a result in the folder are not done again, so that it can be stopped at any time.
-
-    [bold]Example[/bold]
-
-    flywheel diagnose-bench --groups single --sizes 1 --seeds 1 --only winch
-    """
-    from pipelines.diagnose_bench import examine
-
-    factors = [float(size) for size in sizes.split(",")]
-    examine(folder, robot, groups.split(","), factors, range(seeds), only, address)
 
 
 @app.command()

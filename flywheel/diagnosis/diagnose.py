@@ -11,6 +11,7 @@ import numpy as np
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.evidence import Evidence, rms
 from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.selection import Selection, Step
@@ -87,6 +88,7 @@ def diagnose(
         held_out=_held_out(plant, held_out, last.fit.terms, windows, seed) if held_out else None,
         before=before,
         after=after,
+        evidence=Evidence.of(windows, steps),
         seconds=time.perf_counter() - begun,
     )
 
@@ -94,6 +96,8 @@ def diagnose(
 def _verdict(
     limits: Limits, last: Step, alternatives: int, before: Adequacy, after: Adequacy
 ) -> Verdict:
+    if not np.isfinite(last.fit.cost):
+        return Verdict.NOT_CONVERGED
     if not last.fit.terms:
         if limits.enough(before):
             smallest = [score.smallest for score in last.scores]
@@ -129,13 +133,7 @@ def _answer(selection: Selection, fit: Fit) -> Alternative:
 
 
 def _errors(windows: Windows, before: Fit, after: Fit) -> Errors:
-    return Errors(windows.sigma, _rms(windows, before), _rms(windows, after))
-
-
-def _rms(windows: Windows, fit: Fit) -> float:
-    """Of all measured coordinates [m], with the fitted starts counted as degrees of freedom."""
-    freedom = np.isfinite(windows.measured).sum() - fit.change.size
-    return float(np.sqrt((fit.residual**2).sum() / max(1, freedom))) * windows.sigma
+    return Errors(windows.sigma, rms(windows, before), rms(windows, after))
 
 
 def _held_out(

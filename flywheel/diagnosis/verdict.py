@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from flywheel.diagnosis.adequacy import Adequacy
+from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.score import Score
 from flywheel.effects import Term, place_name
 from flywheel.robots import Robot
@@ -114,6 +115,7 @@ class Diagnosis:
       errors: on the recordings that were fitted.
       held_out: on those that were not; None without any.
       before, after: what the plant as it was leaves, and what the augmented one leaves.
+      evidence: to look at.
       seconds: it took.
     """
 
@@ -125,6 +127,7 @@ class Diagnosis:
     held_out: Errors | None
     before: Adequacy
     after: Adequacy
+    evidence: Evidence
     seconds: float
 
     @property

@@ -131,6 +131,7 @@ class Winch:
       rest_range: (low, high) of the rest length of its first cable [m].
       time_constant: of the lag of a position winch [s]; 0 for a rate winch.
       measured: the MJCF has a sensor for its position.
+      sensor: that sensor's name, the recordings' column; "" where there is none.
     """
 
     name: str
@@ -142,6 +143,7 @@ class Winch:
     time_constant: float
     measured: bool
     activation: int
+    sensor: str = ""
 
 
 @dataclass(frozen=True)
@@ -219,28 +221,30 @@ class Robot:
     def known_winch(self, observed: Floats, controls: Floats, dt: float) -> Floats:
         """Best knowledge of the winch positions (..., T + 1, W) [m] over an episode.
 
-        Measured where a winch's channel is complete, else dead-reckoned from the commands, from the
-        first measured position if there is one, else from the keyframe's.
+        Measured where it was; between, dead-reckoned from the commands, on from the last measured
+        position. Before the first one, and without any, from the keyframe's.
 
         Args:
           observed: (..., T + 1, W) measured positions, NaN where not measured [m].
           controls: (..., T, W) commands.
           dt: control step [s].
         """
-        measured = np.isfinite(observed).all(axis=-2, keepdims=True)
-        if measured.all():
+        if np.isfinite(observed).all():
             return np.asarray(observed)
         first = observed[..., 0, :]
         start = np.where(np.isfinite(first), first, self.winch_of(self.keyframe))
-        return np.where(measured, observed, self.dead_reckon(start, controls, dt))
+        return self.dead_reckon(start, controls, dt, observed)
 
-    def dead_reckon(self, start: Floats, controls: Floats, dt: float) -> Floats:
+    def dead_reckon(
+        self, start: Floats, controls: Floats, dt: float, measured: Floats | None = None
+    ) -> Floats:
         """Winch positions that nominal winches would have under `controls`.
 
         Args:
           start: (..., W) positions before the first control [m].
           controls: (..., T, W) commands.
           dt: control step [s].
+          measured: (..., T + 1, W) positions to take instead, and to go on from; NaN where not [m].
 
         Returns:
           (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
@@ -252,5 +256,9 @@ class Robot:
         for t in range(controls.shape[-2]):
             now, wanted = positions[-1], command[..., t, :]
             step = np.where(self.rate_driven, wanted * dt, share * (wanted - now))
-            positions.append(np.clip(now + step, self.rest_low, self.rest_high))
+            reckoned = np.clip(now + step, self.rest_low, self.rest_high)
+            if measured is not None:
+                known = measured[..., t + 1, :]
+                reckoned = np.where(np.isfinite(known), known, reckoned)
+            positions.append(reckoned)
         return np.stack(positions, axis=-2)

@@ -60,9 +60,10 @@ def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def _winch(
-    model: mujoco.MjModel, name: str, actuators: tuple[int, ...], measured: set[int]
+    model: mujoco.MjModel, name: str, actuators: tuple[int, ...], measured: dict[int, str]
 ) -> Winch:
     first = actuators[0]
+    sensors = [measured[a] for a in actuators if a in measured]
     kind = KINDS[int(model.actuator_dyntype[first])]
     control_range = model.actuator_ctrlrange[first]
     limited = model.actuator_actlimited[first]
@@ -75,8 +76,9 @@ def _winch(
         control_range=(float(control_range[0]), float(control_range[1])),
         rest_range=(float(rest_range[0]), float(rest_range[1])),
         time_constant=float(model.actuator_dynprm[first, 0]) if kind == "position" else 0.0,
-        measured=bool(measured & set(actuators)),
+        measured=bool(sensors),
         activation=int(model.actuator_actadr[first]),
+        sensor=sensors[0] if sensors else "",
     )
 
 
@@ -170,11 +172,12 @@ def _shifted(ranges: np.ndarray, actuator: int, first: int, shift: float) -> boo
     return bool(unused or np.allclose(ranges[actuator], ranges[first] + shift, rtol=0, atol=1e-9))
 
 
-def _measured(model: mujoco.MjModel) -> set[int]:
-    """Actuators that a `user` sensor measures."""
+def _measured(model: mujoco.MjModel) -> dict[int, str]:
+    """Actuators that a `user` sensor measures, and the sensor's name."""
     user = model.sensor_type == mujoco.mjtSensor.mjSENS_USER
     of_actuator = model.sensor_objtype == mujoco.mjtObj.mjOBJ_ACTUATOR
-    return {int(i) for i in model.sensor_objid[user & of_actuator]}
+    sensors = np.flatnonzero(user & of_actuator)
+    return {int(model.sensor_objid[i]): model.sensor(int(i)).name for i in sensors}
 
 
 def _refuse_shared_cables(model: mujoco.MjModel, winches: list[Winch]) -> None:

@@ -37,6 +37,11 @@ COMMANDS = (
     ["data", "verify"],
     ["data", "show"],
     ["robot", "check"],
+    ["recordings", "import"],
+    ["recordings", "show"],
+    ["recordings", "export"],
+    ["diagnose"],
+    ["diagnose-bench"],
 )
 run = CliRunner().invoke
 
@@ -144,7 +149,9 @@ def test_a_missing_configuration_is_bad_input_and_the_known_ones_are_listed(
     assert "prism3.yaml" in done.stderr
 
 
-@pytest.mark.parametrize("command", ["evaluate", "report", "ui", "data show", "data verify"])
+@pytest.mark.parametrize(
+    "command", ["evaluate", "report", "ui", "data show", "data verify", "recordings show"]
+)
 def test_a_folder_without_a_run_is_bad_input(command: str, tmp_path: Path) -> None:
     done = run(app, [*command.split(), str(tmp_path / "nothing")])
     assert done.exit_code == 2

@@ -1,0 +1,20 @@
+"""Logs of real robots: CSV files that become episodes, and back."""
+
+from flywheel.data.recordings.mapping import RecordingMap, Units, read_map
+from flywheel.data.recordings.reading import Imported, read_recording
+from flywheel.data.recordings.report import Finding, ImportReport
+from flywheel.data.recordings.storing import store_recording, stored_recordings
+from flywheel.data.recordings.writing import write_recording
+
+__all__ = [
+    "Finding",
+    "ImportReport",
+    "Imported",
+    "RecordingMap",
+    "Units",
+    "read_map",
+    "read_recording",
+    "store_recording",
+    "stored_recordings",
+    "write_recording",
+]

@@ -1,0 +1,225 @@
+"""Is it this robot, in metres, with z up, commanded within its range? The MJCF knows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flywheel.data.recordings.columns import Log, control_names, winch_names
+from flywheel.data.recordings.mapping import LENGTHS
+from flywheel.data.recordings.report import Finding, listed
+from flywheel.errors import DataError
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+SAME = 0.05  # relative: distances on a body are the MJCF's
+UNIT = 0.1  # relative: a ratio is that of two units
+BELOW = 0.05  # of L: how far below the ground is too far
+OFTEN = 0.1  # share of the samples
+SLACK = 1e-6  # of a range: rounding in the log
+DEGREES = np.pi / 180
+FEW = 0.01  # share of the values: too few to speak of another unit
+FILLED = 0.1  # of a range: what a unit that is meant would use of it at least
+HIGH = 0.1  # of L: above the ground, where a robot stands on it
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two tracked points on one body.
+
+    Attributes:
+      a, b: indices into `Robot.points`, a < b.
+      distance: between them, by the MJCF [m].
+    """
+
+    a: int
+    b: int
+    distance: float
+
+
+def pairs(robot: Robot) -> list[Pair]:
+    """All pairs of tracked points that a body holds at a distance."""
+    found = []
+    for body in robot.bodies:
+        for i, a in enumerate(body.points):
+            for b in body.points[i + 1 :]:
+                apart = robot.points[a].offset - robot.points[b].offset
+                found.append(Pair(a, b, float(np.linalg.norm(apart))))
+    return [pair for pair in found if pair.distance > 0]
+
+
+def distances(points: Floats, rods: list[Pair]) -> Floats:
+    """(..., rods) measured distances of points (..., P, 3) [m]; NaN where one is missing."""
+    a, b = [rod.a for rod in rods], [rod.b for rod in rods]
+    return np.asarray(np.linalg.norm(points[..., a, :] - points[..., b, :], axis=-1))
+
+
+def medians(values: Floats) -> Floats:
+    """(columns,) median over the rows of each column that are not NaN; NaN where all are."""
+    return np.array(
+        [np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else np.nan for c in values.T]
+    )
+
+
+def check_units(points: Floats, robot: Robot) -> None:
+    """Raises DataError where all distances are off by the ratio of two units."""
+    rods = pairs(robot)
+    ratio = medians(distances(points, rods)) / [rod.distance for rod in rods]
+    ratio = ratio[np.isfinite(ratio)]
+    if len(ratio) == 0:
+        return
+    middle = float(np.median(ratio))
+    for unit, metres in LENGTHS.items():
+        for factor, hint in ((metres, f"units: {{points: {unit}}}"), (1 / metres, "")):
+            if factor != 1 and abs(middle * factor - 1) < UNIT:
+                rod = max(rods, key=lambda r: r.distance)
+                names = f"{robot.points[rod.a].name} and {robot.points[rod.b].name}"
+                cure = (
+                    f"the points seem to be in {unit}: write {hint} in the map"
+                    if hint
+                    else f"the map's units.points seems to be {unit} for a log in m: write m"
+                )
+                raise DataError(
+                    f"{names} are {middle * rod.distance:.4g} m apart, the MJCF says "
+                    f"{rod.distance:.4g} m, and all others are off alike ({middle:.4g} times); {cure}."
+                )
+
+
+def check_robot(points: Floats, robot: Robot) -> None:
+    """Raises DataError where distances on bodies are usually not the MJCF's."""
+    rods = pairs(robot)
+    usual = medians(distances(points, rods))
+    wrong = [
+        f"{robot.points[rod.a].name} to {robot.points[rod.b].name} is {got:.4g} m instead of "
+        f"{rod.distance:.4g} m"
+        for rod, got in zip(rods, usual, strict=True)
+        if abs(got / rod.distance - 1) > SAME
+    ]
+    if wrong:
+        raise DataError(
+            f"distances on {len(wrong)} of {len(rods)} pairs of markers are not those of the robot "
+            f"{robot.name} (more than {SAME:.0%} off): {listed(wrong, 4)}. Is it a recording of another "
+            f"robot, or are markers exchanged?{_exchange(points, robot, rods)}"
+        )
+
+
+def _exchange(points: Floats, robot: Robot, rods: list[Pair]) -> str:
+    """Which two columns, exchanged from the beginning, would make all distances right."""
+    fits = []
+    for a in range(len(robot.points)):
+        for b in range(a + 1, len(robot.points)):
+            order = list(range(len(robot.points)))
+            order[a], order[b] = b, a
+            got = medians(distances(points[:, order], rods))
+            if np.nanmax(np.abs(got / [rod.distance for rod in rods] - 1)) <= SAME:
+                fits.append(f"{robot.points[a].name} with {robot.points[b].name}")
+    if not fits:
+        return ""
+    return (
+        f" Exchanging {' or '.join(fits)} would make them right: if so, exchange their columns in the "
+        "map."
+    )
+
+
+def check_up(points: Floats, robot: Robot) -> None:
+    """Raises DataError where markers are often below the ground."""
+    if not robot.grounded:
+        return
+    radius = np.array([point.radius for point in robot.points])
+    height = points[..., 2] - radius
+    seen = np.isfinite(height)
+    below = seen & (height < -BELOW * robot.length - 2 * radius)
+    if not seen.any() or below.sum() <= OFTEN * seen.sum():
+        return
+    raise DataError(
+        f"{below.sum() / seen.sum():.0%} of the markers' samples are below the ground (z down to "
+        f"{np.nanmin(points[..., 2]):.3g} m; z is up, the ground is at 0). Which of the log's axes points "
+        "up? Say so in the map; where it is y, write axes: {x: x, y: -z, z: y}. If the log's origin is "
+        "above the ground, write how far: origin: [0, 0, 1.2]."
+    )
+
+
+def floating(points: Floats, robot: Robot) -> list[Finding]:
+    """A note where a robot that can touch the ground is never near it: is it at 0?"""
+    radius = np.array([point.radius for point in robot.points])
+    height = points[..., radius > 0, 2] - radius[radius > 0]
+    height = height[np.isfinite(height)]
+    if not robot.grounded or len(height) == 0:
+        return []
+    lowest = float(np.percentile(height, 1))
+    if lowest < HIGH * robot.length:
+        return []
+    words = f"never nearer to the ground than {lowest:.3g} m: is z up, and the ground at 0?"
+    return [Finding("height", "noted", "", 0, words=words)]
+
+
+def check_commands(log: Log, robot: Robot) -> None:
+    """Raises DataError where a command that acts on something is beyond its range."""
+    used = log.controls[:-1]
+    slack = SLACK * (robot.control_high - robot.control_low)
+    beyond = (used < robot.control_low - slack) | (used > robot.control_high + slack)
+    if not beyond.any():
+        return
+    column = int(np.flatnonzero(beyond.any(axis=0))[0])
+    winch = robot.winches[column]
+    rows = np.flatnonzero(beyond[:, column])
+    unit = "m/s" if winch.kind == "rate" else "m"
+    low, high = winch.control_range
+    raise DataError(
+        f"line {log.lines[rows[0]]}: the command {control_names(robot)[column]!r} is "
+        f"{used[rows[0], column]:g} {unit}, allowed are {low:g} to {high:g} {unit}; "
+        f"{int(beyond.sum())} commands of {int(beyond.any(axis=0).sum())} winches are beyond their "
+        f"ranges.{_unit_hint(used, robot.control_low - slack, robot.control_high + slack, 'control')}"
+    )
+
+
+def check_winches(log: Log, robot: Robot) -> None:
+    """Raises DataError where winch positions are often not where the winch can be."""
+    for name, index in winch_names(robot).items():
+        winch = robot.winches[index]
+        low, high = winch.rest_range
+        margin = OFTEN * (high - low)
+        got = log.winch[:, index]
+        got = got[np.isfinite(got)]
+        beyond = (got < low - margin) | (got > high + margin)
+        if beyond.sum() > OFTEN * len(got):
+            hint = _unit_hint(got[:, None], np.array([low]), np.array([high]), "winch")
+            raise DataError(
+                f"the winch position {name!r} is usually {np.median(got):.4g} m; the winch "
+                f"{winch.name!r} goes from {low:g} to {high:g} m.{hint}"
+            )
+
+
+def _unit_hint(values: Floats, low: Floats, high: Floats, key: str) -> str:
+    """Which other unit would bring all values into their range."""
+
+    def fits(factor: float) -> bool:
+        inside = ((values * factor >= low) & (values * factor <= high)).all()
+        return bool(inside and np.abs(values * factor).max() >= FILLED * high.max())
+
+    if ((values < low) | (values > high)).mean() < FEW:
+        return ""  # single commands, not a unit
+    per = "/s" if key == "control" and (low < 0).all() else ""
+    found = [f"{u}{per}" for u in ("cm", "mm") if fits(LENGTHS[u])]
+    hints = []
+    if found:
+        hints.append(f"They would fit in {' or '.join(found)} (units: {{{key}: {found[0]}}})")
+    if fits(DEGREES):
+        hints.append(
+            f"{'or' if found else 'They would fit'} as degrees for radians of a drum (units: {{{key}: "
+            f"deg{per}, drum: ...}})"
+        )
+    if key == "control" and fits(-1.0):
+        hints.append(
+            "They would fit with the other sign: positive pays out (units: {control: -m/s})"
+        )
+    return f" {' '.join(hints)}." if hints else ""
+
+
+def wrong_rods(points: Floats, rods: list[Pair], tolerance: Floats) -> NDArray[np.bool_]:
+    """(..., rods) which distances are off by more than `tolerance` (rods,) [m]; False if missing."""
+    with np.errstate(invalid="ignore"):
+        off = np.abs(distances(points, rods) - [rod.distance for rod in rods])
+        return np.asarray(off > tolerance)

@@ -1,0 +1,141 @@
+"""From a log's own times to the regular control steps of an episode.
+
+Nothing is interpolated: between two noisy measurements lies no third. A sample counts for the grid
+time that it is near to, within `jitter`; grid times without one have NaN, which is how a 50 Hz log
+stands on a 100 Hz grid. Commands hold until the next row; where several rows fall into one step, it
+has their mean over time, which moves a winch as far.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flywheel.data.recordings.columns import Log
+from flywheel.data.recordings.report import Finding
+from flywheel.errors import DataError
+from flywheel.records import Floats, Observation, Trajectory
+
+CLOSE = 0.1  # relative: the log's rate is meant to be the grid's
+PHASE_ROWS = 100  # whose stamps say where the grid begins
+LEAST_ON_GRID = 0.75  # share of the samples that one could hope for; by chance it is 2 jitter
+
+
+def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajectory, list[Finding]]:
+    """A stretch of a log without gaps, on control steps of dt [s].
+
+    Args:
+      log: at least two rows.
+      period: usual time between two rows [s].
+      dt: control step [s].
+      jitter: how far a stamp may be off and still be on the grid, as a share of dt.
+
+    Raises:
+      DataError: most samples fall between the grid's times.
+    """
+    time = log.time - _phase(log.time, period, dt)
+    nearest = np.rint(time / dt).astype(np.int64)
+    off = np.abs(time - nearest * dt)
+    fits = off <= jitter * dt + 1e-9
+    steps = int(nearest[-1]) if fits[-1] else int(time[-1] / dt)
+    chosen = _closest(nearest, off, fits, steps)
+    _check_regular(log, chosen, period, dt, jitter)
+    points = np.full((steps + 1, *log.points.shape[1:]), np.nan)
+    winch = np.full((steps + 1, log.winch.shape[1]), np.nan)
+    there = chosen >= 0
+    points[there], winch[there] = log.points[chosen[there]], log.winch[chosen[there]]
+    begins = np.where(fits, nearest * dt, time)  # of each command
+    controls = _held(begins, log.controls, steps, dt)
+    used = np.zeros(len(time), bool)
+    used[chosen[there]] = True
+    findings = _findings(log, used, fits, off, period, dt)
+    return Trajectory(Observation(points, winch), controls, dt), findings
+
+
+def _phase(time: Floats, period: float, dt: float) -> float:
+    """Where the grid begins: the first rows' stamps are early and late of it alike."""
+    multiple = max(1.0, np.rint(period / dt)) / max(1.0, np.rint(dt / period))
+    if abs(period / (multiple * dt) - 1) < CLOSE:
+        period = multiple * dt  # the usual time between jittering stamps is not exact
+    since = time[:PHASE_ROWS] - time[0]
+    return float(time[0] + np.median(since - period * np.rint(since / period)))
+
+
+def _closest(
+    nearest: NDArray[np.int64], off: Floats, fits: NDArray[np.bool_], steps: int
+) -> NDArray[np.int64]:
+    """(steps + 1,) the row that stands for each grid time, -1 where there is none."""
+    chosen = np.full(steps + 1, -1, np.int64)
+    usable = fits & (nearest >= 0)
+    rows = np.flatnonzero(usable)
+    # Far ones first, so that the nearest of several has the last word.
+    rows = rows[np.argsort(-off[rows], kind="stable")]
+    chosen[nearest[rows]] = rows
+    return chosen
+
+
+def _held(begins: Floats, controls: Floats, steps: int, dt: float) -> Floats:
+    """(steps, W) commands that hold from row to row, as means over each step."""
+    edges = dt * np.arange(steps + 1)
+    edges[0] = max(edges[0], begins[0])
+    tiny = 1e-6 * dt  # edges and rows of the same time differ by rounding
+    first = np.searchsorted(begins, edges[:-1] + tiny, side="right") - 1
+    last = np.searchsorted(begins, edges[1:] - tiny, side="right") - 1
+    first = np.maximum(first, 0)
+    single = controls[first]
+    if np.array_equal(first, last):
+        return single
+    known = controls[:-1]  # the last row's act on nothing
+    until = np.concatenate(
+        [np.zeros((1, known.shape[1])), np.cumsum(known * np.diff(begins)[:, None], axis=0)]
+    )
+    sums = np.stack([np.interp(edges, begins, column) for column in until.T], axis=1)
+    mean = np.diff(sums, axis=0) / np.diff(edges)[:, None]
+    return np.where((first == last)[:, None], single, mean)
+
+
+def _check_regular(
+    log: Log, chosen: NDArray[np.int64], period: float, dt: float, jitter: float
+) -> None:
+    got = int((chosen >= 0).sum())
+    hoped = min(len(chosen), len(log.time))
+    if len(chosen) < 2 or got < LEAST_ON_GRID * hoped:
+        spread = np.percentile(np.diff(log.time), [5, 95])
+        raise DataError(
+            f"irregular time stamps: only {got} of {hoped} samples lie within {jitter:g} of a step of "
+            f"the grid of {dt:g} s. Rows are {spread[0]:.4g} to {spread[1]:.4g} s apart (5 to 95 %), "
+            f"usually {period:.4g} s. Give a dt that divides the log's ({period:.4g} s), or a larger "
+            "jitter in the map (below 0.5)."
+        )
+
+
+def _findings(
+    log: Log,
+    used: NDArray[np.bool_],
+    fits: NDArray[np.bool_],
+    off: Floats,
+    period: float,
+    dt: float,
+) -> list[Finding]:
+    findings = []
+    fast = period < 0.8 * dt  # rows between the steps are nothing special then
+    if (~fits).any() and not fast:
+        words = f"further from the grid of {dt:g} s than the map's jitter; up to {off.max():.2g} s"
+        findings.append(Finding.over("irregular stamp", "masked", "", ~fits, log.time, words))
+    uneven = fits & (off > 0.01 * dt)
+    if uneven.any():
+        words = f"taken for the nearest step; at most {off[fits].max():.2g} s away"
+        findings.append(Finding.over("irregular stamp", "resampled", "", uneven, log.time, words))
+    if period > 1.25 * dt:
+        words = (
+            f"a log of {1 / period:.4g} Hz on steps of {dt:g} s: commands are held, the points between "
+            "are missing"
+        )
+        findings.append(Finding("rate", "resampled", "", int(used.sum()), words=words))
+    elif fast:
+        words = (
+            f"a log of {1 / period:.4g} Hz on steps of {dt:g} s: the nearest sample of each step is "
+            "taken, commands are averaged over it"
+        )
+        findings.append(Finding("rate", "left out", "", int((~used).sum()), words=words))
+    return findings

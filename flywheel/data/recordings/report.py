@@ -1,0 +1,111 @@
+"""What an import did to a log: nothing is masked, repaired or left out without a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flywheel.records import Floats
+
+Action = Literal["masked", "repaired", "resampled", "left out", "split", "noted"]
+SPANS_KEPT = 20  # of one finding: a flickering marker has thousands
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One kind of thing that was found in a log.
+
+    Attributes:
+      kind: "missing", "infinite", "duplicate stamp", "irregular stamp", "gap", "swap", "leap",
+        "rod length", "rate", "height", "column" or "channel".
+      action: what was done about it.
+      subject: the marker, pair or column that it is about; "" for the whole log.
+      count: samples (or rows) that it concerns.
+      spans: the first of the times [s] between which it was so, (begin, end) each.
+      more_spans: how many there are beyond those.
+      words: for people.
+    """
+
+    kind: str
+    action: Action
+    subject: str
+    count: int
+    spans: tuple[tuple[float, float], ...] = ()
+    more_spans: int = 0
+    words: str = ""
+
+    @classmethod
+    def over(
+        cls,
+        kind: str,
+        action: Action,
+        subject: str,
+        where: NDArray[np.bool_],
+        time: Floats,
+        words: str = "",
+    ) -> Finding:
+        """A finding about the rows where a mask (N,) is true, at times (N,) [s]."""
+        runs = spans_of(where, time)
+        kept, more = tuple(runs[:SPANS_KEPT]), max(0, len(runs) - SPANS_KEPT)
+        return cls(kind, action, subject, int(where.sum()), kept, more, words)
+
+    @property
+    def when(self) -> str:
+        """Its times, for a table."""
+        shown = [f"{a:.3f}" if a == b else f"{a:.3f} to {b:.3f}" for a, b in self.spans[:3]]
+        more = len(self.spans) - len(shown) + self.more_spans
+        return ", ".join(shown) + (f" and {more} more" if more else "")
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """What became of one log.
+
+    Attributes:
+      file: its name.
+      digest: sha256 of its bytes.
+      rows: of the log.
+      seconds: it lasts [s].
+      period: usual time between two rows [s].
+      dt: control step of the episodes made of it [s].
+      episodes: their ids, one for each stretch without a gap.
+      steps: control steps of each.
+      seen: share of the points' samples, at the log's own rate, that can be used.
+      findings: all that was masked, repaired, resampled or left out.
+    """
+
+    file: str
+    digest: str
+    rows: int
+    seconds: float
+    period: float
+    dt: float
+    episodes: tuple[str, ...]
+    steps: tuple[int, ...]
+    seen: float
+    findings: tuple[Finding, ...]
+
+    def of_kind(self, kind: str) -> tuple[Finding, ...]:
+        """The findings of one kind."""
+        return tuple(f for f in self.findings if f.kind == kind)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+
+def spans_of(where: NDArray[np.bool_], time: Floats) -> list[tuple[float, float]]:
+    """First and last time [s] of each run of true values."""
+    edges = np.diff(np.concatenate([[0], where.astype(np.int8), [0]]))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return [(float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True)]
+
+
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """Names for a message, at most so many of them."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

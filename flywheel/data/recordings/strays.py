@@ -1,0 +1,64 @@
+"""Samples that only their surroundings in time give away: away for one row, or right by chance."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flywheel.records import Floats
+
+SIGHT = 2.5  # usual times between rows: neighbours further apart say nothing
+ISLAND_SECONDS = 0.1  # a marker that is right for shorter, between wrong samples, is so by chance
+STEADY_SECONDS = 0.5  # the same where it did not leap from the wrong samples to the right ones
+
+
+def spikes(points: Floats, time: Floats, kick: float, noise: float) -> NDArray[np.bool_]:
+    """(N, P) samples too far from the line between the ones before and after them.
+
+    Args:
+      points: (N, P, 3) [m]; NaN where missing.
+      time: (N,) [s].
+      kick: greatest change of a marker's velocity from one row to the next [m/s].
+      noise: how far noise alone may take a sample off that line [m].
+    """
+    found = np.zeros(points.shape[:2], bool)
+    if len(points) < 3:
+        return found
+    before, after = np.diff(time)[:-1], np.diff(time)[1:]
+    share = (before / (before + after))[:, None, None]
+    off = np.zeros(points.shape[:2])
+    line = points[:-2] + share * (points[2:] - points[:-2])
+    off[1:-1] = np.nan_to_num(np.linalg.norm(points[1:-1] - line, axis=-1))
+    close = (before + after) <= 2 * SIGHT * np.median(np.diff(time))
+    # A velocity that changes by `kick` in a row leaves the line by so much.
+    allowed = (kick * before * after / (before + after) + noise)[:, None]
+    # The spike itself is further off than its neighbours, whose lines it bends by half.
+    highest = (off[1:-1] > off[:-2]) & (off[1:-1] > off[2:])
+    found[1:-1] = (off[1:-1] > allowed) & highest & close[:, None]
+    return found
+
+
+def islands(
+    wrong: NDArray[np.bool_], seen: NDArray[np.bool_], steady: NDArray[np.bool_], time: Floats
+) -> NDArray[np.bool_]:
+    """(N, P) seen samples in short runs between wrong ones.
+
+    A marker that stays in a wrong place is now and then at the right distance from its partner.
+
+    Args:
+      wrong: (N, P) samples known to be wrong.
+      seen: (N, P) samples that seem right.
+      steady: (N - 1, P) whether the marker, as measured, did not leap between two rows.
+      time: (N,) [s].
+    """
+    found = np.zeros_like(wrong)
+    for marker in np.flatnonzero(wrong.any(axis=0)):
+        rows = np.flatnonzero(wrong[:, marker])
+        for a, b in pairwise(rows.tolist()):
+            joined = steady[a, marker] or steady[b - 1, marker]
+            longest = STEADY_SECONDS if joined else ISLAND_SECONDS
+            if b - a > 1 and time[b] - time[a] < longest:
+                found[a + 1 : b, marker] = seen[a + 1 : b, marker]
+    return found

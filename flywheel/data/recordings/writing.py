@@ -1,0 +1,54 @@
+"""Writing an episode as the CSV that a robot's log would be; what `read_recording` reads back."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from flywheel.data.recordings.columns import TIME, control_names, point_names, winch_names
+from flywheel.errors import DataError
+from flywheel.records import Episode
+from flywheel.robots import Robot
+
+
+def write_recording(episode: Episode, path: str | Path, robot: Robot) -> tuple[str, ...]:
+    """Write an episode's observations and controls.
+
+    Row t holds the points at time t and the commands from t on; the last row has no commands. A cell
+    that was not measured is empty.
+
+    Returns:
+      What a log has no place for: "state", and the winches whose positions the episode knows though
+      the MJCF has no sensor for them.
+
+    Raises:
+      DataError: there is a file already, or the episode is of another robot.
+    """
+    if episode.provenance.robot != robot.digest:
+        raise DataError(
+            f"Episode {episode.id} is of the robot {episode.provenance.robot[:12]}, not of {robot.name} "
+            f"({robot.digest[:12]})."
+        )
+    track, sensors = episode.trajectory, winch_names(robot)
+    seen = track.observations
+    columns = [
+        np.round(track.dt * np.arange(track.steps + 1), 9)[:, None],
+        np.concatenate([track.controls, np.full((1, track.controls.shape[1]), np.nan)]),
+        seen.points.reshape(track.steps + 1, -1),
+        seen.winch[:, list(sensors.values())],
+    ]
+    try:
+        with Path(path).open("x", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow([TIME, *control_names(robot), *point_names(robot), *sensors])
+            for row in np.concatenate(columns, axis=1):
+                writer.writerow(repr(float(x)) if np.isfinite(x) else "" for x in row)
+    except FileExistsError:
+        raise DataError(f"There is a file {path} already; it is not written over.") from None
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {error.strerror}.") from None
+    known = np.asarray(np.isfinite(seen.winch).any(axis=0))
+    left = [w.name for i, w in enumerate(robot.winches) if known[i] and not w.sensor]
+    return (*(["state"] if track.states is not None else []), *left)

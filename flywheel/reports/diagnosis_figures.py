@@ -1,0 +1,187 @@
+"""The pictures of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from io import BytesIO
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from flywheel.diagnosis import Diagnosis
+from flywheel.reports import style
+
+BEFORE, AFTER, NOISE = style.MISSED, style.MPPI, style.ORACLE
+SHOWN = 12  # candidates of the ranking
+MILLI = 1000.0
+
+
+def ladder(found: Diagnosis) -> Figure:
+    """Errors from the plant as it was to the last model, on fitted and on held-out recordings."""
+    rungs = found.evidence.ladder
+    figure = Figure(figsize=(8.0, 0.9 + 0.45 * (len(rungs) + 3)))
+    axes = figure.add_subplot()
+    labels = [rung.label for rung in rungs]
+    values = [MILLI * rung.error for rung in rungs]
+    colours = [BEFORE, *[AFTER] * (len(rungs) - 1)]
+    if found.held_out is not None:
+        labels += ["held out, as it was", "held out, last model"]
+        values += [MILLI * found.held_out.baseline, MILLI * found.held_out.augmented]
+        colours += [BEFORE, AFTER]
+    place = np.arange(len(labels))[::-1]
+    axes.barh(place, values, color=colours, height=0.62)
+    for y, value in zip(place, values, strict=True):
+        axes.text(value, y, f" {value:.2f}", va="center")
+    axes.axvline(MILLI * found.errors.noise, color=NOISE, linestyle=(0, (5, 2)), label="noise")
+    axes.set_yticks(place, labels)
+    axes.set_xlim(0, 1.15 * max(values))
+    axes.set_xlabel("root mean square of measured minus predicted [mm]")
+    axes.legend(loc="lower right")
+    axes.grid(axis="y", visible=False)
+    return figure
+
+
+def ranking(found: Diagnosis) -> Figure:
+    """Scores of the best candidates on top of the plant as it was."""
+    scores = [s for s in found.ranking if s.score > 0][:SHOWN][::-1]
+    figure = Figure(figsize=(8.0, 1.0 + 0.3 * max(1, len(scores))))
+    axes = figure.add_subplot()
+    named = {(f.effect, f.location) for answer in found.answers[:1] for f in answer}
+    mine = [(s.candidate.effect.name, s.candidate.location) in named for s in scores]
+    colours = [AFTER if own else style.FAINT for own in mine]
+    axes.barh(range(len(scores)), [s.score for s in scores], color=colours, height=0.7)
+    axes.set_yticks(range(len(scores)), [s.candidate.label for s in scores])
+    axes.axvline(found.threshold, color=style.INK, linestyle=(0, (1, 1.6)), label="counts as seen")
+    axes.set_xscale("log")
+    axes.set_xlabel("score: what it would explain, in noise variances per size")
+    axes.legend(loc="lower right")
+    axes.grid(axis="y", visible=False)
+    return figure
+
+
+def worst_window(found: Diagnosis) -> Figure | None:
+    """Measured and predicted path of the point that was predicted worst."""
+    evidence = found.evidence
+    squares = np.nan_to_num(evidence.squares(evidence.before))
+    window, point = np.unravel_index(squares.argmax(), squares.shape)
+    time = (evidence.first[window] + np.arange(evidence.measured.shape[1])) * evidence.dt
+    figure = Figure(figsize=(9.5, 2.9))
+    parts = figure.subplots(1, 3, sharex=True)
+    for axis, axes in enumerate(parts):
+        seen = evidence.measured[window, :, point, axis]
+        axes.fill_between(
+            time, seen - 2 * evidence.sigma, seen + 2 * evidence.sigma, color=style.FAINT, alpha=0.35,
+            linewidth=0, label="measured, two sigmas",
+        )  # fmt: skip
+        axes.plot(
+            time,
+            evidence.before[window, :, point, axis],
+            color=BEFORE,
+            linestyle="--",
+            label="as it was",
+        )
+        axes.plot(time, evidence.after[window, :, point, axis], color=AFTER, label="last model")
+        axes.set_title(f"{evidence.points[point]}, {'xyz'[axis]} [m]")
+        axes.set_xlabel(f"time in recording {evidence.log[window]} [s]")
+    handles, labels = parts[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=3)
+    return figure
+
+
+def heat(found: Diagnosis) -> Figure:
+    """Mean square residual of every window and point, before and after."""
+    evidence = found.evidence
+    figure = Figure(figsize=(9.5, 1.2 + 0.3 * len(evidence.points)))
+    parts = figure.subplots(1, 2, sharey=True)
+    before, after = evidence.squares(evidence.before), evidence.squares(evidence.after)
+    top = max(2.0, float(np.nanquantile(before, 0.98)))
+    for axes, squares, title in zip(
+        parts, (before, after), ("as it was", "last model"), strict=True
+    ):
+        image = axes.imshow(squares.T, vmin=0.8, vmax=top, cmap="YlOrRd", aspect="auto")
+        axes.set_title(title)
+        axes.set_xlabel("window")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.grid(visible=False)
+    parts[0].set_yticks(range(len(evidence.points)), evidence.points)
+    figure.colorbar(image, ax=parts, label="mean square [noise variances]")
+    return figure
+
+
+def likeness(found: Diagnosis) -> Figure | None:
+    """Who is easily taken for whom."""
+    evidence = found.evidence
+    if len(evidence.rivals) < 2:
+        return None
+    size = 1.6 + 0.42 * len(evidence.rivals)
+    figure = Figure(figsize=(size + 2.2, size + 0.6))
+    axes = figure.add_subplot()
+    image = axes.imshow(evidence.likeness, vmin=0, vmax=1, cmap="Blues")
+    axes.set_xticks(range(len(evidence.rivals)), evidence.rivals, rotation=40, ha="right")
+    axes.set_yticks(range(len(evidence.rivals)), evidence.rivals)
+    for (row, column), value in np.ndenumerate(evidence.likeness):
+        colour = "white" if value > 0.6 else style.INK
+        axes.text(column, row, f"{value:.2f}", ha="center", va="center", color=colour, fontsize=8)
+    axes.grid(visible=False)
+    figure.colorbar(image, ax=axes, label="|cosine|", shrink=0.8)
+    return figure
+
+
+def whiteness(found: Diagnosis) -> Figure:
+    """Autocorrelation of what is left."""
+    evidence = found.evidence
+    figure = Figure(figsize=(8.0, 2.6))
+    axes = figure.add_subplot()
+    lags = np.arange(1, len(evidence.lags_before) + 1) * evidence.dt
+    axes.axhspan(-evidence.band, evidence.band, color=NOISE, alpha=0.25, label="white noise, 95 %")
+    axes.plot(lags, evidence.lags_before, "o--", color=BEFORE, label="as it was")
+    axes.plot(lags, evidence.lags_after, "o-", color=AFTER, label="last model")
+    axes.set_xlabel("lag [s]")
+    axes.set_ylabel("autocorrelation")
+    axes.legend()
+    return figure
+
+
+PICTURES: dict[str, tuple[Callable[[Diagnosis], Figure | None], str, str]] = {
+    "ladder": (
+        ladder,
+        "The error, effect by effect",
+        "The starts of all windows are fitted in every row, so that noise alone would reach the "
+        "dashed line. On held-out recordings nothing else is fitted.",
+    ),
+    "ranking": (
+        ranking,
+        "What could explain it",
+        "Score of each effect alone on top of the plant as it was, after all that the unknown starts, "
+        "the winches' offsets and smaller time steps could explain was taken out.",
+    ),
+    "worst": (
+        worst_window,
+        "Where it was worst",
+        "The tracked point and window of the largest error.",
+    ),
+    "heat": (heat, "Where and when", "Mean square residual; one is noise."),
+    "likeness": (
+        likeness,
+        "Who is like whom",
+        "Of the best candidates: near one, these recordings can hardly tell two apart.",
+    ),
+    "whiteness": (
+        whiteness,
+        "What is left",
+        "White noise has no memory: its autocorrelation stays within the band.",
+    ),
+}
+
+
+def picture(name: str, found: Diagnosis) -> bytes | None:
+    """One figure as SVG; None where there is nothing to show."""
+    with matplotlib.rc_context(style.RC):
+        figure = PICTURES[name][0](found)
+        if figure is None:
+            return None
+        file = BytesIO()
+        figure.savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue()

@@ -1,0 +1,85 @@
+"""The page of a diagnosis: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from flywheel.diagnosis import Diagnosis, Verdict
+from flywheel.diagnosis.verdict import Alternative
+from flywheel.reports.diagnosis_figures import PICTURES, picture
+from flywheel.reports.page import Shown, data_uri
+
+LIMITS = (
+    "Sizes and intervals are those of the effects named, should nothing else be missing: 95 %, from the "
+    "curvature of the fit or from how much the windows disagree, whichever is larger.",
+    "An effect whose detectable size is above what the robot can have cannot be ruled out by these data.",
+    "Only effects of the library have names. See docs/effects.md for adding one.",
+)
+
+
+def write_diagnosis(found: Diagnosis, path: str | Path, about: Mapping[str, str]) -> Path:
+    """Write the page.
+
+    Args:
+      found: to show.
+      path: of the HTML file.
+      about: where it comes from, as lines of two columns.
+    """
+    environment = Environment(
+        loader=PackageLoader("flywheel.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("diagnosis.html.jinja").render(
+        found=found,
+        sentence=sentence(found),
+        figures=_figures(found),
+        about=about,
+        limits=LIMITS,
+    )
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".html.tmp")
+    temporary.write_text(page, encoding="utf-8")
+    temporary.replace(path)
+    return path
+
+
+def sentence(found: Diagnosis) -> str:
+    """The verdict in words."""
+    if found.verdict is Verdict.NOISE_ONLY:
+        return "The plant explains these recordings: nothing beyond noise is left."
+    if found.verdict is Verdict.DATA_INSUFFICIENT:
+        return "These recordings are too quiet to show any effect of the library."
+    if found.verdict is Verdict.NOT_CONVERGED:
+        return "No start was found from which the simulation of these recordings stays finite."
+    if found.verdict is Verdict.OUTSIDE_LIBRARY and not any(found.answers):
+        return "Something is missing, and it is none of the library's effects."
+    names = _names(found.answers[0])
+    if found.verdict is Verdict.OUTSIDE_LIBRARY:
+        return f"Something is missing that is none of the library's effects; most like it: {names}."
+    if found.verdict is Verdict.PARTIAL:
+        return f"{names} explains much of the error; something else is missing besides."
+    if found.verdict is Verdict.AMBIGUOUS:
+        others = "; or ".join(_names(answer) for answer in found.answers[1:])
+        return f"{names}; or {others}: these recordings do not tell."
+    return f"The plant lacks {names}."
+
+
+def _names(answer: Alternative) -> str:
+    parts = [f"{f.effect} at {f.location}" if f.location else f.effect for f in answer]
+    return " with ".join(parts) or "nothing"
+
+
+def _figures(found: Diagnosis) -> Sequence[Shown]:
+    shown = []
+    for name, (_, title, caption) in PICTURES.items():
+        content = picture(name, found)
+        if content is not None:
+            shown.append(Shown(name, title, caption, data_uri(content, "image/svg+xml")))
+    return shown

@@ -1,0 +1,97 @@
+"""`flywheel diagnose`: which physical effect is missing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from flywheel.data.recordings import read_recording
+from flywheel.diagnosis import Diagnosis, diagnose
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import EFFECTS, Effect
+from flywheel.records import Trajectory
+from flywheel.registry import lookup
+from flywheel.reports.diagnosis_page import sentence, write_diagnosis
+from flywheel.robots import Robot, load_robot
+from pipelines.show import console, table
+
+SHOWN = 10  # candidates in the table
+
+
+def explain(
+    logs: Sequence[Path],
+    held_out: Sequence[Path],
+    robot_name: str,
+    effects: str,
+    window: float | None,
+    dt: float,
+    threads: int,
+    page: Path,
+    answer: Path | None,
+) -> int:
+    """Diagnose logs, print the answer, write the page, and return the verdict's exit code."""
+    robot = load_robot(robot_name)
+    out = console()
+    found = diagnose(
+        Plant(robot, dt, threads=threads),
+        [t for path in logs for t in _read(path, robot, dt, out)],
+        [t for path in held_out for t in _read(path, robot, dt, out)],
+        _library(effects),
+        window_seconds=window,
+    )
+    _show(out, found)
+    about = {
+        "robot": f"{robot.name} ({robot.digest[:12]})",
+        "recordings": ", ".join(path.name for path in logs),
+        "held out": ", ".join(path.name for path in held_out) or "none",
+        "control step": f"{dt:g} s, MuJoCo steps of {robot.timestep:g} s",
+    }
+    out.print(f"Page: {write_diagnosis(found, page, about)}", soft_wrap=True)
+    if answer is not None:
+        answer.write_text(json.dumps(found.summary(), indent=1) + "\n")
+        out.print(f"JSON: {answer}", soft_wrap=True)
+    return found.exit_code
+
+
+def _read(path: Path, robot: Robot, dt: float, out: Console) -> Sequence[Trajectory]:
+    imported = read_recording(path, robot, dt=dt)
+    for f in imported.report.findings:
+        words = (
+            f"{f.kind} {f.subject}: {f.count} {f.action} at {f.when or 'all times'} s. {f.words}"
+        )
+        out.print(f"{path.name}: {words}", soft_wrap=True, markup=False)
+    return [episode.trajectory for episode in imported.episodes]
+
+
+def _library(effects: str) -> Mapping[str, Effect]:
+    names = [name.strip() for name in effects.split(",") if name.strip()]
+    return {name: lookup(EFFECTS, name, "effect") for name in names} or EFFECTS
+
+
+def _show(out: Console, found: Diagnosis) -> None:
+    out.print(f"{found.verdict}: {sentence(found)}", style="bold", soft_wrap=True)
+    rows = [
+        (number if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
+        for number, alternative in enumerate(found.answers, 1)
+        for f in alternative
+        for k, v in enumerate(f.values)
+    ]
+    if rows:
+        columns = ("answer", "effect", "at", "parameter", "#value", "#low", "#high", "unit")
+        out.print(table("effects", columns, rows))
+    scores = [
+        (s.candidate.effect.name, s.candidate.location, s.score, s.sizes[0], s.smallest)
+        for s in found.ranking[:SHOWN]
+    ]
+    heads = ("effect", "at", "#score", "#size / typical", "#smallest to be seen / typical")
+    out.print(table(f"candidates ({found.threshold:g} counts as seen)", heads, scores))
+    for name, errors in (("recordings", found.errors), ("held out", found.held_out)):
+        if errors is not None:
+            out.print(
+                f"{name}: noise {1000 * errors.noise:.2f} mm, as it was {1000 * errors.baseline:.2f} mm, "
+                f"with the answer {1000 * errors.augmented:.2f} mm",
+                soft_wrap=True,
+            )

@@ -1,0 +1,84 @@
+"""`flywheel diagnose` and `diagnose-bench`: what can be asked for about missing physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer()
+
+
+@app.command()
+def diagnose(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="CSV...", help="Logs to explain.", show_default=False)
+    ],
+    robot: Annotated[
+        str, typer.Option(help="Your .xml, or a shipped robot's name.", show_default=False)
+    ],
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="A further log, on which the answer is only judged. May be given again.",
+            show_default=False,
+        ),
+    ] = None,
+    effects: Annotated[
+        str, typer.Option(help="Effects to consider, by name; all of the library by default.")
+    ] = "",
+    window: Annotated[
+        float | None,
+        typer.Option(
+            help="Length of the windows [s]; suits the robot by default.", show_default=False
+        ),
+    ] = None,
+    dt: Annotated[float, typer.Option(help="Control step of the plant [s].")] = 0.01,
+    threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
+    page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
+    json: Annotated[
+        Path | None, typer.Option(help="Where the answer goes as JSON.", show_default=False)
+    ] = None,
+) -> None:
+    """Find out which physical effect a robot has that its MJCF lacks.
+
+    The exit code is the verdict: 0 NOISE_ONLY, 10 EFFECT, 11 AMBIGUOUS, 12 PARTIAL,
+    13 OUTSIDE_LIBRARY, 20 DATA_INSUFFICIENT, 21 NOT_CONVERGED.
+
+    [bold]Example[/bold]
+
+    flywheel diagnose monday.csv tuesday.csv --held-out friday.csv --robot my_robot.xml
+    """
+    from pipelines.diagnose import explain
+
+    code = explain(recordings, held_out or [], robot, effects, window, dt, threads, page, json)
+    raise typer.Exit(code)
+
+
+@app.command("diagnose-bench")
+def diagnose_bench(
+    folder: Annotated[Path, typer.Argument(help="One result file per case.")] = Path(
+        "runs/diagnose-bench"
+    ),
+    robot: Annotated[str, typer.Option(help="prism3, icosa6 or platform4.")] = "prism3",
+    groups: Annotated[
+        str, typer.Option(help="none, single, pairs, outside, hard.")
+    ] = "none,single,pairs,outside,hard",
+    sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
+    seeds: Annotated[int, typer.Option(help="Cases of each kind.")] = 5,
+    only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
+    address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
+) -> None:
+    """Hide effects in recordings of another simulator, have them diagnosed, and count.
+
+    Cases that have a result in the folder are not done again, so that it can be stopped at any time.
+
+    [bold]Example[/bold]
+
+    flywheel diagnose-bench --groups single --sizes 1 --seeds 1 --only winch
+    """
+    from pipelines.diagnose_bench import examine
+
+    factors = [float(size) for size in sizes.split(",")]
+    examine(folder, robot, groups.split(","), factors, range(seeds), only, address)
