@@ -91,13 +91,17 @@ class WindowCache:
         arrays = cached_arrays(store, snapshot, split, Path(folder), robot)
         return cls(**arrays, datasets=snapshot.datasets, split=split, digest=snapshot.digest)
 
-    def starts(self, length: int, stride: int = 1, complete: bool = False) -> NDArray[np.int64]:
+    def starts(
+        self, length: int, stride: int = 1, complete: bool = False, past: int | None = None
+    ) -> NDArray[np.int64]:
         """First rows of the windows of `length` control steps that lie within one episode.
 
         Args:
           length: L, at least 0.
           stride: steps from one to the next within an episode.
           complete: leave out those in which a point is missing.
+          past: leave out those in which a point was not seen once in the first `past` steps: nothing
+            can be predicted from there. A recording has such places, e.g. where a marker was hidden.
 
         Raises:
           DataError: length or stride are not such numbers.
@@ -110,6 +114,10 @@ class WindowCache:
         if complete:
             missing = np.concatenate([[0], np.cumsum(~self.valid.all(axis=1))])
             starts = starts[missing[starts + length + 1] == missing[starts]]
+        if past is not None and not self.valid.all():
+            before = np.zeros((len(self.valid) + 1, self.valid.shape[1]), np.int64)
+            np.cumsum(self.valid, axis=0, out=before[1:])
+            starts = starts[(before[starts + past + 1] > before[starts]).all(axis=1)]
         return starts.astype(np.int64)
 
     def gather(self, starts: NDArray[np.int64], length: int) -> WindowBatch:

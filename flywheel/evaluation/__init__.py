@@ -10,7 +10,9 @@ from flywheel.evaluation.intervals import (
 from flywheel.evaluation.pasts import past_at
 from flywheel.evaluation.scoring import (
     BINS,
+    HISTORY_SECONDS,
     Window,
+    places,
     score,
     score_by,
     score_full,
@@ -32,6 +34,7 @@ STATISTICS = {
 
 __all__ = [
     "BINS",
+    "HISTORY_SECONDS",
     "STATISTICS",
     "ErrorTable",
     "ExactSum",
@@ -41,6 +44,7 @@ __all__ = [
     "com_weights",
     "median_interval",
     "past_at",
+    "places",
     "rmse_ratio_interval",
     "rotation_error",
     "score",

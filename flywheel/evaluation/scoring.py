@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError
@@ -14,6 +15,9 @@ from flywheel.evaluation.pasts import past_at, stacked
 from flywheel.records import Episode, Floats
 
 Truth = Callable[[Episode], Floats]
+
+HISTORY_SECONDS = 0.5  # no prediction starts earlier in an episode that is long enough
+SEEN_SECONDS = 0.1  # before a start each point was seen: as long as any model's memory at least
 
 BINS: dict[str, Callable[[Episode], str]] = {
     "all": lambda episode: "all",
@@ -46,7 +50,7 @@ def score(
     horizon_seconds: float = 2.0,
     starts_per_episode: int = 14,
     seed: int,
-    history_seconds: float = 0.5,
+    history_seconds: float = HISTORY_SECONDS,
     truth: Truth | None = None,
     datasets: Mapping[str, int] | None = None,
     batch: int = 256,
@@ -54,13 +58,14 @@ def score(
     """Errors over short horizons from random starts.
 
     The starts depend on the seed and the episode alone, so that every model is scored on the same
-    ones.
+    ones. Where a point had been out of sight for a while, no prediction starts.
 
     Args:
       dynamics: the model.
       episodes: recorded on the model's robot, at its dt.
       horizon_seconds: predicted from each start [s].
-      starts_per_episode: drawn uniformly, with repetition; an episode too short for one has none.
+      starts_per_episode: drawn uniformly, with repetition; an episode without a place for one (see
+        `places`) has none.
       seed: of the starts.
       history_seconds: no start lies earlier than this where the episode is long enough [s].
       truth: points (T + 1, P, 3) to score against instead of the measured ones, e.g. the noise-free
@@ -76,16 +81,17 @@ def score(
     earliest = _steps(history_seconds, dynamics.dt, "history_seconds", least=0)
     windows = []
     for episode in episodes:
-        last = episode.trajectory.steps - steps
-        if last < 0:
+        allowed = places(episode, steps, earliest)
+        if len(allowed) == 0:
             continue
         rng = np.random.default_rng([seed, *episode.id.encode()])
-        for start in rng.integers(min(earliest, last), last + 1, starts_per_episode):
+        for start in allowed[rng.integers(0, len(allowed), starts_per_episode)]:
             windows.append(Window(episode, int(start), steps))
     if not windows:
         raise DataError(
             f"No episode is long enough to predict {horizon_seconds} s ({steps} steps of "
-            f"{dynamics.dt} s); give longer episodes or a shorter horizon."
+            f"{dynamics.dt} s) from where all points are in sight; give longer episodes or a shorter "
+            "horizon."
         )
     return score_windows(dynamics, windows, truth=truth, datasets=datasets, batch=batch)
 
@@ -94,26 +100,48 @@ def score_full(
     dynamics: Dynamics,
     episodes: Iterable[Episode],
     *,
-    start_seconds: float = 0.5,
+    start_seconds: float = HISTORY_SECONDS,
     truth: Truth | None = None,
     datasets: Mapping[str, int] | None = None,
     batch: int = 64,
 ) -> ErrorTable:
     """Errors of one prediction over each whole episode, from `start_seconds` [s] to its end.
 
-    Episodes of different lengths share a rollout call; what lies past an episode's end has no
-    weight. Other arguments and errors as in `score`.
+    Where a point is out of sight then, it starts when all have come into sight. Episodes of different
+    lengths share a rollout call; what lies past an episode's end has no weight. Other arguments and
+    errors as in `score`.
     """
     earliest = _steps(start_seconds, dynamics.dt, "start_seconds", least=0)
     windows = [
-        Window(episode, earliest, episode.trajectory.steps - earliest)
+        Window(episode, int(allowed[0]), episode.trajectory.steps - int(allowed[0]))
         for episode in episodes
-        if episode.trajectory.steps > earliest
+        if episode.trajectory.steps > earliest and len(allowed := places(episode, 1, earliest))
     ]
     if not windows:
-        raise DataError(f"No episode is longer than {start_seconds} s, where predictions start.")
+        raise DataError(
+            f"No episode is longer than {start_seconds} s, where predictions start, with all points "
+            "in sight."
+        )
     windows.sort(key=lambda window: window.steps)  # so that little of a batch is padding
     return score_windows(dynamics, windows, truth=truth, datasets=datasets, batch=batch)
+
+
+def places(episode: Episode, steps: int, earliest: int = 0) -> NDArray[np.int64]:
+    """Where in an episode predictions of so many control steps can start, ascending.
+
+    Not before step `earliest`, where the episode is long enough; and only where each point was seen
+    within `SEEN_SECONDS`.
+    """
+    trajectory = episode.trajectory
+    last = trajectory.steps - steps
+    starts = np.arange(min(earliest, last), last + 1) if last >= 0 else np.arange(0)
+    valid = trajectory.observations.valid
+    if valid.all():
+        return starts
+    recent = round(SEEN_SECONDS / trajectory.dt)
+    seen = np.concatenate([np.zeros((1, valid.shape[1]), np.int64), np.cumsum(valid, axis=0)])
+    in_sight = (seen[starts + 1] > seen[np.maximum(starts - recent, 0)]).all(axis=1)
+    return starts[in_sight]
 
 
 def score_by(

@@ -112,6 +112,8 @@ def result_rows(run: RunResult) -> list[Row]:
         ("informed floor: its twist computed from the cables", run.informed_floor, None),
         ("nothing moves", run.persistence, None),
         ("oracle: MPPI on the plant", None, run.oracle),
+        *((f"{_name(turn)}, on recordings", turn.recordings, None) for turn in run.iterations),
+        ("nothing moves, on recordings", run.persistence_on_recordings, None),
     ]
     for name, errors, navigation in beside:
         if errors is not None or navigation is not None:
@@ -120,18 +122,21 @@ def result_rows(run: RunResult) -> list[Row]:
 
 
 def _iteration_row(run: RunResult, turn: IterationResult) -> Row:
-    name = f"iteration {turn.iteration}" + ("" if turn.arm == "mppi" else ", control arm")
     champion = ""
     if turn.gate is not None:
         champion = "yes" if turn.gate.promoted else "no"
     return Row(
-        name,
+        _name(turn),
         turn.arm,
         episodes=str(turn.episodes),
         champion=champion,
         **_errors(run.test_errors(turn)),
         **_goals(turn.navigation),
     )
+
+
+def _name(turn: IterationResult) -> str:
+    return f"iteration {turn.iteration}" + ("" if turn.arm == "mppi" else ", control arm")
 
 
 def _errors(errors: Errors | None) -> dict[str, str]:
@@ -170,7 +175,7 @@ def _figures(run: RunResult) -> list[Shown]:
     shown = []
     for name, picture in FIGURES.items():
         if (content := draw(name, run)) is not None:
-            uri = _data_uri(content, "image/svg+xml")
+            uri = data_uri(content, "image/svg+xml")
             shown.append(Shown(name, picture.title, picture.caption, uri))
     return shown
 
@@ -185,12 +190,13 @@ def _videos(run: RunResult, folder: Path) -> list[Shown]:
         if path.stat().st_size > LARGEST_VIDEO:
             shown.append(Shown(title, title, f"Too large for this page: see {turn.video}.", ""))
         else:
-            uri = _data_uri(path.read_bytes(), "video/mp4")
+            uri = data_uri(path.read_bytes(), "video/mp4")
             shown.append(Shown(title, title, f"MPPI on this iteration's model ({path.name}).", uri))
     return shown
 
 
-def _data_uri(content: bytes, kind: str) -> str:
+def data_uri(content: bytes, kind: str) -> str:
+    """A file's bytes as the address of an image or video inside a page."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 

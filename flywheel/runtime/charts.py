@@ -46,6 +46,8 @@ def iteration_values(result: IterationResult) -> Values:
         values |= error_values("error_validation", result.validation)
     if result.test is not None:
         values |= error_values("error_test", result.test)
+    if result.recordings is not None:
+        values |= error_values("error_recordings", result.recordings)
     if result.navigation is not None:
         values |= navigation_values(result.navigation)
     if result.gate is not None:

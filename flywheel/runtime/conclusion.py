@@ -10,6 +10,7 @@ from flywheel.runtime.scoring import navigation, score_jobs, scored
 from flywheel.runtime.workers import FLOOR, INFORMED_FLOOR, PERSISTENCE
 
 POOLED = "pooled-tests"
+ON_RECORDINGS = "persistence on recordings"
 
 
 def conclude(run: Run, so_far: RunResult) -> RunResult:
@@ -27,6 +28,8 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
             name = f"{result.arm}-{result.iteration}"
             scores[name] = score_jobs(run, name, weights, episodes)
     scores[PERSISTENCE] = score_jobs(run, PERSISTENCE, PERSISTENCE, episodes)
+    logs = run.test_recordings()
+    scores[ON_RECORDINGS] = score_jobs(run, f"{PERSISTENCE}-recordings", PERSISTENCE, logs)
     if run.config.evaluate.floor:
         for floor in (FLOOR, INFORMED_FLOOR):
             name = floor.replace(" ", "-")
@@ -45,6 +48,7 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
             "floor": errors.get(FLOOR),
             "informed_floor": errors.get(INFORMED_FLOOR),
             "persistence": errors[PERSISTENCE],
+            "persistence_on_recordings": errors[ON_RECORDINGS],
             "oracle": navigation(run, "mppi on the plant", report, plans),
             "finished": True,
         }

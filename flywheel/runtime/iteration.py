@@ -46,6 +46,9 @@ def summary(result: IterationResult) -> str:
     if result.test is not None:
         short = result.test.short
         words.append(f"test e_pos {short.e_pos_rmse:.2f} %, e_rot {short.e_rot:.2f} deg")
+    if result.recordings is not None:
+        short = result.recordings.short
+        words.append(f"recordings e_pos {short.e_pos_rmse:.2f} %, e_rot {short.e_rot:.2f} deg")
     if result.navigation is not None:
         success = result.navigation.success
         words.append(f"{success.reached} of {success.total} goals reached")

@@ -34,7 +34,9 @@ class IterationResult(ResultRecord):
       arm: "mppi", or "control" (as many episodes and optimiser steps, but random controls).
       snapshot, parent_snapshot: digests of the data the model was trained on, and of the former.
       model: digest of the weights.
-      validation, test: errors; None where not run.
+      validation, test: errors; None where not run. Tests are simulated episodes.
+      recordings: errors on the recordings that are kept for tests, the same ones in every iteration;
+        None where there are none.
       navigation: closed-loop evaluation with this model; None where not run.
       episodes, steps: of training data in the snapshot, in all.
       new_episodes, new_steps: collected by this iteration.
@@ -50,6 +52,7 @@ class IterationResult(ResultRecord):
     model: str
     validation: Errors | None = None
     test: Errors | None = None
+    recordings: Errors | None = None
     navigation: Navigation | None = None
     episodes: int = 0
     steps: int = 0
@@ -88,6 +91,7 @@ class RunResult(ResultRecord):
         with the twist of each rod drawn at random.
       informed_floor: the same with the twist computed from the cables, by exact parameters.
       persistence: "nothing moves", on the same set.
+      persistence_on_recordings: the same on the recordings that are kept for tests.
       oracle: MPPI on the plant itself; the ceiling of success.
       notes: sentences that the page must show among its limits.
     """
@@ -106,6 +110,7 @@ class RunResult(ResultRecord):
     floor: Errors | None = None
     informed_floor: Errors | None = None
     persistence: Errors | None = None
+    persistence_on_recordings: Errors | None = None
     oracle: Navigation | None = None
     finished: bool = False
     notes: tuple[str, ...] = ()

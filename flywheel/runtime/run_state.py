@@ -115,13 +115,17 @@ class Run:
         return self.store.snapshot(name) if name in self.store.snapshots() else None
 
     def test_episodes(self, iteration: int) -> list[str]:
-        """Ids of iteration 0's test episodes and of closed-loop ones up to an iteration."""
+        """Ids of iteration 0's simulated test episodes and of closed-loop ones up to an iteration."""
         first = self.store.snapshot(name_of(0, "mppi"))
         plans = [p.id for i in range(iteration + 1) for p in evaluation(self.config, i, "mppi")]
         there = self.store.committed()
-        return [e.id for e in first.episodes if e.split == "test"] + [
-            p for p in plans if p in there
-        ]
+        own = [e.id for e in first.episodes if e.split == "test" and e.source == "sim"]
+        return own + [p for p in plans if p in there]
+
+    def test_recordings(self) -> list[str]:
+        """Ids of the recordings that are kept for tests; the same ones in every iteration."""
+        first = self.store.snapshot(name_of(0, "mppi"))
+        return [e.id for e in first.episodes if e.split == "test" and e.source == "recording"]
 
     def do(self, jobs: Sequence[Job], title: str) -> PoolReport:
         """Run jobs on the pool.

@@ -19,7 +19,14 @@ from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
-from flywheel.evaluation import ErrorTable, score, score_by, score_full
+from flywheel.evaluation import (
+    HISTORY_SECONDS,
+    ErrorTable,
+    places,
+    score,
+    score_by,
+    score_full,
+)
 from flywheel.records import Episode, Floats, Past
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig
@@ -209,7 +216,8 @@ class SimWorker:
     ) -> Scores:
         evaluate, datasets = self._config.evaluate, self._config.dataset_numbers()
         steps = round(evaluate.horizon_seconds / dynamics.dt)
-        long = [e for e in episodes if e.trajectory.steps >= steps]
+        earliest = round(HISTORY_SECONDS / dynamics.dt)
+        long = [e for e in episodes if len(places(e, steps, earliest))]
         truth = None if self._config.measurement == MeasurementModel() else self._truth
         short = partial(
             score,

@@ -55,19 +55,22 @@ class Draw:
     Args:
       cache: of the training episodes.
       length: control steps per window.
+      past: of these, the first ones, from which the rest is predicted.
       mix: share of each data set by name; empty draws all windows alike.
 
     Raises:
-      DataError: no episode is as long as a window.
+      DataError: no episode is as long as a window, or all points are never seen in one's past.
       ConfigError: `mix` names a data set that has no window.
     """
 
-    def __init__(self, cache: WindowCache, length: int, mix: Mapping[str, float]) -> None:
-        starts = cache.starts(length)
+    def __init__(
+        self, cache: WindowCache, length: int, past: int, mix: Mapping[str, float]
+    ) -> None:
+        starts = cache.starts(length, past=past)
         if len(starts) == 0:
             raise DataError(
-                f"No training episode has a window of {length} steps; record longer episodes, or "
-                "train on fewer prediction chunks per window."
+                f"No training episode has a window of {length} steps in whose past every point was "
+                "seen; record longer episodes, or train on fewer prediction chunks per window."
             )
         self._groups = _by_dataset(cache, starts, mix) if mix else [(1.0, starts)]
 

@@ -41,7 +41,7 @@ class Objective:
         self._simulator, self._cache = simulator, cache
         self._history, self._chunk = simulator.config.history, simulator.config.chunk
         self._draws = {
-            chunks: Draw(cache, self._history + chunks * self._chunk, config.mix)
+            chunks: Draw(cache, self._history + chunks * self._chunk, self._history, config.mix)
             for chunks in sorted({stage.chunks for stage in schedule.stages})
         }
         self._scales = self._measured_scales().to(config.device)

@@ -65,11 +65,12 @@ class Validation:
         self._robot, self._dt, self._history = robot, dt, history
         steps = max(1, round(seconds / dt))
         length = history + steps
-        starts = cache.starts(length)
+        starts = cache.starts(length, past=history)
         if len(starts) == 0:
             raise DataError(
                 f"No validation episode has a window of {length} steps (history {history} and "
-                f"{seconds} s to predict); give longer episodes or a shorter validation_seconds."
+                f"{seconds} s to predict) in whose past every point was seen; give longer episodes or "
+                "a shorter validation_seconds."
             )
         rng = generator(seed, 0, _PURPOSE)
         chosen = np.sort(rng.choice(starts, min(windows, len(starts)), replace=False))

@@ -15,6 +15,8 @@ from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
+CARRIED = 4  # steps that a body out of sight goes on moving; over more, noise would carry it away
+
 
 class PastReader:
     """Reads states off measured pasts of h + 1 observations.
@@ -71,7 +73,11 @@ class PastReader:
         ]
 
     def _filled(self, points: Tensor) -> Tensor:
-        """Missing points, where they were last seen, moved along with what is seen of their body."""
+        """Missing points, moved along with what is seen of their body.
+
+        Where nothing is seen of it, they move evenly between two sights, as in the rows that a slower
+        log leaves empty; after the last sight the body goes on as it moved, for a few steps.
+        """
         seen = torch.isfinite(points).all(0)
         if bool(seen.all()):
             return points
@@ -83,19 +89,38 @@ class PastReader:
                 "past; a prediction needs each point at least once."
             )
         points = torch.where(seen, points, torch.zeros_like(points))
-        now = points[:, -1]
-        for t in range(points.shape[1] - 1, -1, -1):  # what is missing at first: where first seen
-            now = torch.where(seen[t], points[:, t], now)
-        filled = [now]
+        upcoming = _upcoming(points, seen)
+        filled = [upcoming[0][0]]  # what is missing at first: where first seen
+        motion, blind = torch.zeros_like(filled[0]), torch.zeros_like(points[0, 0])
         for t in range(1, points.shape[1]):
-            moved = filled[-1] + self._motion(filled[-1], points[:, t], seen[t])
+            where, steps = upcoming[t]
+            together, count = self._motion(filled[-1], points[:, t], seen[t])
+            blind = torch.where(count > 0, 0.0, blind + 1.0)
+            alone = torch.where(blind <= CARRIED, motion, 0.0)
+            alone = torch.where(torch.isinf(steps), alone, (where - filled[-1]) / (steps + 1.0))
+            moved = filled[-1] + torch.where(count > 0, together, alone)
             filled.append(torch.where(seen[t], points[:, t], moved))
+            motion = filled[-1] - filled[-2]
         return torch.stack(filled, dim=1)
 
-    def _motion(self, before: Tensor, now: Tensor, seen: Tensor) -> Tensor:
-        """(3, P, K) mean motion of the seen points of each point's body; 0 where none is seen."""
+    def _motion(self, before: Tensor, now: Tensor, seen: Tensor) -> tuple[Tensor, Tensor]:
+        """(3, P, K) mean motion of the seen points of each point's body, and (P, K) how many."""
         body = self._frames.body_of_point
         same = (body[:, None] == body[None]).to(now.dtype)
         weight = seen.to(now.dtype)
-        moved = torch.matmul(same, (now - before) * weight)
-        return moved / torch.matmul(same, weight).clamp(min=1.0)
+        count = torch.matmul(same, weight)
+        return torch.matmul(same, (now - before) * weight) / count.clamp(min=1.0), count
+
+
+def _upcoming(points: Tensor, seen: Tensor) -> list[tuple[Tensor, Tensor]]:
+    """For each time, where each point is seen next (3, P, K), and in how many steps (P, K).
+
+    A point seen at that time is seen in 0 steps, one that is never seen again in infinitely many.
+    """
+    where, steps = points[:, -1], torch.full_like(points[0, 0], torch.inf)
+    found = []
+    for t in range(points.shape[1] - 1, -1, -1):
+        where = torch.where(seen[t], points[:, t], where)
+        steps = torch.where(seen[t], 0.0, steps + 1.0)
+        found.append((where, steps))
+    return found[::-1]

@@ -34,6 +34,7 @@ def decide(
                 model=trained[arm].note.digest,
                 validation=done.validation,
                 test=done.test,
+                recordings=done.recordings,
                 navigation=done.navigation,
                 episodes=len(data),
                 steps=sum(steps[name] for name in data),

@@ -75,21 +75,25 @@ def _on_tests(
     found: dict[Arm, Evaluated],
     tally: Tally,
 ) -> dict[Arm, Evaluated]:
-    """Tests of iteration 0, and the closed-loop episodes up to now."""
-    episodes = run.test_episodes(iteration)
+    """Tests of iteration 0 and the closed-loop episodes up to now; apart from them, recordings."""
+    episodes, logs = run.test_episodes(iteration), run.test_recordings()
     scores: dict[Arm, list[Job]] = {}
+    on_logs: dict[Arm, list[Job]] = {}
     overlays: dict[Arm, Job] = {}
     for arm, model in fit.items():
         weights = run.weights(model)
         scores[arm] = score_jobs(run, f"{arm}-test", weights, episodes)
+        on_logs[arm] = score_jobs(run, f"{arm}-recordings", weights, logs)
         if episodes:
             overlays[arm] = Job(f"overlay-{arm}", "sim", "overlay", (weights, episodes[-1]))
-    jobs = [*(job for part in scores.values() for job in part), *overlays.values()]
+    shares = (*scores.values(), *on_logs.values())
+    jobs = [*(job for part in shares for job in part), *overlays.values()]
     report = tally.add(run.do(jobs, f"{iteration}: test"))
     return {
         arm: replace(
             found[arm],
             test=scored(report, scores[arm]),
+            recordings=scored(report, on_logs[arm]),
             overlay=report.results.get(f"overlay-{arm}"),
         )
         for arm in fit

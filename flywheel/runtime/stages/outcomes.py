@@ -76,7 +76,8 @@ class Evaluated:
 
     Attributes:
       validation, champion_validation: errors of the model and of the champion on the same episodes.
-      test: errors on the test episodes so far.
+      test: errors on the simulated test episodes so far.
+      recordings: errors on the recordings that are kept for tests.
       navigation, champion_navigation: closed-loop episodes.
       overlay: one window of a test episode.
     """
@@ -84,6 +85,7 @@ class Evaluated:
     validation: Errors | None = None
     champion_validation: Errors | None = None
     test: Errors | None = None
+    recordings: Errors | None = None
     navigation: Navigation | None = None
     champion_navigation: Navigation | None = None
     overlay: Overlay | None = None

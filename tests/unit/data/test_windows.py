@@ -94,6 +94,10 @@ def test_windows_keep_their_distance_and_can_leave_out_missing_points(
         np.testing.assert_array_equal(starts, expected)
         whole = [s for s in expected if np.isfinite(cache.points[s : s + length + 1]).all()]
         np.testing.assert_array_equal(cache.starts(length, stride, complete=True), whole)
+        for past in {0, length // 2, length}:
+            rows = [cache.valid[s : s + past + 1].any(axis=0).all() for s in expected]
+            seen = np.array(expected)[rows] if expected else []
+            np.testing.assert_array_equal(cache.starts(length, stride, past=past), seen)
     with pytest.raises(DataError, match="stride >= 1"):
         cache.starts(4, 0)
 

@@ -6,7 +6,7 @@ import pytest
 
 from flywheel.dynamics.baselines import Persistence
 from flywheel.errors import DataError, ModelError
-from flywheel.evaluation import BINS, past_at, score, score_by, score_full
+from flywheel.evaluation import BINS, past_at, places, score, score_by, score_full
 from flywheel.records import Observation, Past, Rollout
 
 
@@ -98,6 +98,46 @@ def test_missing_measurements_are_not_scored(robot, make_episode):
     assert table.e_pos_mse < 1e-20
 
 
+def hidden(episode, point, rows):
+    """The episode without sight of one point."""
+    points = episode.trajectory.observations.points.copy()
+    points[rows, point] = np.nan
+    observations = Observation(points, episode.trajectory.observations.winch)
+    return replace(episode, trajectory=replace(episode.trajectory, observations=observations))
+
+
+def test_no_prediction_starts_where_a_point_has_long_been_out_of_sight(robot, make_episode):
+    episode = make_episode("a", 600)
+    begin = int(np.random.default_rng().integers(60, 150))
+    broken = hidden(episode, 3, slice(begin, begin + 200))
+    starts = places(broken, 200, 50)
+    blind = np.arange(begin + 10, begin + 200)  # 0.1 s later the last sight of it is too old
+    np.testing.assert_array_equal(starts, np.setdiff1d(np.arange(50, 401), blind))
+    np.testing.assert_array_equal(places(episode, 200, 50), np.arange(50, 401))
+    model = Persistence(robot, 0.01)
+    assert score(model, [broken], starts_per_episode=200, seed=1).windows == 200
+
+
+def test_an_episode_without_sight_of_a_point_has_no_windows_but_does_not_stop_the_others(
+    robot, make_episode
+):
+    whole, blind = make_episode("a", 300), hidden(make_episode("b", 300), 2, slice(None))
+    model = Persistence(robot, 0.01)
+    alone, both = (score(model, found, seed=1) for found in ([whole], [whole, blind]))
+    assert both.windows == alone.windows and both.e_pos_mse == alone.e_pos_mse
+    with pytest.raises(DataError, match="all points are in sight"):
+        score(model, [blind], seed=1)
+    with pytest.raises(DataError, match="all points in sight"):
+        score_full(model, [blind])
+
+
+def test_a_whole_episode_is_predicted_from_where_all_points_are_in_sight(robot, make_episode):
+    late = hidden(make_episode("a", 300), 1, slice(0, 120))
+    table = score_full(Drift(robot, 1.0), [late])
+    assert table.steps == 180
+    assert table.e_pos_mse < 1e-20
+
+
 def test_each_data_set_is_rolled_out_under_its_own_index(robot, make_episode):
     episodes = [make_episode("a", 300, dataset="x"), make_episode("b", 300, dataset="y")]
     model = Drift(robot, 1.0)
@@ -149,6 +189,13 @@ def test_unmeasured_winches_are_dead_reckoned_from_the_keyframe(robot):
     np.testing.assert_allclose(got[:, :, 0], [0.7 + 0.005 * np.arange(5)] * 2)
     measured = np.random.default_rng().uniform(0.3, 1.0, (2, 5, 1))
     np.testing.assert_array_equal(robot.known_winch(measured, controls, 0.01), measured)
+
+
+def test_a_winch_that_is_measured_now_and_then_is_reckoned_on_from_there(robot):
+    controls = np.full((4, 1), 0.5)
+    seen = np.array([[np.nan], [np.nan], [0.9], [np.nan], [0.8]])
+    got = robot.known_winch(seen, controls, 0.01)
+    np.testing.assert_allclose(got[:, 0], [0.7, 0.705, 0.9, 0.905, 0.8])
 
 
 def test_persistence_falls_back_to_where_a_point_was_last_seen(robot, resting):

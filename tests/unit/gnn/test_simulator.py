@@ -213,6 +213,28 @@ def test_a_missing_point_is_filled_in_and_never_spreads(robots, make_network, ma
     assert (holes.points - whole.points).abs().max() < 1.0
 
 
+@pytest.mark.parametrize("every", [2, 3])
+@pytest.mark.parametrize("phase", [0, 1])
+def test_a_slower_log_gives_the_same_velocities(
+    robots, make_network, make_window, seed, every, phase
+):
+    robot = robots["prism3"]
+    network = make_network(robot, LEAN, seed)
+    window = make_window(robot, LEAN, seed, spin=0.0)
+    past = window.past_points
+    drift = 0.01 * torch.arange(past.shape[1]).to(past)[None, :, None, None]
+    steady = past[:, -1:] + drift * torch.tensor([1.0, -2.0, 0.5]).to(past)
+    sparse = steady.clone()
+    rows = torch.arange(past.shape[1])
+    sparse[:, (past.shape[1] - 1 - phase - rows) % every != 0] = torch.nan
+    simulator = Simulator(robot, LEAN)
+    whole, holes = (
+        simulator.unroll(network, *dataclasses.replace(window, past_points=p).arguments())
+        for p in (steady, sparse)
+    )
+    torch.testing.assert_close(holes.points, whole.points, rtol=0, atol=1e-3)
+
+
 def test_a_point_that_was_never_seen_is_refused_by_name(robots, make_network, make_window, seed):
     robot = robots["prism3"]
     window = make_window(robot, LEAN, seed)

@@ -10,7 +10,7 @@ from flywheel.errors import DataError
 from flywheel.reports import page
 from flywheel.reports.page import result_rows, write_page
 from flywheel.runtime.results import RunResult
-from tests.unit.reports.fake_run import fake_run
+from tests.unit.reports.fake_run import fake_errors, fake_run
 
 VIDEO = b"\x00\x00\x00\x18ftypmp42 not much of a video"
 VOID = {"meta", "img", "br", "link", "input"}
@@ -101,6 +101,17 @@ def test_the_table_shows_both_arms_beside_floor_and_oracle(shown):
         f"{success.reached}/{success.total}"
     )
     assert rows["oracle: MPPI on the plant"].short_rotation == ""
+
+
+def test_errors_on_recordings_have_lines_of_their_own():
+    run = fake_run(1)
+    turn = run.iterations[0].model_copy(update={"recordings": fake_errors(2.0, full=False)})
+    changes = {"iterations": (turn,), "persistence_on_recordings": fake_errors(5.0)}
+    rows = {row.name: row for row in result_rows(run.model_copy(update=changes))}
+    own = rows["iteration 0, on recordings"]
+    assert own.short_rotation == f"{turn.recordings.short.e_rot:.2f}"
+    assert own.full_rotation == ""
+    assert rows["nothing moves, on recordings"].full_position
 
 
 def test_an_unfinished_run_has_a_page_that_says_so_and_what_is_missing(tmp_path, one_figure):

@@ -19,7 +19,7 @@ class MemoryCache:
     datasets: tuple[str, ...] = ("nominal",)
     digest: str = "0" * 64
 
-    def starts(self, length: int) -> np.ndarray:
+    def starts(self, length: int, past: int | None = None) -> np.ndarray:
         episodes, steps = self.controls.shape[:2]
         first = np.arange(max(0, steps - length + 1))
         return (np.arange(episodes)[:, None] * (steps + 1) + first).ravel().astype(np.int64)

@@ -52,7 +52,7 @@ def test_a_missing_point_moves_the_origin_but_spoils_nothing_else(train):
 
 
 def test_the_draw_is_a_pure_function_of_seed_and_step(train):
-    draw = Draw(train, 20, {})
+    draw = Draw(train, 20, 8, {})
     first, again = (draw(generator(3, 17, 0), 64) for _ in range(2))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, draw(generator(3, 18, 0), 64))
@@ -63,7 +63,7 @@ def test_the_draw_is_a_pure_function_of_seed_and_step(train):
 def test_a_mix_draws_each_data_set_by_its_share(train):
     dataset = np.array([0, 1, 1])
     mixed = type(train)(train.points, train.controls, train.winch, dataset, ("sim", "real"))
-    draw = Draw(mixed, 20, {"sim": 0.9, "real": 0.1})
+    draw = Draw(mixed, 20, 8, {"sim": 0.9, "real": 0.1})
     starts = draw(np.random.default_rng(), 4000)
     share = (mixed.gather(starts, 20).dataset == 1).mean()
     assert share == pytest.approx(0.1, abs=0.03)
@@ -71,9 +71,9 @@ def test_a_mix_draws_each_data_set_by_its_share(train):
 
 def test_a_mix_with_an_unknown_data_set_is_refused(train):
     with pytest.raises(ConfigError, match=r"'real'.*There are: nominal"):
-        Draw(train, 20, {"nominal": 0.5, "real": 0.5})
+        Draw(train, 20, 8, {"nominal": 0.5, "real": 0.5})
 
 
 def test_episodes_shorter_than_a_window_are_refused(train):
     with pytest.raises(DataError, match="window of 201 steps"):
-        Draw(train, 201, {})
+        Draw(train, 201, 8, {})
