@@ -104,7 +104,6 @@ def track(points: Floats, time: Floats, robot: Robot) -> Tracked:
     rows, count = points.shape[:2]
     order = np.arange(count)  # the marker that each point is under now
     last, when = np.full((count, 3), np.nan), np.full(count, time[0])
-    found = np.array(points)
     orders = np.empty((rows, count), np.int64)
     leaps, rods = np.zeros((rows, count), bool), np.zeros((rows, count), bool)
     for t in range(rows):
@@ -118,18 +117,42 @@ def track(points: Floats, time: Floats, robot: Robot) -> Tracked:
             for rod in np.flatnonzero(wrong_rods(now, bounds.rods, bounds.tolerance)):
                 rods[t, [bounds.rods[rod].a, bounds.rods[rod].b]] = True
             now[rods[t]] = np.nan
-        orders[t], found[t] = order, now
+        orders[t] = order
         seen = np.isfinite(now).all(axis=-1)
         last[seen], when[seen] = now[seen], time[t]
-    # The line between two neighbours has half their variance.
-    leaps |= spikes(found, time, bounds.kick, NOISES * bounds.noise * np.sqrt(1.5))
     ordered = np.take_along_axis(points, orders[..., None], axis=1)
-    moved, steps = _moved(ordered[1:], ordered[:-1]), np.diff(time)[:, None]
-    seen = np.isfinite(found).all(axis=-1) & ~leaps
-    leaps |= islands(leaps | rods, seen, moved <= bounds.reach(steps), time)
-    found[leaps] = np.nan
+    found, leaps, rods = _without_strays(ordered, leaps, rods, time, bounds)
     exchanged = (orders != np.arange(count)) & np.isfinite(found).all(axis=-1)
     return Tracked(found, ordered, exchanged, orders, leaps, rods)
+
+
+def _without_strays(
+    ordered: Floats,
+    leaps: NDArray[np.bool_],
+    rods: NDArray[np.bool_],
+    time: Floats,
+    bounds: Bounds,
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    """The points, and what is masked as a leap or by a rod, after a look before and after each row."""
+    # The line between two neighbours has half their variance.
+    noise = NOISES * bounds.noise * np.sqrt(1.5)
+    # A sample within reach from before, from where the next is not, though that one is from before:
+    first = spikes(ordered, time, bounds.kick, noise)[:-1] & ~leaps[:-1] & ~rods[:-1] & leaps[1:]
+    past = _moved(ordered[2:], ordered[:-2]) <= bounds.reach((time[2:] - time[:-2])[:, None])
+    first[0] = False
+    first[1:] &= past
+    leaps = leaps.copy()
+    leaps[:-1] |= first
+    leaps[1:] &= ~first
+    found = np.where((leaps | rods)[..., None], np.nan, ordered)
+    moved, steps = _moved(ordered[1:], ordered[:-1]), np.diff(time)[:, None]
+    seen = np.asarray(np.isfinite(found).all(axis=-1))
+    chance = islands(leaps | rods, seen, moved <= bounds.reach(steps), time)
+    by_rod = chance & rods.any(axis=0)
+    found[chance] = np.nan
+    leaps = leaps | (chance & ~by_rod) | spikes(found, time, bounds.kick, noise)
+    found[leaps] = np.nan
+    return found, leaps, rods | by_rod
 
 
 def judged(

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from flywheel.records import Floats
 
 SIGHT = 2.5  # usual times between rows: neighbours further apart say nothing
-ISLAND_SECONDS = 0.1  # a marker that is right for shorter, between wrong samples, is so by chance
-STEADY_SECONDS = 0.5  # the same where it did not leap from the wrong samples to the right ones
+ISLAND_SECONDS = 0.5  # a marker that is right for shorter, between wrong samples, is so by chance
 
 
 def spikes(points: Floats, time: Floats, kick: float, noise: float) -> NDArray[np.bool_]:
@@ -43,7 +42,7 @@ def spikes(points: Floats, time: Floats, kick: float, noise: float) -> NDArray[n
 def islands(
     wrong: NDArray[np.bool_], seen: NDArray[np.bool_], steady: NDArray[np.bool_], time: Floats
 ) -> NDArray[np.bool_]:
-    """(N, P) seen samples in short runs between wrong ones.
+    """(N, P) seen samples in short runs between wrong ones, to or from which the marker did not leap.
 
     A marker that stays in a wrong place is now and then at the right distance from its partner.
 
@@ -58,7 +57,6 @@ def islands(
         rows = np.flatnonzero(wrong[:, marker])
         for a, b in pairwise(rows.tolist()):
             joined = steady[a, marker] or steady[b - 1, marker]
-            longest = STEADY_SECONDS if joined else ISLAND_SECONDS
-            if b - a > 1 and time[b] - time[a] < longest:
+            if b - a > 1 and joined and time[b] - time[a] < ISLAND_SECONDS:
                 found[a + 1 : b, marker] = seen[a + 1 : b, marker]
     return found
