@@ -16,7 +16,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda p: p.name)
 def test_every_shipped_configuration_is_valid(path):
-    assert load_config(path).iterations >= 1
+    assert load_config(path).name != "run"  # each has a name of its own
 
 
 def test_a_network_preset_can_be_named_and_changed():
