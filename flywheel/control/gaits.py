@@ -69,6 +69,8 @@ class Gait:
       pattern: "roll", "cw" or "ccw".
       dt: control step [s].
       cycles: of the pattern; then back to rest, and hold. None: for ever.
+      variation: the most by which a target's lengths are off at random, anew for every target [-].
+        Without it, two gaits from the same start are the same motion.
 
     Raises:
       ConfigError: no such gait, or another kind of robot.
@@ -76,11 +78,18 @@ class Gait:
 
     model, history = "", 0
 
-    def __init__(self, robot: Robot, pattern: str, dt: float = 0.01, cycles: int | None = None):
+    def __init__(
+        self,
+        robot: Robot,
+        pattern: str,
+        dt: float = 0.01,
+        cycles: int | None = None,
+        variation: float = 0.0,
+    ) -> None:
         if pattern not in PATTERNS:
             raise ConfigError(f"There is no gait {pattern!r}. Known: {', '.join(PATTERNS)}.")
         _refuse_other_robots(robot)
-        self.robot, self.dt, self.cycles = robot, dt, cycles
+        self.robot, self.dt, self.cycles, self.variation = robot, dt, cycles, variation
         self.name = f"gait:{pattern}"
         self.pattern = PATTERNS[pattern]
         self.reset(None, 0)
@@ -88,6 +97,7 @@ class Gait:
     def reset(self, task: Task | None, seed: int) -> None:
         """Begin again with the first target."""
         self._index = 0
+        self._rng = np.random.default_rng(seed)
         self._side = SIDES[0, 2, 5]
         self._points = np.full((len(self.robot.points), 3), np.nan)
         self._reach: Reach | None = None
@@ -125,12 +135,15 @@ class Gait:
         step, in_cycle = self._index, (self._index - 1) % len(self.pattern.targets)
         self._index += 1
         if step == 0 or step == self._last:
-            return Reach(self.robot, self.pattern, np.array(REST), self.dt)
+            return self._reach_for(np.array(REST))
         if in_cycle == 0:
             down = tuple(sorted(int(i) for i in np.argsort(self._points[:, 2])[:3]))
             self._side = SIDES.get(down, self._side)
-        wanted = np.array(self.pattern.targets[in_cycle])[list(self._side)]
-        return Reach(self.robot, self.pattern, wanted, self.dt)
+        return self._reach_for(np.array(self.pattern.targets[in_cycle])[list(self._side)])
+
+    def _reach_for(self, wanted: Floats) -> Reach:
+        off = self._rng.uniform(-self.variation, self.variation, len(wanted))
+        return Reach(self.robot, self.pattern, np.clip(wanted + off, 0, 1), self.dt)
 
 
 class Reach:

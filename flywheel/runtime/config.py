@@ -60,6 +60,8 @@ class CollectConfig(_Frozen):
     Attributes:
       gaits, random, drops: episodes of each kind in iteration 0, spread over the data sets.
       gait_seconds, random_seconds, drop_seconds: their durations [s].
+      gait_variation: the most by which the cable lengths of a gait's targets are off at random [-];
+        each gait starts from where the robot came to rest after a random drop.
       mppi: episodes that each later iteration adds.
       mppi_seconds: their longest duration [s].
       validation: share of the episodes of each kind that is kept for validation.
@@ -69,6 +71,7 @@ class CollectConfig(_Frozen):
 
     gaits: int = Field(default=6, ge=0)
     gait_seconds: float = Field(default=30.0, gt=0)
+    gait_variation: float = Field(default=0.15, ge=0, le=0.5)
     random: int = Field(default=10, ge=0)
     random_seconds: float = Field(default=30.0, gt=0)
     drops: int = Field(default=4, ge=0)

@@ -115,7 +115,7 @@ class Recorder:
         kind, _, gait = plan.controller.partition(":")
         dt = self.config.network.dt
         if kind == "gait":
-            return Gait(self.robot, gait, dt)
+            return Gait(self.robot, gait, dt, variation=self.config.collect.gait_variation)
         if kind == "random":
             return RandomControls(self.robot, dt)
         if kind == "drop":
@@ -124,8 +124,10 @@ class Recorder:
         return Mppi(dynamics, self.config.mppi, plan.controller, model)
 
     def _start(self, plan: EpisodePlan, plant: Plant) -> State:
-        if plan.controller == "drop":
-            return random_drop(plant, np.random.default_rng(plan.seed), 1)
+        kind, _, _ = plan.controller.partition(":")
+        if kind in ("drop", "gait"):
+            dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
+            return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)
         return self._settled_state(plan.dataset)
 
     def _settled_state(self, dataset: int) -> State:

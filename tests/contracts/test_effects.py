@@ -7,7 +7,6 @@ import secrets
 import numpy as np
 import pytest
 
-from flywheel.control import RandomControls
 from flywheel.dynamics.plant import AugmentedPlant, Plant
 from flywheel.effects import EFFECTS, Effect, Scales, Term
 from flywheel.records import State
@@ -31,11 +30,16 @@ def some_term(effect: Effect, robot: Robot, rng: np.random.Generator, factor: fl
 
 
 def driven(augmented: AugmentedPlant, rng: np.random.Generator, count: int):
-    """A settled start and random commands, the same for `count` simulations."""
+    """A settled start and commands that haul in and pay out every winch in some order (some
+    effects act one way only), the same for `count` simulations."""
     plant = augmented.plant
     start = plant.settle(1.0)
-    controls = RandomControls(plant.robot, plant.dt).sequence(
-        plant.winch(start)[0], STEPS, int(rng.integers(2**31))
+    low, high = plant.robot.control_low, plant.robot.control_high
+    way = (
+        rng.choice((-1.0, 1.0), len(low)) * np.where(np.arange(STEPS) < STEPS // 2, 1, -1)[:, None]
+    )
+    controls = np.clip(
+        plant.robot.holding(plant.winch(start)[0]) + 0.5 * way * (high - low), low, high
     )
     many = State(*(np.repeat(a, count, axis=0) for a in (start.qpos, start.qvel, start.act)))
     return many, np.repeat(controls[None], count, axis=0)
@@ -102,3 +106,15 @@ def test_an_effect_says_what_it_is(name: str) -> None:
             assert parameter.low < parameter.high
         assert effect.places(robot)
     assert all(shape.grid for shape in effect.shapes)
+
+
+def test_a_faster_winch_is_faster_at_full_command_too() -> None:
+    """MuJoCo must not clip what the effect made of a command within its range."""
+    augmented = AugmentedPlant(Plant(load_robot("prism3")))
+    robot, plant = augmented.robot, augmented.plant
+    start = plant.settle(1.0, n=2)
+    controls = np.repeat(robot.control_high[None, None], 20, axis=1).repeat(2, axis=0)
+    terms = [(), (Term(EFFECTS["winch_gain"], None, (0.25,)),)]
+    motion = augmented.simulate(start, augmented.commands(controls, terms), terms)
+    moved = plant.winch(motion.states[:, -1]) - plant.winch(start)
+    assert moved[1] == pytest.approx(1.25 * moved[0])

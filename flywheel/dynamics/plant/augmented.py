@@ -11,7 +11,7 @@ from mujoco.batch import Batch
 
 from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped
 from flywheel.dynamics.plant.parameters import scaled
-from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.plant import DISABLED, Plant
 from flywheel.dynamics.plant.world import scene
 from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
 from flywheel.errors import ModelError
@@ -211,7 +211,7 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
         for body in spec.bodies[1:]:
             body.simple = False
     model = spec.compile()
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
+    model.opt.disableflags |= DISABLED
     parameters = plant.parameters
     return scaled(
         model, plant.robot, parameters if not isinstance(parameters, Sequence) else parameters[0]

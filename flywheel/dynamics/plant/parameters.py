@@ -74,10 +74,7 @@ def _scale_cables(model: mujoco.MjModel, parameters: PlantParameters) -> None:
 
 
 def _scale_winches(model: mujoco.MjModel, robot: Robot, scale: float) -> None:
-    """Let rate winches take the scaled command (`Plant` scales it) and position winches lag less."""
+    """Let position winches lag less; `Plant` scales the commands of rate winches."""
     for winch in robot.winches:
-        actuators = list(winch.actuators)
-        if winch.kind == "rate":
-            model.actuator_ctrlrange[actuators] *= scale
-        else:
-            model.actuator_dynprm[actuators, 0] /= scale
+        if winch.kind == "position":
+            model.actuator_dynprm[list(winch.actuators), 0] /= scale

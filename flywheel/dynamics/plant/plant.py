@@ -18,6 +18,9 @@ from flywheel.robots import Box, Robot
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 NOMINAL = PlantParameters()
+# Warm starts would make results depend on how the time is split (they save 5 %). Commands are
+# clipped here, before anything that makes a winch faster than it was told.
+DISABLED = int(mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
 OUTPUT_BYTES = 64 << 20  # of one call into MuJoCo; longer simulations are made of several
 
 
@@ -65,7 +68,7 @@ class Plant:
     def _compile(self) -> None:
         robot = self.robot
         base = scene(robot, self.obstacles).compile()
-        base.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART  # 5 % slower, see above
+        base.opt.disableflags |= DISABLED
         every = self.parameters
         sets = [every] if isinstance(every, PlantParameters) else list(every)
         distinct = {p: scaled(base, robot, p) for p in dict.fromkeys(sets)}
@@ -99,9 +102,9 @@ class Plant:
         key = self.robot.keyframe
         return State(*(np.repeat(a[None], n, axis=0) for a in (key.qpos, key.qvel, key.act)))
 
-    def settle(self, seconds: float, n: int = 1) -> State:
-        """The keyframe after `seconds` under the command that holds the winches, `n` times."""
-        start = self.rest(n)
+    def settle(self, seconds: float, n: int = 1, start: State | None = None) -> State:
+        """`n` times the keyframe, or `start`, after `seconds` of holding the winches still."""
+        start = self.rest(n) if start is None else start
         hold = self.robot.holding(start.act[:, self._winch_act])
         controls = np.repeat(hold[:, None], round(seconds / self.dt), axis=1)
         states = self.simulate(start, controls).states
@@ -248,12 +251,19 @@ def _sensor_columns(model: mujoco.MjModel, names: list[str]) -> np.ndarray:
 
 
 def _drive(model: mujoco.MjModel, robot: Robot) -> tuple[Floats, Floats]:
-    """Matrix (W, nu) and shift (nu,) that turn controls into MuJoCo's; passive actuators get 0."""
-    drive, shift = np.zeros((len(robot.winches), model.nu)), np.zeros(model.nu)
+    """Matrix (W, nu) and shift (nu,) that turn controls into MuJoCo's.
+
+    Actuators that belong to no winch get what is nearest to 0 in their range.
+    """
+    drive = np.zeros((len(robot.winches), model.nu))
+    limited = np.where(
+        model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, [-np.inf, np.inf]
+    )
+    shift = np.clip(0.0, *limited.T)
     act = robot.keyframe.act
     for index, winch in enumerate(robot.winches):
         for actuator in winch.actuators:
-            drive[index, actuator] = 1.0
+            drive[index, actuator], shift[actuator] = 1.0, 0.0
             if winch.kind == "position":
                 pair = model.actuator_actadr[[actuator, winch.actuators[0]]]
                 shift[actuator] = act[pair[0]] - act[pair[1]]

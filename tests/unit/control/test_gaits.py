@@ -82,3 +82,18 @@ def test_other_gaits_and_robots_are_refused() -> None:
     for other in ("icosa6", "platform4"):
         with pytest.raises(ConfigError, match=f"gaits are for prism3.*{other} has"):
             Gait(load_robot(other), "roll")
+
+
+def test_varied_targets_differ_between_seeds_and_repeat_with_one() -> None:
+    def stopped(variation: float, seed: int) -> list[bool]:
+        """Which winches are content, for rising lengths between the caps."""
+        gait = Gait(ROBOT, "roll", variation=variation)
+        gait.reset(None, seed)
+        lengths = np.linspace(0.8, 1.2, 81)
+        moving = [(gait.act(past(spread(length), winch=0.5)).controls != 0) for length in lengths]
+        return np.concatenate(moving).tolist()
+
+    one, other = (int(seed) for seed in np.random.default_rng().integers(2**31, size=2))
+    assert stopped(0.15, one) == stopped(0.15, one)
+    assert stopped(0.15, one) != stopped(0.15, other), (one, other)
+    assert stopped(0.0, one) == stopped(0.0, other)

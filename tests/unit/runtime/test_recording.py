@@ -1,0 +1,38 @@
+"""What episodes begin with, and do, follows from their seeds."""
+
+import numpy as np
+import pytest
+
+from flywheel.records import Floats
+from flywheel.robots import load_robot
+from flywheel.runtime.config import CollectConfig, DataSet, RunConfig
+from flywheel.runtime.plan import collection
+from flywheel.runtime.recording import Recorder
+
+SECONDS = 8.0  # the first target takes about 3
+
+
+class NobodyWatches:
+    def progress(self, share: float) -> None: ...
+
+
+def gaits_of_one_kind(seed: int) -> list[Floats]:
+    """Measured points (T, P, 3) of all rolls on the same plant."""
+    collect = CollectConfig(gaits=6, gait_seconds=SECONDS, validation=0.2, test=0.2)
+    config = RunConfig(seed=seed, collect=collect, datasets=(DataSet(),))
+    recorder = Recorder(config, load_robot(config.robot))
+    plans = [p for p in collection(config, 0, "mppi") if p.controller == "gait:roll"]
+    episodes = [recorder.record(p, None, "", NobodyWatches()) for p in plans]
+    return [e.trajectory.observations.points[0] for e in episodes]
+
+
+@pytest.mark.parametrize("seed", [int(np.random.default_rng().integers(2**31))])
+def test_gaits_of_the_same_kind_on_the_same_plant_are_different_motions(seed: int):
+    """Else the episodes kept for tests are trained on."""
+    first, second = gaits_of_one_kind(seed)
+    pairs = np.triu_indices(first.shape[1], 1)
+    spans = [np.linalg.norm(p[:, pairs[0]] - p[:, pairs[1]], axis=-1) for p in (first, second)]
+    start, end = slice(0, 100), slice(-300, None)
+    assert np.ptp(first[end].mean(1), axis=0).max() > 0.05, "it does not walk"
+    for part in (start, end):  # however one is turned and shifted, it is not the other
+        assert np.abs(spans[0][part] - spans[1][part]).max() > 0.02, (seed, part)
