@@ -10,12 +10,12 @@ from rich.console import Console
 
 from flywheel.data.recordings import read_recording
 from flywheel.diagnosis import Diagnosis, diagnose
-from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect
 from flywheel.records import Trajectory
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import sentence, write_diagnosis
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
+from pipelines.plants import open_plant
 from pipelines.show import console, table
 
 SHOWN = 10  # candidates in the table
@@ -33,10 +33,10 @@ def explain(
     answer: Path | None,
 ) -> int:
     """Diagnose logs, print the answer, write the page, and return the verdict's exit code."""
-    robot = load_robot(robot_name)
-    out = console()
+    plant = open_plant(robot_name, dt, threads)
+    robot, out = plant.robot, console()
     found = diagnose(
-        Plant(robot, dt, threads=threads),
+        plant,
         [t for path in logs for t in _read(path, robot, dt, out)],
         [t for path in held_out for t in _read(path, robot, dt, out)],
         _library(effects),
@@ -47,11 +47,18 @@ def explain(
         "robot": f"{robot.name} ({robot.digest[:12]})",
         "recordings": ", ".join(path.name for path in logs),
         "held out": ", ".join(path.name for path in held_out) or "none",
+        "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
         "control step": f"{dt:g} s, MuJoCo steps of {robot.timestep:g} s",
     }
     out.print(f"Page: {write_diagnosis(found, page, about)}", soft_wrap=True)
     if answer is not None:
-        answer.write_text(json.dumps(found.summary(), indent=1) + "\n")
+        summary = {
+            **found.summary(),
+            "robot": {"name": robot.name, "digest": robot.digest},
+            "recordings": [path.name for path in logs],
+            "held_out_recordings": [path.name for path in held_out],
+        }
+        answer.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
         out.print(f"JSON: {answer}", soft_wrap=True)
     return found.exit_code
 

@@ -16,7 +16,11 @@ def diagnose(
         list[Path], typer.Argument(metavar="CSV...", help="Logs to explain.", show_default=False)
     ],
     robot: Annotated[
-        str, typer.Option(help="Your .xml, or a shipped robot's name.", show_default=False)
+        str,
+        typer.Option(
+            help="Your .xml, a shipped robot's name, or an adopted plant's folder.",
+            show_default=False,
+        ),
     ],
     held_out: Annotated[
         list[Path] | None,
@@ -54,6 +58,38 @@ def diagnose(
 
     code = explain(recordings, held_out or [], robot, effects, window, dt, threads, page, json)
     raise typer.Exit(code)
+
+
+@app.command()
+def adopt(
+    answer_file: Annotated[
+        Path,
+        typer.Argument(metavar="JSON", help="Of `flywheel diagnose --json`.", show_default=False),
+    ],
+    robot: Annotated[
+        str,
+        typer.Option(help="What was diagnosed, as it was given there.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the versions.")] = Path("plants"),
+    answer: Annotated[
+        int | None,
+        typer.Option(
+            help="Which of several answers, from 1; also takes what held-out recordings speak against.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Make the effects that were found part of the plant, as a new version of it.
+
+    Nothing is written over: to go back, use an earlier version.
+
+    [bold]Example[/bold]
+
+    flywheel adopt answer.json --robot my_robot.xml
+    """
+    from pipelines.adopt import take_over
+
+    take_over(answer_file, robot, out, answer)
 
 
 @app.command("diagnose-bench")

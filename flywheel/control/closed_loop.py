@@ -144,11 +144,12 @@ def record_episode(
     controller.reset(task, int(for_controller.generate_state(1, np.uint64)[0]))
     plan_seconds: list[float] = []
     reached = False
+    course = plant.begin(start)
     while log.done < steps and not reached:
         command = controller.act(log.past())
         plan_seconds.append(command.plan_seconds)
         controls = _checked(command.controls, controller.name, plant.robot)
-        simulated = plant.simulate(log.state, controls[None, : steps - log.done])
+        simulated = course.go(controls[None, : steps - log.done])
         if task is not None:
             simulated, reached = _until_reached(simulated, task)
         log.append(simulated)

@@ -60,7 +60,7 @@ def diagnose(
     """Find out which effects a plant lacks to explain recordings.
 
     Args:
-      plant: the model under test.
+      plant: the model under test. Effects that it has already are fitted anew beside those found.
       recordings: unbatched, of its control step.
       held_out: further ones, on which the answer is only judged.
       library: effects that may be missing.
@@ -75,13 +75,13 @@ def diagnose(
     windows = Windows.cut(plant.robot, recordings, window_seconds)
     fitter = fitter_of(windows, plant)
     selection = Selection(fitter, candidates(plant.robot, library), limits.threshold)
-    steps = selection.run(fitted(fitter, seed=seed))
+    steps = selection.run(fitted(fitter, plant.terms, seed=seed))
     last = steps[-1]
     alternatives = selection.alternatives(steps, limits.equally_good)
     before, after = (_adequacy(selection, step) for step in (steps[0], last))
     return Diagnosis(
-        verdict=_verdict(limits, last, len(alternatives), before, after),
-        answers=tuple(_answer(selection, fit) for fit in alternatives),
+        verdict=_verdict(limits, steps, len(alternatives), before, after),
+        answers=tuple(_answer(selection, fit) for fit in alternatives) if len(steps) > 1 else ((),),
         ranking=steps[0].scores,
         threshold=limits.threshold,
         errors=_errors(windows, steps[0].fit, last.fit),
@@ -94,11 +94,12 @@ def diagnose(
 
 
 def _verdict(
-    limits: Limits, last: Step, alternatives: int, before: Adequacy, after: Adequacy
+    limits: Limits, steps: Sequence[Step], alternatives: int, before: Adequacy, after: Adequacy
 ) -> Verdict:
+    last = steps[-1]
     if not np.isfinite(last.fit.cost):
         return Verdict.NOT_CONVERGED
-    if not last.fit.terms:
+    if len(steps) == 1:
         if limits.enough(before):
             smallest = [score.smallest for score in last.scores]
             blind = all(
@@ -121,8 +122,6 @@ def _adequacy(selection: Selection, step: Step) -> Adequacy:
 
 def _answer(selection: Selection, fit: Fit) -> Alternative:
     """The effects of a fit with intervals."""
-    if not fit.terms:
-        return ()
     spread = deviations(selection.fitter, fit, free_values(fit.terms, selection.scales))
     robot, answer, start = selection.fitter.predictor.windows.robot, [], 0
     for term in fit.terms:
@@ -143,6 +142,6 @@ def _held_out(
     seconds = fitted_on.steps * fitted_on.dt
     windows = Windows.cut(plant.robot, recordings, seconds, fitted_on.sigma)
     fitter = fitter_of(windows, plant)
-    before = fitted(fitter, seed=seed)
-    after = fitted(fitter, terms, seed=seed) if terms else before
+    before = fitted(fitter, plant.terms, seed=seed)
+    after = before if terms == plant.terms else fitted(fitter, terms, seed=seed)
     return _errors(windows, before, after)

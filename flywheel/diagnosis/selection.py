@@ -20,7 +20,7 @@ SHARE = 0.5  # of the best candidate's power that one needs to be refitted
 PER_FAMILY = 2  # places of one effect on the short list
 PAIRS = 1  # pairs on the short list
 MORE = 1.2  # times what the best explains alone, from which a pair is tried
-MOST = 3  # effects together
+MOST = 3  # effects found together
 RIVAL = 0.8  # share of an effect's power from which another is tried in its place
 
 
@@ -55,10 +55,10 @@ class Selection:
         self.scales = Scales.of(fitter.predictor.windows.robot)
 
     def run(self, fit: Fit) -> list[Step]:
-        """The model without effects, with one, and so on; the last step is the answer."""
-        steps = [self.look(fit)]
-        while len(steps[-1].fit.terms) < MOST:
-            better = self._next(steps[-1])
+        """The model as it was, with one effect more, and so on; the last step is the answer."""
+        steps, most = [self.look(fit)], len(fit.terms) + MOST
+        while len(steps[-1].fit.terms) < most:
+            better = self._next(steps[-1], most)
             if better is None:
                 break
             steps.append(self.look(better))
@@ -108,15 +108,15 @@ class Selection:
         stepped = [f.moved(fit.terms, m) for f, m in zip(free, moves, strict=True)]
         return self.fitter.columns(fit, stepped) / moves
 
-    def _next(self, step: Step) -> Fit | None:
-        """The model with another effect, fitted; None if none is seen."""
+    def _next(self, step: Step, most: int) -> Fit | None:
+        """The model with another effect, or two if `most` allows, fitted; None if none is seen."""
         best = step.scores[0]
         if best.score < self.threshold:
             return None
         proposals: list[Terms] = [
             (score.candidate.term(score.sizes, score.shape),) for score in self.short(step)
         ]
-        if len(step.fit.terms) + 2 <= MOST:
+        if len(step.fit.terms) + 2 <= most:
             proposals += self._pairs(step)
         refits = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
         chosen = min(refits, key=self.criterion)

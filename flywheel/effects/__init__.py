@@ -1,6 +1,7 @@
 """Physical causes that can be added to a plant. A new one is one file and one line here."""
 
 from flywheel.effects.actuator_lag import ActuatorLag
+from flywheel.effects.adopted import AdoptedPlant
 from flywheel.effects.air_drag import AirDrag
 from flywheel.effects.cable_damping import CableDamping
 from flywheel.effects.cable_friction import CableFriction
@@ -33,6 +34,7 @@ from flywheel.effects.torque_speed import TorqueSpeed
 from flywheel.effects.weak_cable import WeakCable
 from flywheel.effects.winch_backlash import WinchBacklash
 from flywheel.effects.winch_gain import WinchGain
+from flywheel.effects.written import WrittenTerm
 
 EFFECTS: dict[str, Effect] = {
     "cable_damping": CableDamping(),
@@ -59,6 +61,7 @@ EFFECTS: dict[str, Effect] = {
 
 __all__ = [
     "EFFECTS",
+    "AdoptedPlant",
     "Cables",
     "CommandEffect",
     "Effect",
@@ -69,5 +72,6 @@ __all__ = [
     "Term",
     "Terms",
     "WinchEffect",
+    "WrittenTerm",
     "place_name",
 ]

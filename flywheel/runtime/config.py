@@ -13,8 +13,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from flywheel.control import MppiConfig
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
-from flywheel.errors import UnknownNameError
+from flywheel.effects import AdoptedPlant, WrittenTerm
+from flywheel.errors import FlywheelError, UnknownNameError
 from flywheel.registry import lookup
+from flywheel.robots import load_robot
 from flywheel.runtime.config_files import read_config
 from flywheel.runtime.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
@@ -163,6 +165,8 @@ class RunConfig(_Frozen):
       seed: that every other seed is derived from.
       iterations: after iteration 0.
       control_arm: beside MPPI's, train a model on as many episodes with random controls.
+      effects: what every plant has beyond the MJCF; in a file also the path of an adopted plant, whose
+        effects are then taken over.
       datasets: variations of the plant; MPPI collects and is judged on the first.
       measurement: between the plant and everything that learns or plans.
       collect, task, mppi, network, training, evaluate, gate: see each.
@@ -176,6 +180,7 @@ class RunConfig(_Frozen):
     seed: int = Field(default=0, ge=0)
     iterations: int = Field(default=2, ge=0)
     control_arm: bool = True
+    effects: tuple[WrittenTerm, ...] = ()
     datasets: tuple[DataSet, ...] = Field(default=(DataSet(),), min_length=1)
     measurement: MeasurementModel = MeasurementModel()
     collect: CollectConfig = CollectConfig()
@@ -189,6 +194,23 @@ class RunConfig(_Frozen):
     workers: WorkersConfig = WorkersConfig()
     tracking: TrackingConfig = TrackingConfig()
     store: str = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _adopted(cls, values: Any) -> Any:
+        if not isinstance(values, dict) or not isinstance(values.get("effects"), str):
+            return values
+        try:
+            plant, robot = AdoptedPlant.read(values["effects"])
+            wanted = load_robot(values.get("robot", cls.model_fields["robot"].default))
+        except FlywheelError as error:
+            raise ValueError(str(error)) from None
+        if wanted.digest != robot.digest:
+            raise ValueError(
+                f"effects {values['effects']} were adopted for {robot.name} ({robot.digest[:12]}), the "
+                f"run's robot is {wanted.name} ({wanted.digest[:12]})"
+            )
+        return {**values, "effects": [e.model_dump() for e in plant.effects]}
 
     @model_validator(mode="after")
     def _data_sets_have_names_and_places(self) -> Self:

@@ -14,8 +14,9 @@ from flywheel.control import (
     record_episode,
 )
 from flywheel.control.gaits import Gait
-from flywheel.dynamics.plant import Plant, PlantDynamics
+from flywheel.dynamics.plant import Plant, PlantDynamics, with_effects
 from flywheel.dynamics.protocol import Dynamics
+from flywheel.effects import EFFECTS
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig, config_digest
@@ -39,17 +40,19 @@ class Recorder:
     def __init__(self, config: RunConfig, robot: Robot) -> None:
         self.config, self.robot = config, robot
         self._digest = config_digest(config)
+        self._terms = tuple(effect.term(robot, EFFECTS) for effect in config.effects)
         self._settled: dict[int, State] = {}
 
     def plant(self, dataset: int, task: Task | None = None) -> Plant:
-        """The plant of a data set, with the obstacles of a task."""
-        return Plant(
+        """The plant of a data set, with the run's effects and the obstacles of a task."""
+        plant = Plant(
             self.robot,
             self.config.network.dt,
             parameters=self.config.datasets[dataset].plant,
             obstacles=() if task is None else task.obstacles,
             threads=self.config.sim_threads,
         )
+        return with_effects(plant, self._terms)
 
     def task(self, plan: EpisodePlan) -> Task | None:
         """The task of a planned episode."""
@@ -148,4 +151,5 @@ class Recorder:
             config=self._digest,
             code=__version__,
             plant=data.plant.changed(),
+            effects={t.label(self.robot): t.named for t in self._terms},
         )

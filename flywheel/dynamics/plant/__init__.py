@@ -1,6 +1,8 @@
 """The plant: MuJoCo as the robot's stand-in, what is measured of it, and MuJoCo as a model."""
 
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Motion
+from flywheel.dynamics.plant.course import Course
+from flywheel.dynamics.plant.effective import EffectivePlant, with_effects
 from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
@@ -12,6 +14,8 @@ from flywheel.dynamics.plant.tangent import between, moved, turning
 
 __all__ = [
     "AugmentedPlant",
+    "Course",
+    "EffectivePlant",
     "MeasurementModel",
     "Motion",
     "Plant",
@@ -25,4 +29,5 @@ __all__ = [
     "render_episode",
     "render_frames",
     "turning",
+    "with_effects",
 ]

@@ -10,8 +10,10 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout as MujocoRollout
 
+from flywheel.dynamics.plant.course import Course
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.world import scene
+from flywheel.effects import Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.robots import Box, Robot
@@ -39,9 +41,14 @@ class Plant:
       obstacles: boxes to collide with.
       threads: simulations stepped at the same time.
 
+    Attributes:
+      terms: effects that are always there; see `EffectivePlant`.
+
     Raises:
       ModelError: dt is not a multiple of the robot's timestep.
     """
+
+    terms: Terms = ()
 
     def __init__(
         self,
@@ -164,6 +171,10 @@ class Plant:
         seen = Observation(points, self.winch(full))
         return Trajectory(seen, controls, self.dt, full)
 
+    def begin(self, state: State) -> Course:
+        """An episode from a state (1,), to be simulated piece by piece."""
+        return _PlainCourse(self, state)
+
     def commands(self, controls: Floats) -> Floats:
         """What MuJoCo's actuators get (B, T, nu) for winch controls (B, T, W) within their ranges."""
         return (controls * self._speed) @ self._drive + self._drive_shift
@@ -227,6 +238,17 @@ class Plant:
         nq, nv = len(self.robot.keyframe.qpos), len(self.robot.keyframe.qvel)
         qpos, qvel, act = np.split(packed[..., 1:], [nq, nq + nv], axis=-1)
         return State(qpos, qvel, act)
+
+
+class _PlainCourse:
+    def __init__(self, plant: Plant, state: State) -> None:
+        self._plant, self.state = plant, state
+
+    def go(self, controls: Floats) -> Trajectory:
+        simulated = self._plant.simulate(self.state, controls)
+        assert simulated.states is not None
+        self.state = simulated.states[:, -1]
+        return simulated
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from flywheel.effects import WrittenTerm
 from flywheel.records import Floats
 from flywheel.robots import load_robot
 from flywheel.runtime.config import CollectConfig, DataSet, RunConfig
@@ -36,3 +37,19 @@ def test_gaits_of_the_same_kind_on_the_same_plant_are_different_motions(seed: in
     assert np.ptp(first[end].mean(1), axis=0).max() > 0.05, "it does not walk"
     for part in (start, end):  # however one is turned and shifted, it is not the other
         assert np.abs(spans[0][part] - spans[1][part]).max() > 0.02, (seed, part)
+
+
+def test_episodes_are_recorded_with_the_run_s_effects() -> None:
+    heavy = WrittenTerm(effect="winch_gain", parameters={"share": -0.5})
+    collect = CollectConfig(gaits=0, random=6, random_seconds=2.0, validation=0.2, test=0.2)
+    plain = RunConfig(collect=collect)
+    slow = plain.model_copy(update={"effects": (heavy,)})
+    robot = load_robot(plain.robot)
+    plan = collection(plain, 0, "mppi")[0]
+    one, other = (
+        Recorder(config, robot).record(plan, None, "", NobodyWatches()) for config in (plain, slow)
+    )
+    assert other.provenance.effects == {"winch_gain": {"share": -0.5}}
+    assert one.provenance.effects == {}
+    moved = [np.ptp(e.trajectory.states.act, axis=0).max() for e in (one, other)]
+    assert 0.3 * moved[0] < moved[1] < 0.9 * moved[0]

@@ -7,7 +7,9 @@ import yaml
 from pydantic import ValidationError
 
 from flywheel.dynamics.gnn import NetworkConfig
+from flywheel.effects import AdoptedPlant, WrittenTerm
 from flywheel.errors import ConfigError
+from flywheel.robots import load_robot
 from flywheel.runtime.config import RunConfig, config_digest, load_config
 from flywheel.runtime.config_files import validated
 
@@ -87,3 +89,25 @@ def test_a_misspelt_setting_is_told_its_neighbour(tmp_path):
     path.write_text("collect: {gait: 3}\n")
     with pytest.raises(ConfigError, match="collect.gait: unknown key. Did you mean 'gaits'"):
         load_config(path)
+
+
+def adopted_plant(folder: Path, robot_name: str = "prism3") -> Path:
+    robot = load_robot(robot_name)
+    friction = WrittenTerm(effect="cable_friction", parameters={"force": 3.0})
+    plant = AdoptedPlant(robot=robot.name, digest=robot.digest, version=1, effects=(friction,))
+    return plant.write(folder, robot)
+
+
+def test_the_effects_of_an_adopted_plant_are_taken_over(tmp_path: Path) -> None:
+    path = adopted_plant(tmp_path)
+    (written,) = RunConfig.model_validate({"effects": str(path)}).effects
+    assert (written.effect, written.parameters) == ("cable_friction", {"force": 3.0})
+    assert config_digest(RunConfig(effects=(written,))) != config_digest(RunConfig())
+
+
+def test_the_effects_of_another_robots_plant_are_refused(tmp_path: Path) -> None:
+    path = adopted_plant(tmp_path, "icosa6")
+    with pytest.raises(ValidationError, match="adopted for icosa6 .* the run's robot is prism3"):
+        RunConfig.model_validate({"effects": str(path)})
+    with pytest.raises(ValidationError, match="no adopted plant"):
+        RunConfig.model_validate({"effects": str(tmp_path / "plants")})

@@ -1,0 +1,123 @@
+"""A plant with effects that are always there: what the MJCF says, and what was found missing in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from flywheel.dynamics.plant.augmented import AugmentedPlant, Memories, Motion, edited
+from flywheel.dynamics.plant.course import Course
+from flywheel.dynamics.plant.parameters import PlantParameters
+from flywheel.dynamics.plant.plant import NOMINAL, Plant
+from flywheel.effects import ModelEffect, Terms
+from flywheel.errors import ModelError
+from flywheel.records import Floats, Observation, State, Trajectory
+from flywheel.robots import Box, Robot
+
+
+class EffectivePlant(Plant):
+    """`Plant` with the same effects in every simulation.
+
+    `simulate` begins with fresh cables and with winches that were told nothing yet: delays, play and
+    memories of cables start anew. `begin` keeps them from piece to piece of an episode.
+
+    Args:
+      terms: the effects with their values.
+      robot, dt, obstacles, threads: see `Plant`.
+      parameters: one set for all simulations.
+
+    Raises:
+      ModelError: see `Plant`; or parameters that differ between simulations.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        terms: Terms,
+        dt: float = 0.01,
+        parameters: PlantParameters | Sequence[PlantParameters] = NOMINAL,
+        obstacles: Sequence[Box] = (),
+        threads: int = 1,
+    ) -> None:
+        if not isinstance(parameters, PlantParameters):
+            raise ModelError("A plant with effects has one set of parameters for all simulations.")
+        self.terms = terms
+        super().__init__(robot, dt, parameters, obstacles, threads)
+        self._augmented = AugmentedPlant(Plant(robot, dt, parameters, obstacles, threads))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arguments = (self.robot, self.terms, self.dt, self.parameters, self.obstacles, self.threads)
+        return (EffectivePlant, arguments)
+
+    def _compile(self) -> None:
+        super()._compile()
+        # `observe` uses this model only: for markers that moved, whatever the masses are.
+        seen = tuple(
+            t for t in self.terms if isinstance(t.effect, ModelEffect) and not t.effect.moves_mass
+        )
+        self._models = [edited(self._models[0], self.robot, seen)]
+
+    def simulate(self, state: State, controls: Floats) -> Trajectory:
+        """See `Plant.simulate`."""
+        controls = np.asarray(controls, float)
+        batch, _ = self._check(state, controls)
+        many = State(*(_rows(a, batch) for a in (state.qpos, state.qvel, state.act)))
+        told = self._augmented.commands(controls, [self.terms] * batch)
+        return self._trajectory(self._moved(many, told, None), controls)
+
+    def begin(self, state: State) -> Course:
+        """See `Plant.begin`."""
+        return _EffectiveCourse(self, state)
+
+    def _moved(self, state: State, told: Floats, memory: Memories | None) -> Motion:
+        motion = self._augmented.simulate(state, told, [self.terms] * len(told), memory)
+        if not motion.finite.all():
+            raise ModelError(
+                f"Simulation {int(np.argmin(motion.finite))} of {len(told)} of {self.robot.name} with "
+                f"{', '.join(t.label(self.robot) for t in self.terms)} diverged: MuJoCo found no finite "
+                "acceleration. Smaller effects, or a smaller timestep in the MJCF, help."
+            )
+        return motion
+
+    def _trajectory(self, motion: Motion, controls: Floats) -> Trajectory:
+        seen = Observation(motion.points, self.winch(motion.states))
+        within = np.clip(controls, self.robot.control_low, self.robot.control_high)
+        return Trajectory(seen, within, self.dt, motion.states)
+
+
+def with_effects(plant: Plant, terms: Terms) -> Plant:
+    """The plant with effects on top of those that it has; itself without any.
+
+    Raises:
+      ModelError: see `EffectivePlant`.
+    """
+    if not terms:
+        return plant
+    together = (*plant.terms, *terms)
+    rest = (plant.dt, plant.parameters, plant.obstacles, plant.threads)
+    return EffectivePlant(plant.robot, together, *rest)
+
+
+class _EffectiveCourse:
+    """What the winches were told so far, and what the cables remember."""
+
+    def __init__(self, plant: EffectivePlant, state: State) -> None:
+        self._plant, self.state = plant, state
+        self._controls = np.empty((1, 0, len(plant.robot.winches)))
+        self._memory: Memories | None = None
+
+    def go(self, controls: Floats) -> Trajectory:
+        plant, done = self._plant, self._controls.shape[1]
+        controls = np.asarray(controls, float)
+        plant._check(self.state, controls)
+        self._controls = np.concatenate([self._controls, controls], axis=1)
+        told = plant._augmented.commands(self._controls, [plant.terms])[:, done:]
+        motion = plant._moved(self.state, told, self._memory)
+        self.state, self._memory = motion.states[:, -1], motion.memory
+        return plant._trajectory(motion, controls)
+
+
+def _rows(values: Floats, count: int) -> Floats:
+    return np.repeat(values, count, axis=0) if len(values) == 1 < count else values

@@ -1,0 +1,32 @@
+"""How much of the time cables pull."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.twist import rest_lengths
+from flywheel.records import Floats, State
+
+EVERY = 10  # states of which one is looked at
+
+
+def taut_share(plant: Plant, states: State) -> Floats:
+    """(n,) share of cables and time in which a cable is longer than its rest length.
+
+    Args:
+      plant: whose states they are.
+      states: (n, T + 1).
+    """
+    states = states[:, ::EVERY]
+    data, lead = mujoco.MjData(plant.model), states.qpos.shape[:2]
+    lengths = np.empty((*lead, len(plant.robot.cables)))
+    for index in np.ndindex(lead):
+        data.qpos[:] = states.qpos[index]
+        mujoco.mj_kinematics(plant.model, data)
+        mujoco.mj_comPos(plant.model, data)
+        mujoco.mj_tendon(plant.model, data)
+        lengths[index] = data.ten_length
+    rest = rest_lengths(plant.robot, plant.winch(states))
+    return np.asarray((lengths > rest).mean(axis=(1, 2)))

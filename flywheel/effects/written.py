@@ -1,0 +1,61 @@
+"""Effects with their values as they are written down: in YAML, JSON and run configurations."""
+
+from __future__ import annotations
+
+import math
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict
+
+from flywheel.effects.effect import Effect, Term, place_name
+from flywheel.errors import ConfigError
+from flywheel.registry import lookup
+from flywheel.robots import Robot
+
+
+class WrittenTerm(BaseModel):
+    """An effect at a place, with its values, by names.
+
+    Attributes:
+      effect: its name in the library.
+      location: name of the cable or tracked point; "" for the whole robot.
+      parameters: name -> value of every parameter, in the effect's units.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    effect: str
+    location: str = ""
+    parameters: dict[str, float]
+
+    @classmethod
+    def of(cls, term: Term, robot: Robot) -> Self:
+        """Write a term down."""
+        location = place_name(term.effect, term.place, robot)
+        return cls(effect=term.effect.name, location=location, parameters=term.named)
+
+    def term(self, robot: Robot, library: dict[str, Effect]) -> Term:
+        """The term of a library that is meant.
+
+        Raises:
+          UnknownNameError: no such effect, place or parameter.
+          ConfigError: a parameter is missing, not finite, or has a sign that it cannot have.
+        """
+        effect = lookup(library, self.effect, "effect")
+        places = {place_name(effect, place, robot): place for place in effect.places(robot)}
+        if "" in places and self.location:
+            raise ConfigError(
+                f"{self.effect} is of the whole robot: it has no location, got {self.location!r}."
+            )
+        place = lookup(places, self.location, f"place of {self.effect} on {robot.name}")
+        known = {parameter.name: parameter for parameter in effect.parameters}
+        for name, value in self.parameters.items():
+            parameter = lookup(known, name, f"parameter of {self.effect}")
+            if not math.isfinite(value) or (parameter.one_sided and value < 0):
+                allowed = "finite and not negative" if parameter.one_sided else "finite"
+                raise ConfigError(
+                    f"{name} of {self.effect} must be {allowed} [{parameter.unit}], got {value!r}."
+                )
+        if missing := [name for name in known if name not in self.parameters]:
+            raise ConfigError(f"{self.effect} also needs {', '.join(missing)}.")
+        return Term(effect, place, tuple(float(self.parameters[name]) for name in known))

@@ -1,0 +1,50 @@
+"""`flywheel adopt`: what was found becomes part of the plant."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from flywheel.diagnosis.adoption import adopt
+from flywheel.effects import AdoptedPlant
+from flywheel.errors import DataError
+from flywheel.robots import load_robot
+from pipelines.plants import adopted_file
+from pipelines.show import console, table
+
+
+def take_over(answer_file: Path, robot_name: str, folder: Path, answer: int | None) -> None:
+    """Write the next version of the plant that was diagnosed, and show what it has."""
+    summary = _read(answer_file)
+    parent = adopted_file(robot_name)
+    robot = load_robot(robot_name) if parent is None else AdoptedPlant.read(parent)[1]
+    about = summary.get("robot") or {}
+    if about.get("digest") != robot.digest:
+        raise DataError(
+            f"{answer_file} is about {about.get('name', 'an unknown robot')} "
+            f"({str(about.get('digest'))[:12]}), not {robot.name} ({robot.digest[:12]})."
+        )
+    path = adopt(summary, robot, folder, answer, parent)
+    plant, _ = AdoptedPlant.read(path)
+    rows = [
+        (effect.effect, effect.location, name, value)
+        for effect in plant.effects
+        for name, value in effect.parameters.items()
+    ]
+    out = console()
+    out.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
+    out.print(f"Diagnose and compare with --robot {path.parent}.", soft_wrap=True)
+    out.print(f"Run with effects={path}: data are then simulated on this plant.", soft_wrap=True)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(f"There is no answer {path}.") from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise DataError(f"{path} is not JSON: {error}") from None
+    if not isinstance(summary, dict) or "answer_set" not in summary:
+        raise DataError(f"{path} is not the JSON of `flywheel diagnose`: it has no answer_set.")
+    return summary

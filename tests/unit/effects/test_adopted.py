@@ -1,0 +1,103 @@
+"""Effects written down, and plants that have them."""
+
+from __future__ import annotations
+
+import math
+import secrets
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from flywheel.effects import EFFECTS, AdoptedPlant, Scales, Term, WrittenTerm
+from flywheel.effects.adopted import MJCF, PLANT, file_digest, next_version
+from flywheel.errors import ConfigError, FlywheelError, RobotError
+from flywheel.robots import load_robot
+
+PRISM = load_robot("prism3")
+FRICTION = WrittenTerm(effect="cable_friction", parameters={"force": 3.0})
+
+
+def some_term(name: str, rng: np.random.Generator) -> Term:
+    effect, scales = EFFECTS[name], Scales.of(PRISM)
+    place = effect.places(PRISM)[int(rng.integers(len(effect.places(PRISM))))]
+    return Term(effect, place, tuple(rng.random() * p.typical(scales) for p in effect.parameters))
+
+
+def adopted(version: int = 1, **changes: object) -> AdoptedPlant:
+    plant = AdoptedPlant(
+        robot=PRISM.name, digest=PRISM.digest, version=version, effects=(FRICTION,)
+    )
+    return plant.model_copy(update=changes)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_what_is_written_is_read_again(name: str) -> None:
+    term = some_term(name, np.random.default_rng(seed := secrets.randbits(32)))
+    text = yaml.safe_dump(WrittenTerm.of(term, PRISM).model_dump())
+    assert WrittenTerm.model_validate(yaml.safe_load(text)).term(PRISM, EFFECTS) == term, seed
+
+
+@pytest.mark.parametrize(
+    ("effect", "location", "parameters", "message"),
+    [
+        ("cable_fricton", "", {"force": 1.0}, "no effect 'cable_fricton'.*'cable_friction'"),
+        ("cable_friction", "long_03", {"force": 1.0}, "of the whole robot"),
+        ("weak_cable", "", {"share": 0.1}, "no place of weak_cable on prism3"),
+        ("cable_friction", "", {"fource": 1.0}, "no parameter of cable_friction 'fource'.*'force'"),
+        ("cable_friction", "", {}, "also needs force"),
+        ("cable_friction", "", {"force": math.nan}, r"finite and not negative \[N\], got nan"),
+        ("cable_friction", "", {"force": -1.0}, r"not negative \[N\], got -1"),
+        ("winch_gain", "", {"share": math.inf}, "share of winch_gain must be finite"),
+    ],
+)
+def test_what_cannot_be_is_said(
+    effect: str, location: str, parameters: dict[str, float], message: str
+) -> None:
+    written = WrittenTerm(effect=effect, location=location, parameters=parameters)
+    with pytest.raises(FlywheelError, match=message):
+        written.term(PRISM, EFFECTS)
+
+
+def test_versions_are_numbered_and_never_written_over(tmp_path: Path) -> None:
+    assert next_version(tmp_path / "plants", PRISM) == 1
+    first = adopted().write(tmp_path / "plants", PRISM)
+    assert first == tmp_path / "plants" / "prism3-1" / PLANT
+    assert next_version(tmp_path / "plants", PRISM) == 2
+    with pytest.raises(ConfigError, match="never written over"):
+        adopted().write(tmp_path / "plants", PRISM)
+    second = adopted(2, parent=file_digest(first)).write(tmp_path / "plants", PRISM)
+    plant, robot = AdoptedPlant.read(second.parent)
+    assert (plant.version, plant.parent) == (2, file_digest(first))
+    assert robot.digest == PRISM.digest
+    assert plant.terms(robot, EFFECTS) == (FRICTION.term(PRISM, EFFECTS),)
+    assert sorted(p.name for p in (tmp_path / "plants").iterdir()) == ["prism3-1", "prism3-2"]
+
+
+def test_a_plant_of_another_robot_is_refused(tmp_path: Path) -> None:
+    path = adopted().write(tmp_path, PRISM)
+    (path.parent / MJCF).write_text(load_robot("icosa6").xml)
+    with pytest.raises(RobotError, match="sizes mean nothing on another robot"):
+        AdoptedPlant.read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("robot: [", "not a YAML file"),
+        ("just words", "not an adopted plant"),
+        ("{robot: a, digest: b, version: 1, effects: []}", "effects: Tuple should have at least 1"),
+        ("{robot: a, digest: b, version: 1, efects: []}", "efects: Extra inputs"),
+    ],
+)
+def test_other_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / PLANT
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        AdoptedPlant.read(path)
+
+
+def test_a_missing_one_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no adopted plant .*nowhere.yaml"):
+        AdoptedPlant.read(tmp_path / "nowhere.yaml")
