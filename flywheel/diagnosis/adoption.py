@@ -47,11 +47,9 @@ def adopt(
         against it; the message says what to give to adopt it none the less.
       ConfigError, UnknownNameError: values that the effects cannot have.
     """
-    chosen = _chosen(summary, answer)
-    _check_held_out(summary, answer)
-    effects = tuple(_written(each) for each in chosen)
+    effects = adoptable(summary, answer)
     for effect in effects:
-        effect.term(robot, dict(library))  # refuses what cannot be
+        effect.term(robot, library)  # refuses what cannot be
     evidence = {key: summary[key] for key in KEPT if summary.get(key) is not None}
     plant = AdoptedPlant(
         robot=robot.name,
@@ -59,9 +57,27 @@ def adopt(
         version=next_version(folder, robot),
         parent="" if parent is None else file_digest(parent),
         effects=effects,
-        evidence={**evidence, "intervals": _intervals(chosen), "code": __version__},
+        evidence={
+            **evidence,
+            "intervals": _intervals(_chosen(summary, answer)),
+            "code": __version__,
+        },
     )
     return plant.write(folder, robot)
+
+
+def adoptable(summary: Mapping[str, Any], answer: int | None = None) -> tuple[WrittenTerm, ...]:
+    """The effects that a plant should have after a diagnosis.
+
+    Args:
+      summary, answer: see `adopt`.
+
+    Raises:
+      DataError: see `adopt`.
+    """
+    chosen = _chosen(summary, answer)
+    _check_held_out(summary, answer)
+    return tuple(_written(each) for each in chosen)
 
 
 def _chosen(summary: Mapping[str, Any], answer: int | None) -> list[Mapping[str, Any]]:

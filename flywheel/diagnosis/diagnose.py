@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +56,7 @@ def diagnose(
     limits: Limits = Limits(),
     window_seconds: float | None = None,
     seed: int = 0,
+    progress: Callable[[str], None] = lambda note: None,
 ) -> Diagnosis:
     """Find out which effects a plant lacks to explain recordings.
 
@@ -67,6 +68,7 @@ def diagnose(
       limits: what counts as seen.
       window_seconds: length of the windows [s]; None for what suits the robot.
       seed: of the search for starts.
+      progress: told what has been done, every few seconds.
 
     Raises:
       DataError: recordings that cannot be used.
@@ -74,7 +76,8 @@ def diagnose(
     begun = time.perf_counter()
     windows = Windows.cut(plant.robot, recordings, window_seconds)
     fitter = fitter_of(windows, plant)
-    selection = Selection(fitter, candidates(plant.robot, library), limits.threshold)
+    library_here = candidates(plant.robot, library)
+    selection = Selection(fitter, library_here, limits.threshold, progress)
     steps = selection.run(fitted(fitter, plant.terms, seed=seed))
     last = steps[-1]
     alternatives = selection.alternatives(steps, limits.equally_good)

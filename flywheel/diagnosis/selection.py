@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -48,10 +48,18 @@ class Selection:
       fitter: of the windows.
       library: what may be added.
       threshold: score from which an effect counts as seen.
+      progress: told what has been done.
     """
 
-    def __init__(self, fitter: Fitter, library: Sequence[Candidate], threshold: float) -> None:
+    def __init__(
+        self,
+        fitter: Fitter,
+        library: Sequence[Candidate],
+        threshold: float,
+        progress: Callable[[str], None] = lambda note: None,
+    ) -> None:
         self.fitter, self.library, self.threshold = fitter, tuple(library), threshold
+        self.progress = progress
         self.scales = Scales.of(fitter.predictor.windows.robot)
 
     def run(self, fit: Fit) -> list[Step]:
@@ -97,6 +105,7 @@ class Selection:
         taken = numbers if sizes is None else np.concatenate([numbers, sizes], axis=2)
         test = score_test(self.fitter, fit, self.library, taken, linear)
         scores = sorted(test.scores(), key=lambda s: -s.score)
+        self.progress(f"scored {len(scores)} candidates on top of {len(fit.terms)} effects")
         return Step(fit, linear, test, tuple(scores))
 
     def known(self, fit: Fit) -> Floats | None:
@@ -127,6 +136,7 @@ class Selection:
         """The model with these terms instead, fitted from the step's starts."""
         fitter, free, before = self.fitter, free_values(terms, self.scales), step.fit
         fit = fitter.at(before.change, before.starts.winch, terms)
+        self.progress(f"fitting {', '.join(term.effect.name for term in terms)}")
         fit = fitter.refit(fit, step.linear, free, rounds=1)
         return fitter.fit(fit, free, rounds=2)
 

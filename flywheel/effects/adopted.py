@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Self
@@ -89,7 +90,7 @@ class AdoptedPlant(BaseModel):
             draft.rename(folder)
         return folder / PLANT
 
-    def terms(self, robot: Robot, library: dict[str, Effect]) -> Terms:
+    def terms(self, robot: Robot, library: Mapping[str, Effect]) -> Terms:
         """The effects of a library, with their values.
 
         Raises:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Self
 
 from pydantic import BaseModel, ConfigDict
@@ -11,6 +12,8 @@ from flywheel.effects.effect import Effect, Term, place_name
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
+
+AT = " at "
 
 
 class WrittenTerm(BaseModel):
@@ -34,7 +37,21 @@ class WrittenTerm(BaseModel):
         location = place_name(term.effect, term.place, robot)
         return cls(effect=term.effect.name, location=location, parameters=term.named)
 
-    def term(self, robot: Robot, library: dict[str, Effect]) -> Term:
+    @classmethod
+    def labelled(cls, label: str, parameters: Mapping[str, float]) -> Self:
+        """From what `label` says."""
+        effect, _, location = label.partition(AT)
+        return cls(effect=effect, location=location, parameters=dict(parameters))
+
+    @property
+    def label(self) -> str:
+        """For people and for provenance: "weak_cable at long_03"."""
+        return f"{self.effect}{AT}{self.location}" if self.location else self.effect
+
+    def __hash__(self) -> int:
+        return hash((self.effect, self.location, *self.parameters.items()))
+
+    def term(self, robot: Robot, library: Mapping[str, Effect]) -> Term:
         """The term of a library that is meant.
 
         Raises:

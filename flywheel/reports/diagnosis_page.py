@@ -28,6 +28,16 @@ def write_diagnosis(found: Diagnosis, path: str | Path, about: Mapping[str, str]
       path: of the HTML file.
       about: where it comes from, as lines of two columns.
     """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".html.tmp")
+    temporary.write_text(diagnosis_page(found, about), encoding="utf-8")
+    temporary.replace(path)
+    return path
+
+
+def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
+    """The page as text; arguments as for `write_diagnosis`."""
     environment = Environment(
         loader=PackageLoader("flywheel.reports"),
         autoescape=True,
@@ -35,19 +45,14 @@ def write_diagnosis(found: Diagnosis, path: str | Path, about: Mapping[str, str]
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = environment.get_template("diagnosis.html.jinja").render(
+    template = environment.get_template("diagnosis.html.jinja")
+    return template.render(
         found=found,
         sentence=sentence(found),
         figures=_figures(found),
         about=about,
         limits=LIMITS,
     )
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".html.tmp")
-    temporary.write_text(page, encoding="utf-8")
-    temporary.replace(path)
-    return path
 
 
 def sentence(found: Diagnosis) -> str:

@@ -12,7 +12,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from flywheel.registry import lookup
-from flywheel.reports import error_figures, goal_figures, style
+from flywheel.reports import error_figures, goal_figures, ladder_figures, style
 from flywheel.runtime.results import RunResult
 
 
@@ -44,6 +44,13 @@ FIGURES: dict[str, Picture] = {
         "Test episodes are never trained on. The floors are the plant itself, restarted from what "
         "the model may see: with the unseen twist of the rods drawn at random, and (informed) computed "
         "from the cables by exact parameters.",
+    ),
+    "ladder": Picture(
+        ladder_figures.ladder_over_iterations,
+        "Nearer to the recordings",
+        "Left: the plant that data are simulated on, with the starts of all windows fitted; a step "
+        "down is named after what a diagnosis added. Right: the networks trained on it, predicting "
+        "from what was measured.",
     ),
     "lead-time": Picture(
         error_figures.error_by_lead_time,

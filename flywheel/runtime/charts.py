@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from flywheel.runtime.results import (
+    DiagnosisNote,
     ErrorNumbers,
     Errors,
     IterationResult,
@@ -50,12 +51,27 @@ def iteration_values(result: IterationResult) -> Values:
         values |= error_values("error_recordings", result.recordings)
     if result.navigation is not None:
         values |= navigation_values(result.navigation)
+    if result.diagnosis is not None:
+        values |= diagnosis_values(result.diagnosis)
     if result.gate is not None:
         values |= {
             "promotion/number": result.gate.number,
             "promotion/promoted": float(result.gate.promoted),
         }
     return values
+
+
+def diagnosis_values(note: DiagnosisNote) -> Values:
+    """The ladder from the plant as it was to the noise, in millimetres."""
+    ladder = {
+        "noise_mm": note.noise,
+        "plant_before_mm": note.baseline,
+        "plant_after_mm": note.augmented,
+        "held_out_before_mm": note.held_out_baseline,
+        "held_out_after_mm": note.held_out_augmented,
+    }
+    values: Values = {f"diagnosis/{k}": 1000.0 * v for k, v in ladder.items() if v is not None}
+    return values | {"diagnosis/effects": len(note.effects)}
 
 
 def error_values(section: str, errors: Errors) -> Values:

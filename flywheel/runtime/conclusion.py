@@ -34,7 +34,7 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
         for floor in (FLOOR, INFORMED_FLOOR):
             name = floor.replace(" ", "-")
             scores[floor] = score_jobs(run, name, floor, episodes)
-    plans = ceiling(run.config)
+    plans = ceiling(run.config, run.effects(run.config.iterations))
     jobs = [*(job for part in scores.values() for job in part), *run.recordings(plans)]
     report = run.do(jobs, "pooled tests")
     errors = {name: scored(report, part) for name, part in scores.items()}

@@ -8,12 +8,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    field_validator,
+    model_validator,
+)
 
 from flywheel.control import MppiConfig
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
-from flywheel.effects import AdoptedPlant, WrittenTerm
+from flywheel.effects import EFFECTS, AdoptedPlant, WrittenTerm
 from flywheel.errors import FlywheelError, UnknownNameError
 from flywheel.registry import lookup
 from flywheel.robots import load_robot
@@ -113,6 +120,35 @@ class EvaluateConfig(_Frozen):
     video: bool = True
 
 
+class DiagnoseConfig(_Frozen):
+    """Whether, before it collects again, a run asks what its plant lacks to explain the recordings.
+
+    What is found, and confirmed by the recordings that are kept for tests, is added to the plant; the
+    first iteration's episodes are then simulated anew, and those of the old plant left out.
+
+    Attributes:
+      on: ask, from iteration 1 on.
+      effects: that may be missing, by name; all of the library by default.
+      seconds: of recordings that are looked at, at most; as many of those kept for tests [s].
+      window_seconds: length of the windows [s]; None for what suits the robot.
+    """
+
+    on: bool = False
+    effects: tuple[str, ...] = ()
+    seconds: float = Field(default=12.0, gt=0)
+    window_seconds: float | None = Field(default=None, gt=0)
+
+    @field_validator("effects")
+    @classmethod
+    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            for name in names:
+                lookup(EFFECTS, name, "effect")
+        except UnknownNameError as error:
+            raise ValueError(str(error)) from None
+        return names
+
+
 class GateConfig(_Frozen):
     """When a new model replaces the champion.
 
@@ -169,7 +205,7 @@ class RunConfig(_Frozen):
         effects are then taken over.
       datasets: variations of the plant; MPPI collects and is judged on the first.
       measurement: between the plant and everything that learns or plans.
-      collect, task, mppi, network, training, evaluate, gate: see each.
+      collect, task, mppi, network, training, evaluate, diagnose, gate: see each.
       sim_threads: of each sim worker.
       workers, tracking: see each; change no result.
       store: URL of the trajectory store; "" for `store/` in the run folder.
@@ -189,6 +225,7 @@ class RunConfig(_Frozen):
     network: Annotated[NetworkConfig, BeforeValidator(_with_preset)] = NetworkConfig()
     training: TrainingConfig = TrainingConfig()
     evaluate: EvaluateConfig = EvaluateConfig()
+    diagnose: DiagnoseConfig = DiagnoseConfig()
     gate: GateConfig = GateConfig()
     sim_threads: int = Field(default=1, ge=1)
     workers: WorkersConfig = WorkersConfig()
@@ -221,6 +258,15 @@ class RunConfig(_Frozen):
             raise ValueError(
                 f"{places} data sets (recordings are one) need network.datasets >= {places}, got "
                 f"{self.network.datasets}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _a_diagnosis_has_recordings(self) -> Self:
+        if self.diagnose.on and not self.collect.recordings:
+            raise ValueError(
+                "diagnose.on needs recordings of the robot: name those in the store in "
+                "collect.recordings"
             )
         return self
 

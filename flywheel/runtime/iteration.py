@@ -7,7 +7,7 @@ from flywheel.runtime.keeping import keep
 from flywheel.runtime.publishing import publish_iteration_start
 from flywheel.runtime.results import IterationResult
 from flywheel.runtime.run_state import Run
-from flywheel.runtime.stages import Tally, collect, decide, evaluate, snapshot, train
+from flywheel.runtime.stages import Tally, collect, decide, diagnose, evaluate, snapshot, train
 
 
 def run_iteration(run: Run, iteration: int) -> list[str]:
@@ -23,6 +23,9 @@ def run_iteration(run: Run, iteration: int) -> list[str]:
     if run.tracker is not None:
         for arm in arms:
             publish_iteration_start(run.tracker, iteration, arm)
+    if run.config.diagnose.on and iteration:
+        with tally.timed("diagnose"):
+            diagnose(run, iteration, tally)
     with tally.timed("collect"):
         collected = collect(run, iteration, arms, tally)
     with tally.timed("snapshot"):
@@ -49,6 +52,8 @@ def summary(result: IterationResult) -> str:
     if result.recordings is not None:
         short = result.recordings.short
         words.append(f"recordings e_pos {short.e_pos_rmse:.2f} %, e_rot {short.e_rot:.2f} deg")
+    if result.diagnosis is not None:
+        words.append(f"diagnosis: {result.diagnosis.reason}")
     if result.navigation is not None:
         success = result.navigation.success
         words.append(f"{success.reached} of {success.total} goals reached")

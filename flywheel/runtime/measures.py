@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from flywheel.effects import WrittenTerm
 from flywheel.evaluation.errors import ErrorTable
 from flywheel.evaluation.intervals import success_interval
 
@@ -44,6 +45,34 @@ class Success(ResultRecord):
 
     def __add__(self, other: Success) -> Success:
         return Success(reached=self.reached + other.reached, total=self.total + other.total)
+
+
+class DiagnosisNote(ResultRecord):
+    """What a diagnosis between two iterations said, and what came of it.
+
+    Attributes:
+      verdict: in a word.
+      effects: of the plant from here on.
+      adopted: they are not those of before.
+      reason: for people.
+      noise, baseline, augmented: root mean square of measured minus predicted, starts fitted, with
+        the plant as it was and with the answer; on the recordings that were fitted [m].
+      held_out_baseline, held_out_augmented: on those kept for tests; None without any [m].
+      answer: `Diagnosis.summary()`.
+      page: path relative to the run folder.
+    """
+
+    verdict: str
+    effects: tuple[WrittenTerm, ...] = ()
+    adopted: bool = False
+    reason: str = ""
+    noise: float
+    baseline: float
+    augmented: float
+    held_out_baseline: float | None = None
+    held_out_augmented: float | None = None
+    answer: dict[str, Any] = {}
+    page: str = ""
 
 
 class ErrorNumbers(ResultRecord):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.records import Split
 from flywheel.runtime.config import RunConfig
@@ -18,6 +19,7 @@ from flywheel.runtime.seeds import derive_seed
 
 GAITS = ("roll", "cw", "ccw")
 ORACLE = "oracle"
+Effects = tuple[WrittenTerm, ...]
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,7 @@ class EpisodePlan:
       seconds: longest duration [s].
       seed: of start, controls, noise and planner.
       task_seed: of the task; None without one. Evaluation uses the same ones in every iteration.
+      effects: of the plant, beyond its MJCF.
     """
 
     id: str
@@ -43,12 +46,27 @@ class EpisodePlan:
     seconds: float
     seed: int
     task_seed: int | None = None
+    effects: Effects = ()
 
 
-def collection(config: RunConfig, iteration: int, arm: Arm) -> list[EpisodePlan]:
-    """Episodes that iteration `iteration` of an arm adds to the data."""
+def collection(
+    config: RunConfig, iteration: int, arm: Arm, effects: Effects = (), anew: bool = False
+) -> list[EpisodePlan]:
+    """Episodes that iteration `iteration` of an arm adds to the data.
+
+    Args:
+      config, iteration, arm: of the run.
+      effects: of the plant.
+      anew: the plant is another than before: the gaits, random controls and drops of iteration 0
+        are recorded again, for all arms in common.
+    """
     if iteration == 0:
-        return _first_collection(config)
+        return _first_collection(config, effects)
+    again = list(_first_episodes(config, effects, iteration)) if anew else []
+    return again + _further(config, iteration, arm, effects)
+
+
+def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> list[EpisodePlan]:
     collect = config.collect
     splits = _splits(config, collect.mppi, collect.validation, 0.0, iteration)
     controller = "mppi" if arm == "mppi" else "random"
@@ -65,22 +83,27 @@ def collection(config: RunConfig, iteration: int, arm: Arm) -> list[EpisodePlan]
             task_seed=derive_seed(config.seed, "collect-task", iteration, index)
             if arm == "mppi"
             else None,
+            effects=effects,
         )
         for index, split in enumerate(splits)
     ]
 
 
-def evaluation(config: RunConfig, iteration: int, arm: Arm) -> list[EpisodePlan]:
+def evaluation(
+    config: RunConfig, iteration: int, arm: Arm, effects: Effects = ()
+) -> list[EpisodePlan]:
     """Closed-loop episodes that judge a model, and test data; the same tasks in every iteration."""
-    return _navigation(config, f"i{iteration:04d}-{arm}-evaluate", "mppi", iteration)
+    return _navigation(config, f"i{iteration:04d}-{arm}-evaluate", "mppi", iteration, effects)
 
 
-def ceiling(config: RunConfig) -> list[EpisodePlan]:
+def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
     """The same tasks for the planner that knows the plant itself."""
-    return _navigation(config, ORACLE, ORACLE, -1) if config.evaluate.oracle else []
+    return _navigation(config, ORACLE, ORACLE, -1, effects) if config.evaluate.oracle else []
 
 
-def _navigation(config: RunConfig, name: str, controller: str, iteration: int) -> list[EpisodePlan]:
+def _navigation(
+    config: RunConfig, name: str, controller: str, iteration: int, effects: Effects
+) -> list[EpisodePlan]:
     return [
         EpisodePlan(
             id=f"{name}-{index:04d}",
@@ -91,13 +114,14 @@ def _navigation(config: RunConfig, name: str, controller: str, iteration: int) -
             seconds=config.task.seconds,
             seed=derive_seed(config.seed, "evaluate", index),
             task_seed=derive_seed(config.seed, "evaluate-task", index),
+            effects=effects,
         )
         for index in range(config.evaluate.tasks)
     ]
 
 
-def _first_collection(config: RunConfig) -> list[EpisodePlan]:
-    plans = list(_first_episodes(config))
+def _first_collection(config: RunConfig, effects: Effects) -> list[EpisodePlan]:
+    plans = list(_first_episodes(config, effects, 0))
     present = {plan.split for plan in plans}
     if missing := {"train", "validation", "test"} - present:
         raise ConfigError(
@@ -108,7 +132,7 @@ def _first_collection(config: RunConfig) -> list[EpisodePlan]:
     return plans
 
 
-def _first_episodes(config: RunConfig) -> Iterator[EpisodePlan]:
+def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iterator[EpisodePlan]:
     collect = config.collect
     kinds = (
         ("gait", collect.gaits, collect.gait_seconds),
@@ -119,13 +143,14 @@ def _first_episodes(config: RunConfig) -> Iterator[EpisodePlan]:
         splits = _splits(config, count, collect.validation, collect.test, 0, kind)
         for index, split in enumerate(splits):
             yield EpisodePlan(
-                id=f"i0000-{kind}-{index:04d}",
+                id=f"i{iteration:04d}-{kind}-{index:04d}",
                 controller=f"gait:{GAITS[index % len(GAITS)]}" if kind == "gait" else kind,
-                iteration=0,
+                iteration=iteration,
                 split=split,
                 dataset=index % len(config.datasets),
                 seconds=seconds,
                 seed=derive_seed(config.seed, "collect", 0, kind, index),
+                effects=effects,
             )
 
 

@@ -16,12 +16,12 @@ from flywheel.control import (
 from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Plant, PlantDynamics, with_effects
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import EFFECTS
+from flywheel.effects import EFFECTS, WrittenTerm
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig, config_digest
 from flywheel.runtime.measures import Walk
-from flywheel.runtime.plan import ORACLE, EpisodePlan
+from flywheel.runtime.plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.watch import Watch
 from flywheel.tasks import Task, sample_task
 
@@ -40,11 +40,10 @@ class Recorder:
     def __init__(self, config: RunConfig, robot: Robot) -> None:
         self.config, self.robot = config, robot
         self._digest = config_digest(config)
-        self._terms = tuple(effect.term(robot, EFFECTS) for effect in config.effects)
-        self._settled: dict[int, State] = {}
+        self._settled: dict[tuple[int, Effects], State] = {}
 
-    def plant(self, dataset: int, task: Task | None = None) -> Plant:
-        """The plant of a data set, with the run's effects and the obstacles of a task."""
+    def plant(self, dataset: int, effects: Effects = (), task: Task | None = None) -> Plant:
+        """The plant of a data set, with effects and the obstacles of a task."""
         plant = Plant(
             self.robot,
             self.config.network.dt,
@@ -52,13 +51,14 @@ class Recorder:
             obstacles=() if task is None else task.obstacles,
             threads=self.config.sim_threads,
         )
-        return with_effects(plant, self._terms)
+        return with_effects(plant, tuple(e.term(self.robot, EFFECTS) for e in effects))
 
     def task(self, plan: EpisodePlan) -> Task | None:
         """The task of a planned episode."""
         if plan.task_seed is None:
             return None
-        points = self.plant(0).observe(self._settled_state(0)).points[0]
+        settled = self._settled_state(0, plan.effects)
+        points = self.plant(0, plan.effects).observe(settled).points[0]
         rng = np.random.default_rng(plan.task_seed)
         return sample_task(self.config.task.name, self.robot, points, rng, self.config.task)
 
@@ -77,7 +77,7 @@ class Recorder:
           ModelError: the plant diverged, or the model did.
         """
         task = self.task(plan)
-        plant = self.plant(plan.dataset, task)
+        plant = self.plant(plan.dataset, plan.effects, task)
         if plan.controller == ORACLE:
             dynamics = PlantDynamics(plant)
         return record_episode(
@@ -103,7 +103,7 @@ class Recorder:
         stride = max(1, round(WALK_SECONDS / trajectory.dt))
         points = trajectory.observations.points
         if trajectory.states is not None:  # as it was, not as it was measured
-            points = self.plant(0).observe(trajectory.states).points
+            points = self.plant(0, plan.effects).observe(trajectory.states).points
         centre = task.place(points[::stride])
         return Walk(
             path=tuple((float(x), float(y)) for x, y in np.round(centre, 4)),
@@ -131,12 +131,13 @@ class Recorder:
         if kind in ("drop", "gait"):
             dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
             return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)
-        return self._settled_state(plan.dataset)
+        return self._settled_state(plan.dataset, plan.effects)
 
-    def _settled_state(self, dataset: int) -> State:
-        if dataset not in self._settled:
-            self._settled[dataset] = self.plant(dataset).settle(SETTLE_SECONDS)
-        return self._settled[dataset]
+    def _settled_state(self, dataset: int, effects: Effects) -> State:
+        key = (dataset, effects)
+        if key not in self._settled:
+            self._settled[key] = self.plant(dataset, effects).settle(SETTLE_SECONDS)
+        return self._settled[key]
 
     def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
         data = self.config.datasets[plan.dataset]
@@ -151,5 +152,11 @@ class Recorder:
             config=self._digest,
             code=__version__,
             plant=data.plant.changed(),
-            effects={t.label(self.robot): t.named for t in self._terms},
+            effects={effect.label: effect.parameters for effect in plan.effects},
         )
+
+
+def effects_of(episode: Episode) -> Effects:
+    """Of the plant that an episode was recorded on, beyond its MJCF."""
+    there = episode.provenance.effects
+    return tuple(WrittenTerm.labelled(label, values) for label, values in there.items())

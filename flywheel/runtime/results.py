@@ -8,8 +8,10 @@ from typing import Any, Literal, Self, TypeVar
 
 from pydantic import Field
 
+from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.runtime.measures import (
+    DiagnosisNote,
     ErrorNumbers,
     Errors,
     GateDecision,
@@ -42,6 +44,7 @@ class IterationResult(ResultRecord):
       new_episodes, new_steps: collected by this iteration.
       restarts, quarantined, invalid: workers restarted, tasks set aside, episodes thrown away.
       seconds: wall time per stage ("collect", "snapshot", "train", "evaluate", "decide") [s].
+      diagnosis: what the plant was found to lack before this iteration; None where nobody asked.
       video: path relative to the run folder, or "".
     """
 
@@ -65,6 +68,7 @@ class IterationResult(ResultRecord):
     curve: tuple[TrainingPoint, ...] = ()
     gate: GateDecision | None = None
     overlay: Overlay | None = None
+    diagnosis: DiagnosisNote | None = None
     video: str = ""
 
 
@@ -127,6 +131,13 @@ class RunResult(ResultRecord):
         shared = {i.iteration: i for i in self.iterations if i.iteration == 0}
         return tuple(i for _, i in sorted((shared | own).items()))
 
+    def effects_before(self, iteration: int) -> tuple[WrittenTerm, ...]:
+        """What the plant had beyond its MJCF before a diagnosis in this iteration."""
+        earlier = [t for t in self.of_arm("mppi") if t.iteration < iteration and t.diagnosis]
+        if earlier and earlier[-1].diagnosis is not None:
+            return earlier[-1].diagnosis.effects
+        return tuple(WrittenTerm.model_validate(e) for e in self.config.get("effects", ()))
+
     def pooled_errors(self, result: IterationResult) -> Errors | None:
         """Of an iteration's model on the pooled test set; None where that was not run."""
         for pooled in self.pooled:
@@ -184,6 +195,7 @@ def load(kind: type[R], path: Path) -> R:
 __all__ = [
     "RESULT_FILE",
     "Arm",
+    "DiagnosisNote",
     "ErrorNumbers",
     "Errors",
     "GateDecision",

@@ -7,6 +7,7 @@
     cache/<snapshot>/         windows for training, made from a snapshot; may be deleted
     models/i0001-mppi/        checkpoints and weights
     iterations/i0001-mppi.json  what the iteration produced; its presence means that it is done
+    iterations/i0001-diagnosis.json  what the plant was found to lack before it, with a page
     result.json               the run so far, for reports
 
 There is no file that says how far a run is: what is there says it.
@@ -27,6 +28,7 @@ from flywheel.errors import ConfigError, RunError
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.config import RunConfig, config_digest, decisive
 from flywheel.runtime.config_files import differences, validated
+from flywheel.runtime.measures import DiagnosisNote
 from flywheel.runtime.results import Arm, IterationResult, load, save
 from flywheel.runtime.served import WEIGHTS
 
@@ -108,6 +110,21 @@ class RunFolder:
         """Note that an iteration is done, in one atomic step."""
         save(result, self._result(result.iteration, result.arm))
 
+    def diagnosis(self, iteration: int) -> DiagnosisNote | None:
+        """What was found before an iteration; None if nobody asked yet."""
+        path = self._diagnosis(iteration).with_suffix(".json")
+        return load(DiagnosisNote, path) if path.exists() else None
+
+    def keep_diagnosis(self, iteration: int, note: DiagnosisNote, page: str) -> DiagnosisNote:
+        """Write the page, then the note: with it, the diagnosis is done."""
+        path = self._diagnosis(iteration)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        html = path.with_suffix(".html")
+        html.write_text(page, encoding="utf-8")
+        note = note.model_copy(update={"page": str(html.relative_to(self.path))})
+        save(note, path.with_suffix(".json"))
+        return note
+
     def forget(self, iteration: int, arm: Arm) -> None:
         """Take an iteration as not done, so that it is done again."""
         self._result(iteration, arm).unlink(missing_ok=True)
@@ -173,6 +190,9 @@ class RunFolder:
         temporary.write_text(text)
         temporary.replace(self.config_file)  # last: with it, the run has begun
         return identity
+
+    def _diagnosis(self, iteration: int) -> Path:
+        return self.path / "iterations" / f"i{iteration:04d}-diagnosis"
 
     def _result(self, iteration: int, arm: Arm) -> Path:
         return self.path / "iterations" / f"{name_of(iteration, arm)}.json"

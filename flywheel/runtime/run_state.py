@@ -10,11 +10,12 @@ from typing import Any
 
 from flywheel.data import Snapshot, TrajectoryStore
 from flywheel.errors import RunError
+from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Job, JobFailed, PoolReport
 from flywheel.runtime.measures import Errors
-from flywheel.runtime.plan import EpisodePlan, evaluation
+from flywheel.runtime.plan import Effects, EpisodePlan, evaluation
 from flywheel.runtime.pool import WorkerPool
 from flywheel.runtime.progress import Progress
 from flywheel.runtime.results import Arm, IterationResult
@@ -114,18 +115,42 @@ class Run:
         """A sealed snapshot, or None."""
         return self.store.snapshot(name) if name in self.store.snapshots() else None
 
+    def effects(self, iteration: int) -> Effects:
+        """What an iteration's plant has beyond the MJCF."""
+        note = self.folder.diagnosis(self.plant_since(iteration))
+        return self.config.effects if note is None else note.effects
+
+    def plant_since(self, iteration: int) -> int:
+        """The iteration that first had the plant that this one has."""
+        changed = (i for i in range(iteration, 0, -1) if self.changes_plant(i))
+        return next(changed, 0)
+
+    def changes_plant(self, iteration: int) -> bool:
+        """A diagnosis before this iteration added to the plant."""
+        note = self.folder.diagnosis(iteration)
+        return note is not None and note.adopted
+
     def test_episodes(self, iteration: int) -> list[str]:
-        """Ids of iteration 0's simulated test episodes and of closed-loop ones up to an iteration."""
-        first = self.store.snapshot(name_of(0, "mppi"))
-        plans = [p.id for i in range(iteration + 1) for p in evaluation(self.config, i, "mppi")]
+        """Ids of simulated test episodes on the plant of an iteration.
+
+        Those of the first collection on it, and closed-loop ones up to the iteration.
+        """
+        begun = self.plant_since(iteration)
+        first = self.store.snapshot(name_of(begun, "mppi"))
+        turns = range(begun, iteration + 1)
+        plans = [p.id for i in turns for p in evaluation(self.config, i, "mppi")]
         there = self.store.committed()
         own = [e.id for e in first.episodes if e.split == "test" and e.source == "sim"]
         return own + [p for p in plans if p in there]
 
     def test_recordings(self) -> list[str]:
         """Ids of the recordings that are kept for tests; the same ones in every iteration."""
+        return self.logs("test")
+
+    def logs(self, split: Split) -> list[str]:
+        """Ids of the recordings of a split; the same ones in every iteration."""
         first = self.store.snapshot(name_of(0, "mppi"))
-        return [e.id for e in first.episodes if e.split == "test" and e.source == "recording"]
+        return [e.id for e in first.episodes if e.split == split and e.source == "recording"]
 
     def do(self, jobs: Sequence[Job], title: str) -> PoolReport:
         """Run jobs on the pool.

@@ -28,13 +28,15 @@ from flywheel.evaluation import (
     score_full,
 )
 from flywheel.records import Episode, Floats, Past
+from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
-from flywheel.runtime.measures import Overlay, Walk
+from flywheel.runtime.measures import DiagnosisNote, Overlay, Walk
+from flywheel.runtime.missing import missing
 from flywheel.runtime.overlays import overlay
-from flywheel.runtime.plan import EpisodePlan
-from flywheel.runtime.recording import Recorder
+from flywheel.runtime.plan import Effects, EpisodePlan
+from flywheel.runtime.recording import Recorder, effects_of
 from flywheel.runtime.sharded import Helpers, ShardedDynamics
 from flywheel.runtime.watch import Watch
 from flywheel.runtime.weights import Weights
@@ -153,6 +155,27 @@ class SimWorker:
             self._watch.progress(0.5)
         return scores or Scores(problem="no episode")
 
+    def diagnose(
+        self, effects: Effects, fit: Sequence[str], held_out: Sequence[str]
+    ) -> tuple[DiagnosisNote, str]:
+        """What the plant with these effects lacks to explain recordings; and the page about it.
+
+        Args:
+          effects: of the plant.
+          fit, held_out: ids of recordings.
+        """
+        self._watch.start("diagnosing")
+        note, found = missing(
+            self._config.diagnose,
+            self._recorder.plant(0, effects),
+            effects,
+            (self._store.read(name) for name in fit),
+            (self._store.read(name) for name in held_out),
+            self._watch,
+        )
+        about = {"recordings": ", ".join(fit), "held out": ", ".join(held_out) or "none"}
+        return note, diagnosis_page(found, about)
+
     def rollout(self, weights: Weights, past: Past, controls: Floats) -> tuple[Floats, Floats]:
         """Points and winch positions that a model predicts, for another worker's planner."""
         rollout = self._model(weights).rollout(past, controls)
@@ -201,14 +224,14 @@ class SimWorker:
             return [(self._model(subject), episodes)]
         if subject == PERSISTENCE:
             return [(Persistence(robot, dt), episodes)]
-        by_plant: dict[int, list[Episode]] = {}
+        by_plant: dict[tuple[int, Effects], list[Episode]] = {}
         for episode in (e for e in episodes if e.provenance.source == "sim"):
             number = self._config.dataset_numbers()[episode.provenance.dataset]
-            by_plant.setdefault(number, []).append(episode)
+            by_plant.setdefault((number, effects_of(episode)), []).append(episode)
         window = self._config.evaluate.floor_window
         return [
-            (RestartedPlant(self._recorder.plant(number), window, twist=TWISTS[subject]), part)
-            for number, part in by_plant.items()
+            (RestartedPlant(self._recorder.plant(*plant), window, twist=TWISTS[subject]), part)
+            for plant, part in by_plant.items()
         ]
 
     def _scored(
@@ -238,7 +261,7 @@ class SimWorker:
         states = episode.trajectory.states
         if states is None:
             return episode.trajectory.observations.points
-        return self._recorder.plant(0).observe(states).points
+        return self._recorder.plant(0, effects_of(episode)).observe(states).points
 
     def _model(self, weights: Weights) -> LearnedDynamics:
         if weights.digest not in self._models:

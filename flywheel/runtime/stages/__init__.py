@@ -1,13 +1,14 @@
-"""The five verbs of an iteration, one file each, and what they hand on to each other.
+"""The six verbs of an iteration, one file each, and what they hand on to each other.
 
 Every verb looks first at what is already there, so that a killed run goes on where it was.
 """
 
 from flywheel.runtime.stages.collect import collect
 from flywheel.runtime.stages.decide import decide
+from flywheel.runtime.stages.diagnose import diagnose
 from flywheel.runtime.stages.evaluate import evaluate
 from flywheel.runtime.stages.outcomes import Tally
 from flywheel.runtime.stages.snapshot import snapshot
 from flywheel.runtime.stages.train import train
 
-__all__ = ["Tally", "collect", "decide", "evaluate", "snapshot", "train"]
+__all__ = ["Tally", "collect", "decide", "diagnose", "evaluate", "snapshot", "train"]

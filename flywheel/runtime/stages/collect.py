@@ -12,8 +12,10 @@ from flywheel.runtime.stages.outcomes import Collected, Tally
 
 def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> dict[Arm, Collected]:
     """Record them for every arm, with gaits, random controls and drops, or with MPPI."""
-    plans = {arm: collection(run.config, iteration, arm) for arm in arms}
+    effects, anew = run.effects(iteration), run.changes_plant(iteration)
+    plans = {arm: collection(run.config, iteration, arm, effects, anew) for arm in arms}
     jobs = [job for arm in arms for job in run.recordings(plans[arm], run.latest_model(arm))]
+    jobs = list({job.id: job for job in jobs}.values())  # what is recorded anew serves all arms
     report = tally.add(run.do(jobs, f"{iteration}: collect"))
     collected: dict[Arm, Collected] = {}
     for arm in arms:

@@ -47,6 +47,7 @@ def decide(
                 curve=trained[arm].note.curve,
                 gate=_gate(run, trained[arm], done) if arm == "mppi" else None,
                 overlay=done.overlay,
+                diagnosis=run.folder.diagnosis(iteration),
             )
         )
     return results

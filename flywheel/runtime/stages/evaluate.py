@@ -58,7 +58,7 @@ def _on_validation(
 def _in_closed_loop(
     run: Run, iteration: int, model: Model, found: Evaluated, tally: Tally
 ) -> Evaluated:
-    plans = evaluation(run.config, iteration, "mppi")
+    plans = evaluation(run.config, iteration, "mppi", run.effects(iteration))
     report = tally.add(run.do(run.recordings(plans, model), f"{iteration}: navigate"))
     champion = run.latest("mppi")
     return replace(

@@ -23,5 +23,7 @@ def _sealed(run: Run, iteration: int, arm: Arm, new: Collected) -> Snapshot:
     else:
         parent = name_of(iteration - 1, run.arm_of(iteration - 1, arm))
         segments = tuple(run.store.snapshot(parent).segments)
+        if run.changes_plant(iteration):  # what was simulated on the plant of before is wrong now
+            segments = run.config.collect.recordings
     datasets = list(run.config.dataset_numbers())  # in the order of the network's one-hot
     return run.store.seal(name, [*segments, *new.segments], parent=parent, datasets=datasets)

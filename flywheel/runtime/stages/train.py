@@ -22,13 +22,15 @@ def train(
 ) -> dict[Arm, Trained]:
     """Train from the arm's latest weights if there are any, else from new ones.
 
-    While the very first model trains, cores that it leaves idle record the ceiling's episodes.
+    While the very first model trains, cores that it leaves idle record the ceiling's episodes, if the
+    plant that these are on is known already.
 
     Raises:
       RunError: a training took three trainers down with it, or the very first one diverged.
     """
     jobs = {arm: _job(run, iteration, arm, frozen) for arm, frozen in snapshots.items()}
-    ahead = run.recordings(ceiling(run.config)) if iteration == 0 else []
+    plant_stays = iteration == 0 and not run.config.diagnose.on
+    ahead = run.recordings(ceiling(run.config, run.config.effects)) if plant_stays else []
     report = tally.add(run.do([*jobs.values(), *ahead], f"{iteration}: train"))
     trained: dict[Arm, Trained] = {}
     for arm, job in jobs.items():

@@ -1,0 +1,83 @@
+"""A run finds out what its plant lacks, adds it, and learns anew from what the better plant says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from flywheel.data.recordings import read_recording, store_recording
+from flywheel.hidden import hidden_effect
+from flywheel.hidden.recording import record
+from flywheel.robots import load_robot
+from flywheel.runtime.config import RunConfig
+from flywheel.runtime.recording import effects_of
+from tests.unit.runtime.test_loop import TINY, Bench
+
+FEW = ["winch_gain", "slope"]
+
+
+def stored_logs(folder, store, *names: str) -> list[str]:
+    """Two recordings of a robot with hidden effects: one to learn from, one for tests."""
+    robot = load_robot("prism3")
+    effects = [
+        hidden_effect(name).typical(robot, np.random.default_rng(0)).scaled(2.0) for name in names
+    ]
+    found = []
+    for seed, split in ((5, "train"), (6, "test")):
+        made = record(robot, effects, seconds=1.6, seed=seed)
+        path, _ = made.write(folder, f"log-{seed}", robot)
+        found.append(store_recording(store, read_recording(path, robot, split=split))[0])
+    return found
+
+
+def bench(folder, *effects: str) -> tuple[Bench, list[str]]:
+    names = stored_logs(folder / "logs", Bench(folder).store, *effects)
+    collect = {**TINY["collect"], "recordings": names}
+    return Bench(folder, collect=collect, diagnose={"on": True, "effects": FEW}), names
+
+
+def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path):
+    run, names = bench(tmp_path, "winch_gain")
+    result = run.turn()
+    note = result.iterations[1].diagnosis
+    assert result.iterations[0].diagnosis is None
+    assert note.adopted and [e.effect for e in note.effects] == ["winch_gain"]
+    assert note.effects[0].parameters["share"] == pytest.approx(0.2, abs=0.05)
+    assert note.augmented < note.baseline and note.held_out_augmented < note.held_out_baseline
+    assert (tmp_path / note.page).read_text().startswith("<!doctype html>")
+    assert any("the plant now has winch_gain" in line for line in run.said)
+
+    first, second = (run.store.snapshot(f"i000{i}-mppi").episodes for i in (0, 1))
+    simulated = [e.id for e in second if e.source == "sim"]
+    assert not set(simulated) & {e.id for e in first}
+    assert set(names) <= {e.id for e in second}
+    assert all(name.startswith("i0001-") for name in simulated)
+    assert {effects_of(run.store.read(name)) for name in simulated} == {note.effects}
+    assert {effects_of(run.store.read(e.id)) for e in first} == {()}
+    judged = result.iterations[1].test.by_episode
+    assert judged and all(effects_of(run.store.read(name)) == note.effects for name in judged)
+    assert effects_of(run.store.read("oracle-0000")) == note.effects
+
+    models = [i.model for i in result.iterations]
+    run.files.forget(1, "mppi")
+    (tmp_path / "result.json").unlink()
+    again = run.turn(resume=True)
+    assert "i0001-diagnose" not in run.backend.done, "an answer that is there is not sought again"
+    assert [i.model for i in again.iterations] == models
+
+
+def test_a_plant_that_explains_the_recordings_stays(tmp_path):
+    run, _ = bench(tmp_path)
+    result = run.turn()
+    note = result.iterations[1].diagnosis
+    assert (note.verdict, note.adopted, note.effects) == ("NOISE_ONLY", False, ())
+    first, second = (run.store.snapshot(f"i000{i}-mppi").episodes for i in (0, 1))
+    assert {e.id for e in first} <= {e.id for e in second}
+
+
+def test_a_diagnosis_without_recordings_is_refused():
+    with pytest.raises(ValidationError, match="diagnose.on needs recordings"):
+        RunConfig.model_validate({"diagnose": {"on": True}})
+    with pytest.raises(ValidationError, match="no effect 'slop'.*Did you mean 'slope'"):
+        RunConfig.model_validate({"diagnose": {"effects": ["slop"]}})
