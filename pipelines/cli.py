@@ -12,8 +12,10 @@ from typing import Annotated
 
 import typer
 
+from pipelines.comparison_cli import app as comparison_app
 from pipelines.diagnosis_cli import app as diagnosis_app
 from pipelines.exits import CODES, Commands
+from pipelines.experiment_cli import app as experiment_app
 from pipelines.recordings_cli import app as recordings_app
 
 app = typer.Typer(
@@ -33,7 +35,9 @@ robot_app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
 app.add_typer(data_app, name="data")
 app.add_typer(robot_app, name="robot")
 app.add_typer(recordings_app, name="recordings")
+app.add_typer(comparison_app)
 app.add_typer(diagnosis_app)
+app.add_typer(experiment_app)
 
 RunArgument = Annotated[
     Path,

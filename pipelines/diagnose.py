@@ -39,7 +39,7 @@ def explain(
         plant,
         [t for path in logs for t in _read(path, robot, dt, out)],
         [t for path in held_out for t in _read(path, robot, dt, out)],
-        _library(effects),
+        library_of(effects),
         window_seconds=window,
     )
     _show(out, found)
@@ -73,7 +73,8 @@ def _read(path: Path, robot: Robot, dt: float, out: Console) -> Sequence[Traject
     return [episode.trajectory for episode in imported.episodes]
 
 
-def _library(effects: str) -> Mapping[str, Effect]:
+def library_of(effects: str) -> Mapping[str, Effect]:
+    """The effects named, with commas between; all of the library for none."""
     names = [name.strip() for name in effects.split(",") if name.strip()]
     return {name: lookup(EFFECTS, name, "effect") for name in names} or EFFECTS
 

@@ -135,7 +135,6 @@ class ScoreTest:
             sizes, power = _solved(a, b, candidate)
             tried.append((power, shape, sizes, a))
         power, shape, sizes, a = max(tried, key=lambda each: each[0])
-        weakest = np.linalg.eigvalsh(a)[0]
         inverse = np.linalg.pinv(a)
         noise = max(self.noise, 1.0)
         return Score(
@@ -145,11 +144,31 @@ class ScoreTest:
             power / len(sizes) / noise,
             tuple(sizes),
             tuple(np.sqrt(noise * np.diag(inverse))),
-            float(np.sqrt(CRITICAL * noise / weakest)) if weakest > DEAD**2 else np.inf,
+            smallest_shown(a, noise),
         )
 
 
 CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes are stated
+
+
+def smallest_shown(gram: Floats, noise: float = 1.0) -> float:
+    """Size that would score `CRITICAL`, from products (d, d) of sensitivities; infinite for none.
+
+    Of several sizes, in the combination that shows least.
+    """
+    weakest = np.linalg.eigvalsh(gram)[0]
+    return float(np.sqrt(CRITICAL * noise / weakest)) if weakest > DEAD**2 else np.inf
+
+
+def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:
+    """Candidate -> shape -> its columns, where those of all unit terms stand side by side."""
+    slices, place = [], 0
+    for candidate in library:
+        size = len(candidate.typical)
+        starts = [place + size * shape for shape in range(len(candidate.shapes))]
+        slices.append(tuple(slice(start, start + size) for start in starts))
+        place += size * len(candidate.shapes)
+    return tuple(slices)
 
 
 def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
@@ -181,12 +200,6 @@ def score_test(
     linear = linear or fitter.linear(fit)
     terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
     columns = fitter.columns(fit, terms)
-    slices, place = [], 0
-    for candidate in library:
-        size = len(candidate.typical)
-        starts = [place + size * shape for shape in range(len(candidate.shapes))]
-        slices.append(tuple(slice(start, start + size) for start in starts))
-        place += size * len(candidate.shapes)
     square = (fit.residual**2).sum(axis=1)
     measured = np.isfinite(fitter.predictor.windows.measured).sum(axis=(1, 2, 3))
     mean = square / np.maximum(measured, 1)
@@ -197,5 +210,11 @@ def score_test(
     freedom = float(measured.sum() - len(measured) * entries - projection.shared.shape[2])
     noise = float(residual @ residual) / max(freedom, 1.0)
     return ScoreTest(
-        tuple(library), residual, projection(columns), tuple(slices), noise, freedom, projection
+        tuple(library),
+        residual,
+        projection(columns),
+        slices_of(library),
+        noise,
+        freedom,
+        projection,
     )

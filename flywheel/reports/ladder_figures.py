@@ -23,7 +23,7 @@ def ladder_over_iterations(run: RunResult) -> Figure | None:
     for axes in (plant, network):
         axes.set_ylim(bottom=0)
         style.whole_steps(axes, [turn.iteration for turn in turns])
-        axes.legend()
+        axes.legend(loc="lower left")
     return figure
 
 
@@ -44,9 +44,9 @@ def _plant(axes: Axes, run: RunResult) -> None:
             axes.annotate(
                 "+ " + ", ".join(added),
                 (iteration, MILLI * fitted[iteration]),
-                xytext=(0, 8),
+                xytext=(4, 30),
                 textcoords="offset points",
-                ha="center",
+                ha="right",
             )
     axes.plot(list(fitted), [MILLI * e for e in fitted.values()], "o-", color=style.MPPI,
               label="fitted")  # fmt: skip
@@ -55,7 +55,7 @@ def _plant(axes: Axes, run: RunResult) -> None:
         axes.plot(list(known), list(known.values()), "s--", color=style.CONTROL, label="held out")
     noise = MILLI * notes[max(notes)].noise
     axes.axhline(noise, color=style.ORACLE, linestyle=(0, (5, 2)), linewidth=1.4, label="noise")
-    axes.set_title("The plant")
+    axes.set_title("The plant, on recordings")
     axes.set_ylabel("measured minus predicted [mm]")
 
 
@@ -73,5 +73,5 @@ def _network(axes: Axes, run: RunResult) -> None:
     if run.persistence_on_recordings is not None:
         still = run.persistence_on_recordings.short.e_pos_rmse
         axes.axhline(still, **style.PERSISTENCE_LINE, label="nothing moves")
-    axes.set_title("The network")
-    axes.set_ylabel("e_pos RMSE/L on recordings kept for tests [%]")
+    axes.set_title("Networks, on recordings kept for tests")
+    axes.set_ylabel("e_pos RMSE/L [%]")
