@@ -1,0 +1,70 @@
+"""`flywheel power`: what commands would show."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rich.console import Console
+
+from flywheel.data.recordings.commands import read_commands
+from flywheel.diagnosis.power import ENOUGH, Power, Prospect, power
+from flywheel.reports.experiment_page import confusions, power_sentence, write_power
+from pipelines.diagnose import library_of
+from pipelines.experiment import about_plant, length_of
+from pipelines.plants import open_plant
+from pipelines.show import console, table
+
+
+def foretell(
+    commands: Path,
+    robot_name: str,
+    noise: str,
+    size: float,
+    effects: str,
+    window: float | None,
+    dt: float,
+    threads: int,
+    page: Path | None,
+    answer: Path | None,
+) -> None:
+    """Say what a script would show; print it, and write page and JSON if asked."""
+    plant = open_plant(robot_name, dt, threads)
+    robot, out = plant.robot, console()
+    controls, sigma = read_commands(commands, robot, dt), length_of(noise, robot)
+    found = power(plant, controls, sigma, library_of(effects), size, seconds=window)
+    _show(out, found)
+    if page is not None:
+        about = {"commands": commands.name, **about_plant(plant)}
+        out.print(f"Page: {write_power(found, page, about)}", soft_wrap=True)
+    if answer is not None:
+        answer.write_text(json.dumps(found.summary(), indent=1) + "\n", encoding="utf-8")
+        out.print(f"JSON: {answer}", soft_wrap=True)
+
+
+def _show(out: Console, found: Power) -> None:
+    out.print(power_sentence(found), style="bold", soft_wrap=True)
+    columns = ("effect", "at", "#smallest seen", "unit", "#/ typical", "most like", "#|cos|")
+    title = f"noise {1000 * found.sigma:.2f} mm; {ENOUGH:g} sigma count as seen, and as told apart"
+    rows = [_row(prospect) for prospect in found.prospects]
+    last = f"#apart at {found.size:g} typical, in sigma"
+    out.print(table(title, (*columns, last), rows))
+    for words in confusions(found):
+        out.print(words, soft_wrap=True)
+
+
+def _row(prospect: Prospect) -> tuple[object, ...]:
+    candidate = prospect.candidate
+    names = (candidate.effect.name, candidate.location)
+    if not prospect.visible:
+        return (*names, "invisible", "", None, "", None, None)
+    parameter, rival = candidate.effect.sizes[0], prospect.rival
+    return (
+        *names,
+        prospect.smallest * candidate.typical[0],
+        parameter.unit,
+        prospect.smallest,
+        "" if rival is None else rival.label,
+        prospect.likeness,
+        None if rival is None else prospect.separation,
+    )

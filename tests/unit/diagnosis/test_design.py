@@ -1,0 +1,103 @@
+"""Designed scripts can be played, and are what they are said to be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis.design import Design, Designer
+from flywheel.diagnosis.foresight import foresee, played
+from flywheel.diagnosis.rivals import Rival
+from flywheel.diagnosis.scripts import FAMILIES, Reach, varied
+from flywheel.dynamics.plant import Plant
+from flywheel.errors import DataError, UnknownNameError
+from flywheel.robots import Robot, load_robot
+
+SIGMA = 0.009
+
+
+@pytest.mark.parametrize("name", ["prism3", "platform4"])
+def test_scripts_stay_where_winches_can_go(name: str, seed: int) -> None:
+    robot, rng, dt = load_robot(name), np.random.default_rng(seed), 0.01
+    start = robot.winch_of(robot.keyframe)
+    reach = Reach.around(robot, start, dt)
+    wishes = [family(reach, 137, rng) for family in FAMILIES.values()]
+    wishes += [varied(reach, wishes[i], wishes[i - 1], 0.3, rng) for i in range(len(wishes))]
+    path = reach.path(np.stack(wishes))
+    commands = reach.commands(path)
+    assert (commands >= robot.control_low).all()
+    assert (commands <= robot.control_high).all()
+    assert (path >= np.maximum(robot.rest_low, reach.low) - 1e-9).all()
+    assert (path <= np.minimum(robot.rest_high, reach.high) + 1e-9).all()
+    reached = robot.dead_reckon(np.tile(start, (len(path), 1)), commands, dt)[:, 1:]
+    rate = robot.rate_driven
+    assert np.allclose(reached[..., rate], path[..., rate], atol=1e-9), seed
+    moved = np.ptp(path, axis=1).max(axis=1)
+    assert (moved > 0.01 * start.min()).all(), (seed, moved)
+
+
+def test_rivals_are_found_by_name_and_place(robot: Robot) -> None:
+    assert len(Rival.named("payload", robot).candidates) == len(robot.points)
+    (one,) = Rival.named("payload@s2", robot).candidates
+    assert one.label == "payload at s2"
+    with pytest.raises(UnknownNameError, match="Did you mean 'capstan'"):
+        Rival.named("capstn", robot)
+    with pytest.raises(UnknownNameError, match="no place of payload 's9'"):
+        Rival.named("payload@s9", robot)
+    with pytest.raises(DataError, match="of the whole robot"):
+        Rival.named("capstan@s2", robot)
+
+
+def rivals(robot: Robot, *names: str) -> list[Rival]:
+    return [Rival.named(name, robot) for name in names]
+
+
+@pytest.mark.parametrize("names", [(), ("capstan",), ("payload", "payload@s1")])
+def test_a_design_needs_different_rivals(robot: Robot, names: tuple[str, ...]) -> None:
+    with pytest.raises(DataError, match="two or more different rivals"):
+        Designer(Plant(robot), rivals(robot, *names), SIGMA)
+
+
+@pytest.fixture(scope="module")
+def designer(robot: Robot) -> Designer:
+    return Designer(Plant(robot), rivals(robot, "cable_friction", "payload@s1", "capstan"), SIGMA)
+
+
+@pytest.mark.parametrize(("seconds", "count"), [(0.02, 4), (1.0, 0)])
+def test_a_design_needs_something_to_try(designer: Designer, seconds: float, count: int) -> None:
+    with pytest.raises(DataError, match=f"got {count} of {round(seconds / 0.01)}"):
+        designer.design(seconds=seconds, count=count)
+
+
+@pytest.fixture(scope="module")
+def design(designer: Designer, seed: int) -> Design:
+    return designer.design(seconds=0.6, count=8, seed=seed)
+
+
+def test_a_design_says_what_its_commands_are_worth(
+    designer: Designer, design: Design, seed: int
+) -> None:
+    """The search's own number comes out again from the commands alone."""
+    scripts = design.controls[None]
+    motion = played(designer.plant, scripts)
+    again = foresee(designer.plant, scripts, motion, designer.library, SIGMA)
+    assert motion.finite.all()
+    apart = [again.separation(i, j)[0] for i in range(3) for j in range(3) if i != j]
+    assert min(apart) == pytest.approx(design.separation, rel=1e-6), seed
+    assert min(pair.separation for pair in design.pairs) == pytest.approx(design.separation)
+    assert len(design.pairs) == 3
+
+
+def test_the_search_never_loses_what_it_had(design: Design, seed: int) -> None:
+    assert list(design.history) == sorted(design.history), seed
+    assert design.history[-1] == design.separation
+    assert design.separation >= design.plain
+    assert design.tried == 8 + 4 * 2
+
+
+def test_the_same_seed_gives_the_same_script(designer: Designer, seed: int) -> None:
+    one, same, other = (
+        designer.design(seconds=0.3, count=1, seed=s).controls for s in (seed, seed, seed + 1)
+    )
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)

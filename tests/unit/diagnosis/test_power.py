@@ -1,0 +1,127 @@
+"""What `power` promises before an experiment is what `diagnose` says after it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis import diagnose
+from flywheel.diagnosis.baseline import fitted, fitter_of
+from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.foresight import played
+from flywheel.diagnosis.power import ENOUGH, Power, power
+from flywheel.diagnosis.selection import Selection
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import Plant, with_effects
+from flywheel.effects import EFFECTS, Effect
+from flywheel.hidden.recording import record
+from flywheel.records import Observation, Trajectory
+from flywheel.robots import Robot
+
+FEW = (
+    "cable_friction",
+    "capstan",
+    "winch_gain",
+    "command_delay",
+    "sensor_latency",
+    "payload",
+    "slope",
+)
+
+
+@pytest.fixture(scope="module")
+def library() -> dict[str, Effect]:
+    return {name: EFFECTS[name] for name in FEW}
+
+
+@pytest.fixture(scope="module")
+def hidden(robot: Robot, seed: int) -> Trajectory:
+    """Of a robot that lacks nothing, by another simulator."""
+    return record(robot, (), seconds=1.6, seed=seed).trajectory
+
+
+@pytest.fixture(scope="module")
+def found(robot: Robot, hidden: Trajectory, library: dict[str, Effect]) -> Power:
+    return power(Plant(robot), hidden.controls, 0.003 * robot.length, library)
+
+
+def test_smallest_sizes_are_those_of_a_recording_made_afterwards(
+    robot: Robot, hidden: Trajectory, library: dict[str, Effect], found: Power, seed: int
+) -> None:
+    said = {score.candidate.label: score.smallest for score in
+            diagnose(Plant(robot), [hidden], library=library).ranking}  # fmt: skip
+    ratios = [p.smallest / said[p.candidate.label] for p in found.prospects]
+    close = np.abs(np.log(ratios)) < np.log(1.25)
+    assert close.mean() > 0.6, (seed, ratios)
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.15), (seed, ratios)
+
+
+def test_commands_that_move_nothing_show_no_effect_of_winches(
+    robot: Robot, library: dict[str, Effect], found: Power
+) -> None:
+    still = np.zeros((80, len(robot.winches)))
+    few = {name: library[name] for name in ("winch_gain", "command_delay")}
+    moving = {p.candidate.label: p for p in found.prospects}
+    for prospect in power(Plant(robot), still, 0.003 * robot.length, few).prospects:
+        assert not prospect.visible
+        assert prospect.smallest == np.inf
+        assert prospect.summary()["smallest"] is None
+        assert moving[prospect.candidate.label].visible
+
+
+@pytest.mark.parametrize(("times", "seen"), [(2.5, True), (0.25, False)])
+def test_an_effect_above_the_smallest_size_is_seen_and_one_far_below_is_not(
+    robot: Robot, hidden: Trajectory, times: float, seen: bool, seed: int
+) -> None:
+    gain = {"winch_gain": EFFECTS["winch_gain"]}
+    noise, controls = 0.001 * robot.length, hidden.controls[:80]
+    (before,) = power(Plant(robot), controls, noise, gain).prospects
+    term = before.candidate.term((times * before.smallest,))
+    truth = played(with_effects(Plant(robot), (term,)), controls[None]).points[0]
+    measured = truth + np.random.default_rng(seed).normal(0, noise, truth.shape)
+    log = Trajectory(Observation(measured, hidden.observations.winch[:81]), controls, hidden.dt)
+    fitter = fitter_of(Windows.cut(robot, [log], sigma=noise), Plant(robot))
+    after = Selection(fitter, candidates(robot, gain), ENOUGH**2).look(fitted(fitter)).scores[0]
+    assert (after.score >= ENOUGH**2) == seen, (seed, after.score)
+
+
+def test_twins_are_taken_for_each_other_and_nobody_else_is(found: Power, seed: int) -> None:
+    by_name = {p.candidate.label: p for p in found.prospects}
+    for name, other in (("command_delay", "sensor_latency"), ("sensor_latency", "command_delay")):
+        twin = by_name[name]
+        assert other in [candidate.label for candidate in twin.taken_for], seed
+        assert twin.separation < 0.01
+        assert twin.likeness > 0.999
+    assert not by_name["winch_gain"].taken_for, seed
+
+
+def test_more_noise_hides_more(
+    robot: Robot, hidden: Trajectory, library: dict[str, Effect]
+) -> None:
+    few = {name: library[name] for name in ("capstan", "winch_gain")}
+    quiet, loud = (power(Plant(robot), hidden.controls[:80], s, few) for s in (0.002, 0.02))
+    small = {p.candidate.label: p.smallest for p in quiet.prospects}
+    for prospect in loud.prospects:
+        assert 3 < prospect.smallest / small[prospect.candidate.label] < 12
+
+
+def test_a_twice_as_large_effect_is_twice_as_far_from_its_rival(
+    robot: Robot, hidden: Trajectory, library: dict[str, Effect]
+) -> None:
+    few = {name: library[name] for name in ("capstan", "cable_friction")}
+    once, twice = (
+        power(Plant(robot), hidden.controls[:80], 0.01, few, size) for size in (1.0, 2.0)
+    )
+    for one, two in zip(once.prospects, twice.prospects, strict=True):
+        assert two.separation == pytest.approx(2 * one.separation)
+        assert two.smallest == one.smallest
+
+
+def test_the_summary_is_json(found: Power) -> None:
+    again = json.loads(json.dumps(found.summary(), allow_nan=False))
+    assert [e["effect"] for e in again["effects"]] == [
+        p.candidate.effect.name for p in found.prospects
+    ]
+    assert np.shape(again["likeness"]) == (len(found.prospects),) * 2
