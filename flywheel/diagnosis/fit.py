@@ -21,7 +21,7 @@ STEP = 2e-3  # of a finite difference of a start, in natural units
 WINCH_STEP = 1e-3  # of one of a winch's offset [L]
 DAMPING = (1e-4, 1e-2, 0.1, 1.0, 10.0)
 SHARES = (1.0, 0.3, 0.0)  # of the step of what windows share
-ENOUGH = 0.003  # relative fall of the cost below which a fit has converged
+ENOUGH = 0.001  # relative fall of the cost below which a fit has converged
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
 

@@ -21,6 +21,8 @@ PER_FAMILY = 2  # places of one effect on the short list
 PAIRS = 1  # pairs on the short list
 MORE = 1.2  # times what the best explains alone, from which a pair is tried
 MOST = 3  # effects found together
+ROUNDS = 10  # of a fit
+HOPE = 4.0  # further rounds like the last one, after which a model must have reached its target
 RIVAL = 0.8  # share of an effect's power from which another is tried in its place
 
 
@@ -93,7 +95,7 @@ class Selection:
                 continue
             terms = (*others, score.candidate.term(score.sizes, score.shape))
             near = self.fitter.at(last.change, last.starts.winch, terms)
-            fit = self.fitter.fit(near, free_values(terms, self.scales), rounds=3)
+            fit = self.pursued(near, self.criterion(last) + margin)
             if self.criterion(fit) < self.criterion(last) + margin:
                 found.append(fit)
         return found
@@ -127,10 +129,31 @@ class Selection:
         ]
         if len(step.fit.terms) + 2 <= most:
             proposals += self._pairs(step)
-        refits = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
-        chosen = min(refits, key=self.criterion)
-        chosen = self.fitter.fit(chosen, free_values(chosen.terms, self.scales), rounds=3)
-        return self.pruned(chosen)
+        begun = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
+        return self.pruned(self.winner(begun))
+
+    def winner(self, begun: Sequence[Fit]) -> Fit:
+        """The best of several models, each fitted on for as long as it may become the best.
+
+        Starts that had to make up for a wrong model find back slowly: after a few rounds the wrong one
+        of two may be ahead.
+        """
+        first, *others = sorted(begun, key=self.criterion)
+        best = self.pursued(first)
+        for fit in others:
+            best = min(best, self.pursued(fit, self.criterion(best)), key=self.criterion)
+        return best
+
+    def pursued(self, fit: Fit, target: float = np.inf) -> Fit:
+        """A fit, fitted on until it converges or its criterion clearly stays above the target."""
+        free = free_values(fit.terms, self.scales)
+        for _ in range(ROUNDS):
+            if fit.converged:
+                break
+            before, fit = fit, self.fitter.fit(fit, free, rounds=1)
+            if self.criterion(fit) - target > HOPE * (before.cost - fit.cost):
+                break
+        return fit
 
     def with_terms(self, step: Step, terms: Terms) -> Fit:
         """The model with these terms instead, fitted from the step's starts."""
@@ -153,7 +176,7 @@ class Selection:
     def _dropped(self, fit: Fit, term: Term) -> Fit:
         terms = without(fit.terms, term)
         left = self.fitter.at(fit.change, fit.starts.winch, terms)
-        return self.fitter.fit(left, free_values(terms, self.scales), rounds=2)
+        return self.pursued(left, self.criterion(fit))
 
     def criterion(self, fit: Fit) -> float:
         """Cost with what every fitted value costs (BIC)."""
