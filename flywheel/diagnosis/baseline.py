@@ -24,18 +24,25 @@ def fitter_of(windows: Windows, plant: Plant) -> Fitter:
 
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int = 4, seed: int = 0) -> Fit:
-    """Starts that fit, under terms that stay as they are.
+    """Starts that fit, under terms that stay as they are."""
+    fit = unstuck(fitter, fitter.fit(fitter.beginning(terms), rounds=2), seed)
+    return fitter.fit(fit, rounds=rounds)
 
-    A window that fits much worse than the others may have begun in a wrong place: its bodies are turned
-    at random, fitted again, and kept where that is better.
+
+def unstuck(fitter: Fitter, fit: Fit, seed: int = 0) -> Fit:
+    """A fit in which windows that fit much worse than the others begin elsewhere, if that is better.
+
+    They may have begun in a wrong place, or have been led there by a wrong model: they are tried from
+    their first estimates, and with their bodies turned at random.
     """
-    fit = fitter.fit(fitter.beginning(terms), rounds=2)
     square = mean_squares(fitter, fit)
     stuck = np.flatnonzero(square > STUCK * max(1.0, float(np.median(square))))
-    if len(stuck):
-        members = np.repeat(stuck, TRIES)
-        fit = fitter.searched(fit, members, turned(fitter, fit.change[members], seed))
-    return fitter.fit(fit, rounds=rounds)
+    if not len(stuck):
+        return fit
+    members = np.repeat(stuck, TRIES)
+    tried = turned(fitter, fit.change[members], seed)
+    nowhere = np.zeros((len(stuck), tried.shape[1]))
+    return fitter.searched(fit, np.concatenate([members, stuck]), np.concatenate([tried, nowhere]))
 
 
 def turned(fitter: Fitter, change: Floats, seed: int) -> Floats:

@@ -21,6 +21,7 @@ STEP = 2e-3  # of a finite difference of a start, in natural units
 WINCH_STEP = 1e-3  # of one of a winch's offset [L]
 DAMPING = (1e-4, 1e-2, 0.1, 1.0, 10.0)
 SHARES = (1.0, 0.3, 0.0)  # of the step of what windows share
+STEPS = 3  # of a fit between two linearisations
 ENOUGH = 0.001  # relative fall of the cost below which a fit has converged
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
@@ -104,9 +105,7 @@ class Fitter:
     def fit(self, fit: Fit, free: Sequence[Free] = (), rounds: int = 8) -> Fit:
         """Levenberg-Marquardt from a fit, with sizes of effects free or none."""
         for _ in range(rounds):
-            after = self.improved(fit, self.linear(fit), free)
-            if after is None:
-                return replace(fit, converged=True)
+            after = self.refit(fit, self.linear(fit, precise=False), free, STEPS)
             fell = 1.0 - after.cost / fit.cost if np.isfinite(fit.cost) else 1.0
             fit = after
             if fell < ENOUGH:
@@ -114,22 +113,23 @@ class Fitter:
         return fit
 
     def refit(self, fit: Fit, linear: Linear, free: Sequence[Free], rounds: int = 3) -> Fit:
-        """The same with the starts' sensitivities held: cheap, and good near a fit."""
+        """Steps with the starts' sensitivities held: they are what costs time."""
         for _ in range(rounds):
             after = self.improved(fit, linear, free)
             if after is None:
                 break
-            fell, fit = 1.0 - after.cost / fit.cost, after
+            fell = 1.0 - after.cost / fit.cost if np.isfinite(fit.cost) else 1.0
+            fit = after
             if fell < ENOUGH:
                 break
         return fit
 
-    def linear(self, fit: Fit) -> Linear:
-        """Central differences around a fit, in one batch for all windows."""
+    def linear(self, fit: Fit, precise: bool = True) -> Linear:
+        """Differences around a fit, in one batch for all windows: of both sides where precise."""
         predictor = self.predictor
         count, winches = len(predictor.windows), fit.starts.winch.shape[1]
         everyone = np.arange(count)
-        by_start = self.by_start(fit, everyone, fit.change)
+        by_start = self.by_start(fit, everyone, fit.change, None if precise else fit.points)
         offset = WINCH_STEP * predictor.length
         members = np.repeat(everyone, winches)
         shifted = np.repeat(fit.carried.winch, winches, axis=0)
@@ -141,16 +141,23 @@ class Fitter:
         by_winch = self.slope(after - fit.points[:, None], offset, everyone)
         return Linear(by_start, by_winch)
 
-    def by_start(self, fit: Fit, members: np.ndarray, change: Floats) -> Floats:
-        """(n, D, X) sensitivities of windows `members` (n,) at changes (n, X)."""
+    def by_start(
+        self, fit: Fit, members: np.ndarray, change: Floats, here: Floats | None = None
+    ) -> Floats:
+        """(n, D, X) sensitivities of windows `members` (n,) at changes (n, X).
+
+        Of both sides, or, at half the price, of one side against what is predicted `here`.
+        """
         predictor, size = self.predictor, self.predictor.tangent
-        steps = np.concatenate([np.eye(size), -np.eye(size)]) * STEP
+        sides = (1.0, -1.0) if here is None else (1.0,)
+        steps = np.concatenate([side * np.eye(size) for side in sides]) * STEP
         tried = (change[:, None] + steps).reshape(-1, size)
-        rows = np.repeat(members, 2 * size)
+        rows = np.repeat(members, len(steps))
         states = predictor.moved(self.first[rows], tried)
         points = predictor.parallel(states, fit.carried, fit.terms, rows)
-        points = points.reshape(len(members), 2, size, *points.shape[1:])
-        return self.slope(points[:, 0] - points[:, 1], 2 * STEP, members)
+        points = points.reshape(len(members), len(sides), size, *points.shape[1:])
+        opposite = points[:, 1] if here is None else here[:, None]
+        return self.slope(points[:, 0] - opposite, len(sides) * STEP, members)
 
     def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
         """(n, D, m) of differences (n, m, steps + 1, P, 3); 0 where nothing was measured."""
@@ -260,9 +267,9 @@ class Fitter:
     def searched(self, fit: Fit, members: np.ndarray, change: Floats, rounds: int = 4) -> Fit:
         """Windows from other starts: each of `members` (n,) from (n, X), kept where it ends lower."""
         for _ in range(rounds):
-            by_start = self.by_start(fit, members, change)
             states = self.predictor.moved(self.first[members], change)
             points = self.predictor.parallel(states, fit.carried, fit.terms, members)
+            by_start = self.by_start(fit, members, change, points)
             left = np.nan_to_num(self.predictor.windows.residual_of(members, points))
             steps = np.stack([self._steps(change, by_start, left, d) for d in DAMPING])
             tried = np.concatenate([np.zeros_like(change)[None], steps]) + change

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from flywheel.diagnosis.baseline import unstuck
 from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.fit import Fit, Fitter, Linear
 from flywheel.diagnosis.free import free_values
@@ -20,6 +21,7 @@ SHARE = 0.5  # of the best candidate's power that one needs to be refitted
 PER_FAMILY = 2  # places of one effect on the short list
 PAIRS = 1  # pairs on the short list
 MORE = 1.2  # times what the best explains alone, from which a pair is tried
+TURNS = 6  # of the selection, at most
 MOST = 3  # effects found together
 ROUNDS = 10  # of a fit
 HOPE = 4.0  # further rounds like the last one, after which a model must have reached its target
@@ -67,10 +69,14 @@ class Selection:
     def run(self, fit: Fit) -> list[Step]:
         """The model as it was, with one effect more, and so on; the last step is the answer."""
         steps, most = [self.look(fit)], len(fit.terms) + MOST
-        while len(steps[-1].fit.terms) < most:
+        for _ in range(TURNS):
+            if len(steps[-1].fit.terms) >= most:
+                break
             better = self._next(steps[-1], most)
             if better is None:
                 break
+            if places(better) == places(steps[-1].fit):  # only the fit was not good enough yet
+                steps.pop()
             steps.append(self.look(better))
         return steps
 
@@ -142,7 +148,8 @@ class Selection:
         best = self.pursued(first)
         for fit in others:
             best = min(best, self.pursued(fit, self.criterion(best)), key=self.criterion)
-        return best
+        elsewhere = unstuck(self.fitter, best)
+        return best if elsewhere is best else self.pursued(elsewhere)
 
     def pursued(self, fit: Fit, target: float = np.inf) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target."""
@@ -235,6 +242,11 @@ def allowed(score: Score, sizes: Floats) -> bool:
     """Sizes that cannot be negative are not."""
     parameters = score.candidate.effect.sizes
     return all(s >= 0 or not p.one_sided for s, p in zip(sizes, parameters, strict=True))
+
+
+def places(fit: Fit) -> set[tuple[str, int | None]]:
+    """Which effects a model has, and where."""
+    return {(term.effect.name, term.place) for term in fit.terms}
 
 
 def without(terms: Terms, term: Term) -> Terms:
