@@ -57,7 +57,7 @@ def test_from_a_recording_to_a_plant_that_explains_it(logs: list[Path], tmp_path
 
     code, after = diagnosed(str(plants / "prism3-1"), logs, tmp_path)
     assert (code, after["verdict"]) == (0, "NOISE_ONLY")
-    assert after["error"]["baseline"] == pytest.approx(before["error"]["augmented"], rel=0.02)
+    assert after["error"]["baseline"] == pytest.approx(before["error"]["augmented"], rel=0.05)
     assert after["held_out"]["baseline"] < before["held_out"]["baseline"]
 
     again = ["adopt", str(tmp_path / "answer.json"), "--robot", str(plants / "prism3-1")]
