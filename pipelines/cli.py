@@ -137,7 +137,7 @@ def list_(kind: Annotated[Kind, typer.Argument(help="What to list.", show_defaul
 def evaluate(
     run: RunArgument,
     split: Annotated[str, typer.Option(help="Which episodes: test, validation or train.")] = "test",
-    horizon: Annotated[float, typer.Option(help="Of the short predictions [s].")] = 2.0,
+    horizon: Annotated[float, typer.Option(help="Of the short predictions, in seconds.")] = 2.0,
     starts: Annotated[int, typer.Option(help="Short predictions per episode.")] = 10,
     full: Annotated[bool, typer.Option(help="Also predict whole episodes.")] = True,
     weights: Annotated[
@@ -237,7 +237,9 @@ def ui(
 @app.command()
 def bench(
     threads: Annotated[str, typer.Option(help="Numbers of threads, one after the other.")] = "1,2",
-    seconds: Annotated[float, typer.Option(help="Shortest measurement of one thing [s].")] = 1.0,
+    seconds: Annotated[
+        float, typer.Option(help="Shortest measurement of one thing, in seconds.")
+    ] = 1.0,
     only: Annotated[
         str, typer.Option(help="Only these, e.g. plant,plan; all by default.", show_default=False)
     ] = "",

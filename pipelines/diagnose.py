@@ -8,13 +8,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from flywheel.data.recordings import read_recording
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.effects import EFFECTS, Effect
-from flywheel.records import Trajectory
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import sentence, write_diagnosis
-from flywheel.robots import Robot
+from pipelines.logs import read_logs
 from pipelines.plants import open_plant
 from pipelines.show import console, table
 
@@ -37,8 +35,8 @@ def explain(
     robot, out = plant.robot, console()
     found = diagnose(
         plant,
-        [t for path in logs for t in _read(path, robot, dt, out)],
-        [t for path in held_out for t in _read(path, robot, dt, out)],
+        [each.trajectory for each in read_logs(logs, robot, dt, out)],
+        [each.trajectory for each in read_logs(held_out, robot, dt, out)],
         library_of(effects),
         window_seconds=window,
     )
@@ -61,16 +59,6 @@ def explain(
         answer.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
         out.print(f"JSON: {answer}", soft_wrap=True)
     return found.exit_code
-
-
-def _read(path: Path, robot: Robot, dt: float, out: Console) -> Sequence[Trajectory]:
-    imported = read_recording(path, robot, dt=dt)
-    for f in imported.report.findings:
-        words = (
-            f"{f.kind} {f.subject}: {f.count} {f.action} at {f.when or 'all times'} s. {f.words}"
-        )
-        out.print(f"{path.name}: {words}", soft_wrap=True, markup=False)
-    return [episode.trajectory for episode in imported.episodes]
 
 
 def library_of(effects: str) -> Mapping[str, Effect]:

@@ -35,10 +35,11 @@ def diagnose(
     window: Annotated[
         float | None,
         typer.Option(
-            help="Length of the windows [s]; suits the robot by default.", show_default=False
+            help="Length of the windows, in seconds; suits the robot by default.",
+            show_default=False,
         ),
     ] = None,
-    dt: Annotated[float, typer.Option(help="Control step of the plant [s].")] = 0.01,
+    dt: Annotated[float, typer.Option(help="Control step of the plant, in seconds.")] = 0.01,
     threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
     json: Annotated[

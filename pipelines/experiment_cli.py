@@ -19,7 +19,7 @@ NoiseOption = Annotated[
     str,
     typer.Option(help="Of each coordinate: a share of the robot's length, or a length (9mm)."),
 ]
-DtOption = Annotated[float, typer.Option(help="Control step of the plant [s].")]
+DtOption = Annotated[float, typer.Option(help="Control step of the plant, in seconds.")]
 ThreadsOption = Annotated[int, typer.Option(help="Simulations at the same time.")]
 PageOption = Annotated[
     Path | None, typer.Option(help="Where an HTML page goes.", show_default=False)
@@ -46,7 +46,8 @@ def power(
     window: Annotated[
         float | None,
         typer.Option(
-            help="Length of the windows [s]; suits the robot by default.", show_default=False
+            help="Length of the windows, in seconds; suits the robot by default.",
+            show_default=False,
         ),
     ] = None,
     dt: DtOption = 0.01,
@@ -78,7 +79,7 @@ def design(
     robot: RobotOption,
     noise: NoiseOption = "0.003",
     size: Annotated[float, typer.Option(min=0.01, help="Of the rivals, in typical sizes.")] = 1.0,
-    seconds: Annotated[float, typer.Option(help="Length of the script [s].")] = 3.0,
+    seconds: Annotated[float, typer.Option(help="Length of the script, in seconds.")] = 3.0,
     candidates: Annotated[
         int, typer.Option(help="Scripts that are drawn; as many variations follow.")
     ] = 64,

@@ -43,7 +43,7 @@ def import_(
     split: Annotated[
         SplitChoice, typer.Option(help="What the episodes are for, for ever.")
     ] = SplitChoice.auto,
-    dt: Annotated[float, typer.Option(help="Control step of the episodes [s].")] = 0.01,
+    dt: Annotated[float, typer.Option(help="Control step of the episodes, in seconds.")] = 0.01,
     mapping: Annotated[
         Path | None,
         typer.Option(

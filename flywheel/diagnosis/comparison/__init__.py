@@ -1,0 +1,19 @@
+"""Compare dynamics models with recordings: is the error more than noise, and where is it?"""
+
+from flywheel.diagnosis.comparison.bins import Bins
+from flywheel.diagnosis.comparison.compare import compare
+from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
+from flywheel.diagnosis.comparison.moments import Moments
+from flywheel.diagnosis.comparison.result import Comparison, Judgement, Outcome
+from flywheel.diagnosis.comparison.subject import Subject
+
+__all__ = [
+    "Bins",
+    "Comparison",
+    "FittedStarts",
+    "Judgement",
+    "Moments",
+    "Outcome",
+    "Subject",
+    "compare",
+]

@@ -1,0 +1,166 @@
+"""The comparison: from models and recordings to what is more than noise, and where."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from flywheel.diagnosis.comparison.bins import Bins
+from flywheel.diagnosis.comparison.fitted_starts import fitted_starts
+from flywheel.diagnosis.comparison.moments import Moments
+from flywheel.diagnosis.comparison.null import mean_by_lead, null_of
+from flywheel.diagnosis.comparison.regions import Region, regions, span_noise, spans
+from flywheel.diagnosis.comparison.result import LEVEL, Comparison, Judgement
+from flywheel.diagnosis.comparison.subject import Subject
+from flywheel.dynamics import Persistence, RestartedPlant
+from flywheel.errors import DataError, ModelError
+from flywheel.evaluation import ExactSum
+from flywheel.records import Floats, Trajectory
+
+FEWEST_DRAWS = 2 * round(1 / LEVEL)  # with fewer, nothing could be more than noise
+
+
+def compare(
+    models: Sequence[Subject],
+    recordings: Sequence[Trajectory],
+    *,
+    horizon: float = 1.0,
+    draws: int = 100,
+    seed: int = 0,
+    names: Sequence[str] = (),
+    fit_starts: bool = False,
+) -> Comparison:
+    """Compare models with recordings.
+
+    Args:
+      models: of one robot; the verdict speaks for the last.
+      recordings: unbatched, of the models' control step.
+      horizon: predicted from each present [s]; less where the recordings are shorter.
+      draws: of the noise, for what it makes of each model's error.
+      seed: of the draws.
+      names: of the recordings.
+      fit_starts: also say what plants leave where starts are fitted, which takes longer than the rest.
+
+    Raises:
+      DataError: recordings that cannot be used.
+      ModelError: models that do not fit them or each other, or predict nothing finite.
+    """
+    begun = time.perf_counter()
+    if draws < FEWEST_DRAWS:
+        raise DataError(f"It takes {FEWEST_DRAWS} draws to tell noise from more, got {draws}.")
+    _check(models, recordings)
+    robot = models[0].dynamics.robot
+    history = max(subject.dynamics.history for subject in models)
+    moments = Moments.cut(robot, recordings, horizon, history, names)
+    nothing = Subject("nothing moves", Persistence(robot, moments.dt, moments.lead))
+    still = _squares(moments, predicted(nothing, moments)[0])
+    where = regions(moments)
+    streams = np.random.default_rng(seed).spawn(len(models))
+    return Comparison(
+        moments=moments,
+        models=tuple(
+            judged(subject, moments, where, draws, rng, seed if fit_starts else None)
+            for subject, rng in zip(models, streams, strict=True)
+        ),
+        persistence=mean_by_lead(still),
+        draws=draws,
+        seed=seed,
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def judged(
+    subject: Subject,
+    moments: Moments,
+    where: Sequence[Region],
+    draws: int,
+    rng: np.random.Generator,
+    fit_seed: int | None,
+) -> Judgement:
+    """One model; `fit_seed` is of the search for starts that fit, None to leave that out."""
+    points, winch = predicted(subject, moments)
+    squares = _squares(moments, points)
+    null = null_of(subject, moments, points, draws, rng)
+    sums = ExactSum.of(squares, axis=1).over(2)
+    spread = _span_squares(moments, points)
+    dynamics, fitted = subject.dynamics, None
+    if fit_seed is not None and isinstance(dynamics, RestartedPlant):
+        fitted = fitted_starts(dynamics.plant, moments, fit_seed)
+    return Judgement(
+        name=subject.name,
+        points=points,
+        winch=winch,
+        by_lead=mean_by_lead(squares),
+        band=null.band,
+        squares=sums,
+        cables=ExactSum.of(spread.ravel()),
+        bins=_bins(moments, where, sums, squares, spread),
+        noise_rms=null.rms,
+        excess=null.excess,
+        probability=null.probability,
+        fitted=fitted,
+    )
+
+
+def predicted(subject: Subject, moments: Moments) -> tuple[Floats, Floats]:
+    """Points (K, steps + 1, P, 3) and winch positions (K, steps + 1, W) [m], from measured pasts."""
+    model = subject.dynamics
+    try:
+        found = model.rollout(moments.past(model.history, subject.dataset), moments.controls())
+    except ModelError as error:
+        raise ModelError(f"{subject.name}: {error}") from error
+    return found.points, found.winch
+
+
+def _squares(moments: Moments, points: Floats) -> Floats:
+    """(K, steps, P, 3) squared errors in noise variances; NaN where nothing was measured."""
+    return np.asarray(((moments.measured - points[:, 1:]) / moments.sigma) ** 2)
+
+
+def _span_squares(moments: Moments, points: Floats) -> Floats:
+    """(K, steps, C) the same of the distances between the ends of cables."""
+    robot = moments.robot
+    off = spans(robot, moments.measured) - spans(robot, points[:, 1:])
+    return np.asarray((off / (moments.sigma * span_noise(robot))) ** 2)
+
+
+def _bins(
+    moments: Moments, where: Sequence[Region], sums: ExactSum, squares: Floats, spread: Floats
+) -> tuple[Bins, ...]:
+    robot = moments.robot
+    found = [
+        Bins("points", "end cap", tuple(p.name for p in robot.points), sums.over(0)),
+        Bins("points", "window", moments.labels, sums.over(1)),
+        Bins("cables", "cable", tuple(c.name for c in robot.cables), ExactSum.of(spread).over(0)),
+    ]
+    for region in where:
+        if region.of == "points":
+            found.append(
+                Bins.sort("points", region.by, region.labels, squares, region.place[..., None])
+            )
+        else:
+            found.append(Bins.sort("cables", region.by, region.labels, spread, region.place))
+    return tuple(found)
+
+
+def _check(models: Sequence[Subject], recordings: Sequence[Trajectory]) -> None:
+    if not models:
+        raise ModelError("There is no model to compare.")
+    names = [subject.name for subject in models]
+    if len(set(names)) < len(names):
+        raise ModelError(f"Models need different names, got {', '.join(names)}.")
+    first = models[0].dynamics
+    for subject in models:
+        dynamics = subject.dynamics
+        if dynamics.robot.digest != first.robot.digest:
+            raise ModelError(
+                f"{subject.name} predicts {dynamics.robot.name} ({dynamics.robot.digest[:12]}), "
+                f"{models[0].name} predicts {first.robot.name} ({first.robot.digest[:12]})."
+            )
+        for t in recordings:
+            if abs(t.dt - dynamics.dt) > 1e-9:
+                raise ModelError(
+                    f"{subject.name} predicts at {dynamics.dt:g} s, a recording has {t.dt:g} s."
+                )

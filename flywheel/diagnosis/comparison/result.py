@@ -1,0 +1,162 @@
+"""What a comparison says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from flywheel.diagnosis.comparison.bins import Bins
+from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
+from flywheel.diagnosis.comparison.moments import Moments
+from flywheel.evaluation import ExactSum
+from flywheel.records import Floats
+
+LEVEL = 0.05  # probability below which an error is more than noise
+# Excess below which it is no physics: the robot of a simulator with another time step has as much.
+LOUD = 1.10
+
+
+class Outcome(StrEnum):
+    """Whether a model's error is more than noise."""
+
+    NOISE_ONLY = "NOISE_ONLY"
+    MORE_THAN_NOISE = "MORE_THAN_NOISE"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What is said of one model. Squares are in noise variances; K windows, P tracked points.
+
+    Attributes:
+      name: of the model.
+      points: (K, steps + 1, P, 3) predicted; the first is the model's present [m].
+      winch: (K, steps + 1, W) predicted [m].
+      by_lead: (steps,) mean square at each lead time.
+      band: (2, steps) within which noise alone would keep it in 95 %.
+      squares: (K, P) sums of squares.
+      cables: of the distances between the ends of cables, over everything.
+      bins: the squares sorted by everything else.
+      noise_rms: root mean square that noise alone makes of the model's error: lower bound of 95 %,
+        median, upper bound [sigma].
+      excess: times more mean square that windows have, beyond what noise does to starts, than noise
+        alone leaves there.
+      probability: of as much excess by noise alone.
+      fitted: what is left where starts are fitted; None where that was not asked for, or not possible.
+    """
+
+    name: str
+    points: Floats
+    winch: Floats
+    by_lead: Floats
+    band: Floats
+    squares: ExactSum
+    cables: ExactSum
+    bins: tuple[Bins, ...]
+    noise_rms: tuple[float, float, float]
+    excess: float
+    probability: float
+    fitted: FittedStarts | None
+
+    @property
+    def whole(self) -> ExactSum:
+        """Of all points in all windows."""
+        return self.squares.over((0, 1))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of measured minus predicted, of a coordinate [sigma]."""
+        return float(np.sqrt(self.whole.mean))
+
+    @property
+    def outcome(self) -> Outcome:
+        """More than noise is what noise makes neither often nor nearly."""
+        more = self.probability < LEVEL and self.excess > LOUD
+        return Outcome.MORE_THAN_NOISE if more else Outcome.NOISE_ONLY
+
+    @property
+    def worst(self) -> int:
+        """The window with the largest mean square."""
+        return int(np.nanargmax(self.squares.over(1).mean))
+
+    def summary(self, sigma: float) -> dict[str, Any]:
+        """As in JSON.
+
+        Args:
+          sigma: noise of a coordinate [m].
+        """
+        return {
+            "model": self.name,
+            "verdict": str(self.outcome),
+            "error": {
+                "rms": self.rms * sigma,
+                "by_noise_alone": [value * sigma for value in self.noise_rms],
+                "unit": "m",
+            },
+            "excess": self.excess,
+            "probability": self.probability,
+            "fitted_starts": None if self.fitted is None else self.fitted.summary(),
+            "by_lead_time": {
+                "mean_square": self.by_lead.tolist(),
+                "by_noise_alone": self.band.tolist(),
+            },
+            "where": {f"{b.of} by {b.by}": b.summary() for b in self.bins},
+            "window_by_point": self.squares.total.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Models beside the same recordings.
+
+    Attributes:
+      moments: windows of the recordings that all models predicted.
+      models: what is said of each.
+      persistence: (steps,) mean square, at each lead time, of a model in which nothing moves.
+      draws: of the noise.
+      seed: of the draws.
+      seconds: it took.
+    """
+
+    moments: Moments
+    models: tuple[Judgement, ...]
+    persistence: Floats
+    draws: int
+    seed: int
+    seconds: float
+
+    @property
+    def exit_code(self) -> int:
+        """0 where the error of the last model is noise only, else 1."""
+        return int(self.models[-1].outcome is not Outcome.NOISE_ONLY)
+
+    @property
+    def persistence_rms(self) -> float:
+        """Root mean square error where nothing moves [sigma]."""
+        return float(np.sqrt(np.nanmean(self.persistence)))
+
+    @property
+    def lead_seconds(self) -> Floats:
+        """(steps,) lead times [s]."""
+        return self.moments.dt * np.arange(1, self.moments.steps + 1)
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        moments = self.moments
+        return {
+            "verdict": str(self.models[-1].outcome),
+            "robot": {"name": moments.robot.name, "digest": moments.robot.digest},
+            "recordings": list(moments.names),
+            "recordings_too_short": list(moments.unused),
+            "windows": list(moments.labels),
+            "noise": {"sigma": moments.sigma, "unit": "m"},
+            "lead_time": {"values": self.lead_seconds.tolist(), "unit": "s"},
+            "persistence": self.persistence.tolist(),
+            "models": [model.summary(moments.sigma) for model in self.models],
+            "dt": moments.dt,
+            "draws": self.draws,
+            "seed": self.seed,
+            "seconds": self.seconds,
+        }

@@ -1,0 +1,166 @@
+"""The pictures of a comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from io import BytesIO
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from flywheel.diagnosis.comparison import Bins, Comparison, Judgement
+from flywheel.reports import style
+
+COLOURS = (style.MISSED, style.MPPI, style.CONTROL, style.INFORMED, style.INK)
+MARKS = ("-", "--", "-.", ":")
+NOISE = style.ORACLE
+LABELLED = 12  # windows that are named on an axis
+MILLI = 1000.0
+
+
+def lead_time(found: Comparison) -> Figure:
+    """Error of every model against lead time."""
+    figure = Figure(figsize=(9.5, 3.8))
+    axes = figure.add_subplot()
+    scale, time = MILLI * found.moments.sigma, found.lead_seconds
+    for number, model in enumerate(found.models):
+        colour = colour_of(number)
+        low, high = scale * np.sqrt(model.band)
+        axes.fill_between(time, low, high, color=colour, alpha=0.16, linewidth=0)
+        axes.plot(
+            time,
+            scale * np.sqrt(model.by_lead),
+            color=colour,
+            linestyle=MARKS[number % len(MARKS)],
+            label=model.name,
+        )
+    axes.plot(
+        time, scale * np.sqrt(found.persistence), label="nothing moves", **style.PERSISTENCE_LINE
+    )
+    axes.axhline(scale, color=NOISE, linestyle=(0, (5, 2)), linewidth=1.4, label="noise")
+    axes.set_yscale("log")
+    axes.set_xlim(0, time[-1])
+    axes.set_xlabel("lead time [s]")
+    axes.set_ylabel("root mean square error [mm]")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
+def heat(found: Comparison) -> Figure:
+    """Mean square residual of every window and tracked point, for every model."""
+    moments, count = found.moments, len(found.models)
+    figure = Figure(figsize=(9.5, (0.9 + 0.28 * len(moments.robot.points)) * count + 0.7))
+    parts = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    means = [model.squares.mean for model in found.models]
+    top = max(4.0, float(np.nanquantile(np.stack(means), 0.98)))
+    names = [point.name for point in moments.robot.points]
+    for axes, model, mean in zip(parts, found.models, means, strict=True):
+        image = axes.imshow(
+            np.maximum(mean.T, 1.0), norm=LogNorm(1.0, top), cmap="YlOrRd", aspect="auto"
+        )
+        axes.set_title(model.name)
+        axes.set_yticks(range(len(names)), names)
+        axes.grid(visible=False)
+    _name_windows(parts[-1], moments.labels)
+    figure.colorbar(image, ax=list(parts), label="mean square [noise variances]")
+    return figure
+
+
+def points(found: Comparison) -> Figure:
+    """Bars by end cap and by what the end caps did."""
+    return _bars(found, "points", ("end cap", "contact", "speed"))
+
+
+def cables(found: Comparison) -> Figure:
+    """Bars by cable and by what the cables did."""
+    return _bars(found, "cables", ("cable", "tension", "command"))
+
+
+def _bars(found: Comparison, of: str, wanted: Sequence[str]) -> Figure:
+    here = [[b for b in m.bins if b.of == of and b.by in wanted] for m in found.models]
+    rows = [sum(bool(n) for n in b.sums.count) for b in here[0]]
+    heights = [0.7 + 0.24 * n * max(1.0, 0.6 * len(here)) for n in rows]
+    figure = Figure(figsize=(9.5, sum(heights) + 0.9))
+    parts = figure.subplots(len(rows), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for number, axes in enumerate(parts):
+        _criterion(axes, found.models, [bins[number] for bins in here])
+    parts[-1].set_xlabel("mean square [noise variances]")
+    if len(here) > 1:
+        figure.legend(*parts[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
+def _criterion(axes: Axes, models: Sequence[Judgement], bins: Sequence[Bins]) -> None:
+    there = np.flatnonzero(bins[0].sums.count)
+    place, thick = np.arange(len(there)), 0.8 / len(models)
+    for number, (model, each) in enumerate(zip(models, bins, strict=True)):
+        shift = thick * (number - (len(models) - 1) / 2)
+        axes.barh(
+            place + shift,
+            each.sums.mean[there],
+            0.9 * thick,
+            color=colour_of(number),
+            label=model.name,
+        )
+    counts = bins[0].sums.count[there]
+    shares = 100 * counts / counts.sum()
+    labels = [f"{bins[0].labels[i]} ({share:.0f}%)" for i, share in zip(there, shares, strict=True)]
+    axes.axvline(1.0, color=NOISE, linestyle=(0, (5, 2)), linewidth=1.4)
+    axes.set_xscale("log")
+    axes.set_yticks(place, labels)
+    axes.invert_yaxis()
+    axes.set_title(f"by {bins[0].by}")
+    axes.grid(axis="y", visible=False)
+
+
+def _name_windows(axes: Axes, labels: Sequence[str]) -> None:
+    if len(labels) <= LABELLED:
+        axes.set_xticks(range(len(labels)), labels, rotation=25, ha="right")
+    else:
+        axes.set_xlabel("window")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+
+def colour_of(number: int) -> str:
+    """Of the model with this place on the page."""
+    return COLOURS[number % len(COLOURS)]
+
+
+PICTURES: dict[str, tuple[Callable[[Comparison], Figure], str, str]] = {
+    "lead_time": (
+        lead_time,
+        "How far ahead it can be trusted",
+        "Bands: where noise alone would keep each model in 95 %, by what it makes of the start. Dashed "
+        "green: the noise itself, which no model can beat.",
+    ),
+    "heat": (
+        heat,
+        "Where and when",
+        "Mean square error of every window and tracked point. One is the noise itself.",
+    ),
+    "points": (
+        points,
+        "At which end caps, and doing what",
+        "In brackets: share of the samples. Contact is a height of less than three sigmas; speeds are "
+        "thirds of the samples.",
+    ),
+    "cables": (
+        cables,
+        "At which cables, and doing what",
+        "Error of the distance between the tracked points at a cable's ends. Tensions are those of "
+        "nominal cables in the measured poses, in thirds of the taut samples; a winch moves above "
+        "2 % of its range of commands.",
+    ),
+}
+
+
+def picture(name: str, found: Comparison) -> bytes:
+    """One figure as SVG."""
+    with matplotlib.rc_context(style.RC):
+        file = BytesIO()
+        PICTURES[name][0](found).savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue()

@@ -1,0 +1,92 @@
+"""The page of a comparison: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from flywheel.diagnosis.comparison import Comparison, Judgement, Outcome
+from flywheel.reports.comparison_figures import PICTURES, picture
+from flywheel.reports.page import Shown, data_uri
+
+LIMITS = (
+    "What noise makes of a model's error is found by letting the model predict itself, from pasts as "
+    "noisy as the recorded ones. Winch positions are taken to be known as well as they were there.",
+    "A prediction starts from a measured past, which hides small effects; flywheel diagnose, which fits "
+    "the starts and looks for the changes that known effects make, sees more.",
+    "Cables' tensions are estimated from measured points and nominal cables: sort by them, no more.",
+)
+
+
+def write_comparison(
+    found: Comparison, path: str | Path, about: Mapping[str, str], videos: Mapping[str, Path | str]
+) -> Path:
+    """Write the page.
+
+    Args:
+      found: to show.
+      path: of the HTML file.
+      about: where it comes from, as lines of two columns.
+      videos: model -> mp4 of the window that the last model predicts worst, or why there is none.
+    """
+    environment = Environment(
+        loader=PackageLoader("flywheel.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("comparison.html.jinja").render(
+        found=found,
+        sentences=[(model, sentence(found, model)) for model in found.models],
+        fitted=any(model.fitted is not None for model in found.models),
+        millimetres=1000.0 * found.moments.sigma,
+        figures=_figures(found),
+        worst=found.moments.labels[found.models[-1].worst],
+        videos=_videos(videos),
+        about=about,
+        limits=LIMITS,
+    )
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".html.tmp")
+    temporary.write_text(page, encoding="utf-8")
+    temporary.replace(path)
+    return path
+
+
+def sentence(found: Comparison, model: Judgement) -> str:
+    """The verdict on a model in words."""
+    low, _, high = model.noise_rms
+    error = f"The error of {model.name} is {model.rms:.3g} times the noise"
+    by_noise = f"noise in its starts alone makes {low:.3g} to {high:.3g}"
+    if model.outcome is Outcome.NOISE_ONLY:
+        words = f"{error}, and no more than noise makes of it: {by_noise}."
+    elif model.rms > high:
+        words = f"{error}; {by_noise}."
+    else:
+        words = (
+            f"{error}; {by_noise}, but not in this way: {model.excess:.3g} times more is left than noise "
+            "leaves."
+        )
+    worse = model.rms > found.persistence_rms
+    return f"{words} It would be less if nothing moved." if worse else words
+
+
+def _figures(found: Comparison) -> Sequence[Shown]:
+    return [
+        Shown(name, title, caption, data_uri(picture(name, found), "image/svg+xml"))
+        for name, (_, title, caption) in PICTURES.items()
+    ]
+
+
+def _videos(videos: Mapping[str, Path | str]) -> Sequence[Shown]:
+    shown = []
+    for name, film in videos.items():
+        if isinstance(film, Path):
+            shown.append(Shown(name, name, "", data_uri(film.read_bytes(), "video/mp4")))
+        else:
+            shown.append(Shown(name, name, film, ""))
+    return shown

@@ -1,0 +1,39 @@
+"""The window that a model predicts worst, as a video: the prediction, and the measurements as ghosts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flywheel.diagnosis.comparison import Comparison, Judgement
+from flywheel.dynamics.plant import Plant, RestartedPlant, Shot, render_episode
+from flywheel.records import Observation, Past
+
+SLOWER = 4  # than it was
+FPS = 15
+SHOT = Shot(size=(640, 368))
+
+
+def film_window(found: Comparison, model: Judgement, window: int, path: Path) -> Path:
+    """Film one window of one model, in slow motion.
+
+    Args:
+      found: the comparison.
+      model: whose prediction is drawn.
+      window: which.
+      path: of the mp4.
+
+    Raises:
+      Exception: whatever a graphics driver throws where nothing can be drawn.
+    """
+    moments = found.moments
+    points, winch = model.points[window][:, None], model.winch[window][:, None]
+    past = Past(Observation(points, winch), np.zeros((len(points), 0, winch.shape[-1])), winch)
+    states = RestartedPlant(Plant(moments.robot, moments.dt), twist="relaxed").estimate(past)
+    first = int(moments.first[window])
+    seen = moments.recordings[moments.log[window]].trajectory.observations.points
+    ghosts = seen[first : first + moments.steps + 1]
+    return render_episode(
+        moments.robot, states, path, fps=FPS, ghosts=ghosts, dt=SLOWER * moments.dt, shot=SHOT
+    )

@@ -1,0 +1,82 @@
+"""`flywheel compare`: what can be asked for about models and recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer()
+
+
+Recordings = Annotated[
+    list[Path], typer.Argument(metavar="CSV...", help="Logs to predict.", show_default=False)
+]
+RobotName = Annotated[
+    str,
+    typer.Option(
+        help="Your .xml, a shipped robot's name, or an adopted plant's folder.", show_default=False
+    ),
+]
+Models = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[LABEL=]SPEC",
+        help="plant (the default), an adopted plant's folder, a run's folder (its champion), "
+        "RUN:NAME, or a file of weights. May be given again.",
+        show_default=False,
+    ),
+]
+
+
+@app.command()
+def compare(
+    recordings: Recordings,
+    robot: RobotName,
+    model: Models = None,
+    horizon: Annotated[float, typer.Option(help="Predicted from each present, in seconds.")] = 1.0,
+    dt: Annotated[float, typer.Option(help="Control step of the models, in seconds.")] = 0.01,
+    draws: Annotated[int, typer.Option(help="Of the noise, for what it makes of the error.")] = 100,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    fit_starts: Annotated[
+        bool, typer.Option(help="Also what plants leave where starts are fitted; slow.")
+    ] = False,
+    threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
+    page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("comparison.html"),
+    json: Annotated[
+        Path | None, typer.Option(help="Where the numbers go as JSON.", show_default=False)
+    ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the last model's worst window goes as mp4, besides the page.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Compare models with recordings: is the error more than noise, and where is it?
+
+    The exit code speaks for the last model: 0 NOISE_ONLY, 1 MORE_THAN_NOISE.
+
+    [bold]Example[/bold]
+
+    flywheel compare monday.csv --robot my_robot.xml --model before=plant --model after=plants/my_robot-1
+    """
+    from pipelines.compare import put_beside
+
+    code = put_beside(
+        recordings,
+        robot,
+        model or [],
+        horizon,
+        dt,
+        draws,
+        seed,
+        fit_starts,
+        threads,
+        page,
+        json,
+        video,
+    )
+    raise typer.Exit(code)

@@ -1,0 +1,84 @@
+"""Recordings are tiled by windows that can be predicted."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis.comparison import Moments
+from flywheel.diagnosis.comparison.moments import smoothed
+from flywheel.errors import DataError
+from flywheel.records import Observation, Trajectory
+from flywheel.robots import Robot
+
+
+def with_points(t: Trajectory, points: np.ndarray) -> Trajectory:
+    return dataclasses.replace(t, observations=Observation(points, t.observations.winch))
+
+
+def test_windows_follow_one_another_after_a_past(
+    robot: Robot, nothing_hidden: list[Trajectory]
+) -> None:
+    moments = Moments.cut(robot, nothing_hidden, 0.5, 20)
+    assert (moments.lead, moments.warmup, moments.steps) == (50, 30, 50)
+    assert moments.first.tolist() == [50, 100, 50, 100]
+    assert moments.log.tolist() == [0, 0, 1, 1]
+    seen = nothing_hidden[1].observations.points
+    assert np.array_equal(moments.measured[2:].reshape(100, -1, 3), seen[51:151])
+    assert np.array_equal(moments.controls(30)[3], nothing_hidden[1].controls[70:150])
+    past = moments.past(20, 0)
+    assert np.array_equal(
+        past.observations.points[1], nothing_hidden[0].observations.points[80:101]
+    )
+
+
+def test_no_window_begins_where_a_point_is_out_of_sight(
+    robot: Robot, nothing_hidden: list[Trajectory]
+) -> None:
+    points = nothing_hidden[0].observations.points.copy()
+    points[35:60, 2] = np.nan
+    moments = Moments.cut(robot, [with_points(nothing_hidden[0], points)], 0.5, 20)
+    assert moments.first.tolist() == [60, 110]
+
+
+def test_a_horizon_that_nothing_holds_is_shortened_and_a_short_recording_left_out(
+    robot: Robot, nothing_hidden: list[Trajectory]
+) -> None:
+    t = nothing_hidden[0]
+    short = Trajectory(t.observations[:81], t.controls[:80], t.dt)
+    moments = Moments.cut(robot, [t, short], 30.0, 20, ["long", "short"])
+    assert moments.steps == t.steps - 50
+    assert moments.unused == ("short",)
+    assert moments.labels == ("long, 0.50 to 1.60 s",)
+
+
+def test_smoothing_keeps_motion_takes_out_noise_and_bridges_gaps(seed: int) -> None:
+    rng, time = np.random.default_rng(seed), 0.01 * np.arange(200)
+    truth = np.sin(2 * time[:, None, None] + rng.uniform(0, 6, (4, 3)))
+    noisy = truth + rng.normal(0, 0.01, truth.shape)
+    noisy[50:55, 1] = np.nan
+    places, speeds = smoothed(noisy, 0.01, 0.17)
+    assert np.sqrt(((places - truth) ** 2).mean()) < 0.006, seed
+    assert np.sqrt(((speeds - np.gradient(truth, 0.01, axis=0)) ** 2).mean()) < 0.15, seed
+
+
+def test_what_cannot_be_used_is_refused(robot: Robot, nothing_hidden: list[Trajectory]) -> None:
+    t = nothing_hidden[0]
+    with pytest.raises(DataError, match="no recording"):
+        Moments.cut(robot, [], 0.5, 20)
+    tiny = Trajectory(t.observations[:53], t.controls[:52], t.dt)
+    with pytest.raises(DataError, match="the longest recording has 52 steps in all"):
+        Moments.cut(robot, [tiny], 0.5, 20)
+    with pytest.raises(DataError, match=r"one control step, got \[0.01, 0.02\]"):
+        Moments.cut(robot, [t, dataclasses.replace(t, dt=0.02)], 0.5, 20)
+    with pytest.raises(DataError, match=r"\(points, winches\) = \(5, 6\)"):
+        Moments.cut(robot, [with_points(t, t.observations.points[:, :5])], 0.5, 20)
+    blind = t.observations.points.copy()
+    blind[40:, 0] = np.nan
+    with pytest.raises(DataError, match="all points are in sight"):
+        Moments.cut(robot, [with_points(t, blind)], 0.5, 20)
+    blind[:, 0] = np.nan
+    with pytest.raises(DataError, match="Tracked point 0 was never seen"):
+        smoothed(blind, 0.01, 0.17)
