@@ -62,10 +62,10 @@ class Foresight:
     def strength(self, index: int) -> Floats:
         """(S,) what a candidate at its typical size would change that nothing known explains [sigma].
 
-        Of several sizes, the combination that shows least.
+        Of several sizes, the combination that shows least, and per size, as scores are.
         """
         own = self.slices[index][self.usual[index]]
-        return _weakest(self.gram[:, own, own])
+        return _weakest(self.gram[:, own, own]) / np.sqrt(own.stop - own.start)
 
     def separation(self, index: int, rival: int) -> Floats:
         """(S,) what of a candidate at its typical size no size and shape of a rival explains [sigma].

@@ -154,10 +154,10 @@ CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes
 def smallest_shown(gram: Floats, noise: float = 1.0) -> float:
     """Size that would score `CRITICAL`, from products (d, d) of sensitivities; infinite for none.
 
-    Of several sizes, in the combination that shows least.
+    Of several sizes, in the combination that shows least; a score is what is explained per size.
     """
-    weakest = np.linalg.eigvalsh(gram)[0]
-    return float(np.sqrt(CRITICAL * noise / weakest)) if weakest > DEAD**2 else np.inf
+    weakest, sizes = np.linalg.eigvalsh(gram)[0], len(gram)
+    return float(np.sqrt(CRITICAL * sizes * noise / weakest)) if weakest > DEAD**2 else np.inf
 
 
 def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:

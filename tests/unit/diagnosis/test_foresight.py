@@ -53,7 +53,7 @@ def test_of_several_sizes_the_weakest_combination_counts(
     directions = np.stack([np.cos(angles), np.sin(angles)])
     for row in range(2):
         own = columns[row][:, foresight.slices[slope][0]]
-        weakest = np.linalg.norm(own @ directions, axis=0).min()
+        weakest = np.linalg.norm(own @ directions, axis=0).min() / np.sqrt(2)  # per size
         assert foresight.strength(slope)[row] == pytest.approx(weakest, rel=1e-5), seed
         assert foresight.smallest(slope)[row] == pytest.approx(5.0 / weakest, rel=1e-5), seed
 

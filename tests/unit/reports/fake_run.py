@@ -6,8 +6,10 @@ import hashlib
 
 import numpy as np
 
+from flywheel.effects import WrittenTerm
 from flywheel.runtime.results import (
     Arm,
+    DiagnosisNote,
     ErrorNumbers,
     Errors,
     GateDecision,
@@ -100,6 +102,22 @@ def fake_overlay(rng: Rng) -> Overlay:
     )
 
 
+def fake_diagnosis(number: int) -> DiagnosisNote:
+    """Every iteration finds one effect more."""
+    effects = [WrittenTerm(effect=f"effect_{i}", parameters={"size": 1.0}) for i in range(number)]
+    return DiagnosisNote(
+        verdict="EFFECT",
+        effects=tuple(effects),
+        adopted=True,
+        reason=f"EFFECT: the plant now has effect_{number - 1}.",
+        noise=0.009,
+        baseline=0.009 + 0.01 / number,
+        augmented=0.009 + 0.01 / (number + 1),
+        held_out_baseline=0.010 + 0.01 / number,
+        held_out_augmented=0.010 + 0.01 / (number + 1),
+    )
+
+
 def fake_iteration(
     number: int, arm: Arm = "mppi", seed: int = 0, video: str = ""
 ) -> IterationResult:
@@ -124,6 +142,7 @@ def fake_iteration(
     promoted = arm == "mppi" and number != 3
     return IterationResult(
         iteration=number,
+        diagnosis=fake_diagnosis(number) if number else None,
         arm=arm,
         snapshot=digest("snapshot", number, arm, seed),
         parent_snapshot=digest("snapshot", number - 1, arm, seed) if number else "",

@@ -45,9 +45,10 @@ def test_episodes_are_recorded_with_the_run_s_effects() -> None:
     plain = RunConfig(collect=collect)
     slow = plain.model_copy(update={"effects": (heavy,)})
     robot = load_robot(plain.robot)
-    plan = collection(plain, 0, "mppi")[0]
     one, other = (
-        Recorder(config, robot).record(plan, None, "", NobodyWatches()) for config in (plain, slow)
+        Recorder(config, robot).record(plan, None, "", NobodyWatches())
+        for config in (plain, slow)
+        for plan in collection(config, 0, "mppi", config.effects)[:1]
     )
     assert other.provenance.effects == {"winch_gain": {"share": -0.5}}
     assert one.provenance.effects == {}
