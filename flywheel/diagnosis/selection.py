@@ -100,11 +100,25 @@ class Selection:
             if same_place(score, term) or score.power < RIVAL * own or len(found) >= SHORTLIST:
                 continue
             terms = (*others, score.candidate.term(score.sizes, score.shape))
-            near = self.fitter.at(last.change, last.starts.winch, terms)
-            fit = self.pursued(near, self.criterion(last) + margin)
+            fit = self._twin(last, terms, term.values)
+            if fit is None:
+                near = self.fitter.at(last.change, last.starts.winch, terms)
+                fit = self.pursued(near, self.criterion(last) + margin)
             if self.criterion(fit) < self.criterion(last) + margin:
                 found.append(fit)
         return found
+
+    def _twin(self, last: Fit, terms: Terms, values: tuple[float, ...]) -> Fit | None:
+        """The model with the values of the term that the last one replaced, if that predicts the same.
+
+        Two fits of one model differ by more than a margin may be; twins need none.
+        """
+        *others, term = terms
+        if len(term.values) != len(values):
+            return None
+        same = Term(term.effect, term.place, values)
+        fit = self.fitter.at(last.change, last.starts.winch, (*others, same))
+        return fit if abs(fit.cost - last.cost) < 1e-6 * last.cost else None
 
     def look(self, fit: Fit) -> Step:
         """ScoreTest all candidates on top of a model."""

@@ -46,3 +46,14 @@ def test_nothing_hidden_is_said_to_be_noise(robot: Robot) -> None:
     assert found.exit_code == 0
     assert found.answers == ((),)
     assert found.errors.noise == pytest.approx(0.003 * robot.length, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["sensor_latency", "command_delay"])
+def test_what_cannot_be_told_apart_is_answered_together(robot: Robot, name: str) -> None:
+    recording = hidden(robot, name, seed=5)
+    library = {each: EFFECTS[each] for each in ("sensor_latency", "command_delay", "winch_gain")}
+    found = diagnose(Plant(robot, threads=2), [recording.trajectory], library=library)
+    assert found.verdict is Verdict.AMBIGUOUS
+    assert {a[0].effect for a in found.answers} == {"sensor_latency", "command_delay"}
+    first, second = found.answers
+    assert first[0].values[0].value == pytest.approx(second[0].values[0].value)
