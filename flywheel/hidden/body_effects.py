@@ -56,4 +56,5 @@ class Payload(ModelEffect):
         # A welded body of its own: the carrier's mass may be given or inferred, both stay.
         load = body.add_body(pos=point.offset)
         load.mass, load.explicitinertial = self.mass, True
+        load.ipos = [0.0, 0.0, 0.0]  # without it the compiler puts the mass at `pos` once more
         load.inertia = [SPECK * self.mass] * 3
