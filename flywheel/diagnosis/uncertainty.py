@@ -11,12 +11,15 @@ from flywheel.diagnosis.free import Free
 from flywheel.diagnosis.score import Projection
 from flywheel.records import Floats
 
+AT_ONCE = 2.0  # 1 + 1/2 + 1/4 + ...: all further halvings of the step together
+
 
 def deviations(fitter: Fitter, fit: Fit, free: Sequence[Free]) -> Floats:
     """(n,) standard deviations of fitted values, in their units.
 
     From the curvature of the fit, or from how much the windows disagree (sandwich), whichever is
-    larger: curvature alone trusts the model to be right.
+    larger: curvature alone trusts the model to be right. What the plant's time step does to the values
+    is added: an error that falls with the step, as `AT_ONCE` times what half the step would change.
     """
     moves = np.array([f.step_from(fit.terms) for f in free])
     stepped = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
@@ -32,5 +35,6 @@ def deviations(fitter: Fitter, fit: Fit, free: Sequence[Free]) -> Floats:
     by_window -= by_window.mean(axis=0)
     few = len(columns) / max(1, len(columns) - 1)
     sandwich = inverse @ (few * by_window.T @ by_window) @ inverse
-    variance = np.maximum(np.diag(curvature), np.diag(sandwich))
+    by_numbers = inverse @ (left.T @ projection(fitter.step_error(fit))[:, 0])
+    variance = np.maximum(np.diag(curvature), np.diag(sandwich)) + (AT_ONCE * by_numbers) ** 2
     return np.sqrt(variance) * np.array([f.unit for f in free])

@@ -30,6 +30,7 @@ class Checkpoint:
       step: next step to be done.
       weights: of the network.
       optimiser: AdamW's state.
+      averaged: state of the averaged weights.
       best: weights with the least selection error so far; empty before the first validation.
       best_error: that error.
       best_step: steps done when they were validated.
@@ -41,6 +42,7 @@ class Checkpoint:
     step: int
     weights: dict[str, Tensor]
     optimiser: dict[str, Any]
+    averaged: dict[str, Any]
     best: dict[str, Tensor]
     best_error: float
     best_step: int

@@ -66,6 +66,8 @@ class TrainingConfig(_Frozen):
       least_windows: per batch, however long they are.
       weight_decay: of AdamW.
       clip: largest norm of the gradient.
+      averaging: decay per step of the running mean of the weights, which is what is validated and kept:
+        single steps scatter more than they gain. 0 keeps the weights as they are.
       huber: residuals beyond this many scales count linearly.
       velocity_weight: of the node velocities' loss.
       position_weight: of the node positions' loss.
@@ -104,6 +106,7 @@ class TrainingConfig(_Frozen):
     least_windows: PositiveInt = 32
     weight_decay: NonNegative = 1e-5
     clip: PositiveFloat = 1.0
+    averaging: float = Field(default=0.98, ge=0, lt=1)
     huber: PositiveFloat = 5.0
     velocity_weight: NonNegative = 1.0
     position_weight: NonNegative = 1.0

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import torch
 from torch import Tensor
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from flywheel.data import WindowCache
 from flywheel.dynamics.gnn import (
@@ -25,7 +26,6 @@ from flywheel.dynamics.gnn import (
     weights_digest,
 )
 from flywheel.errors import ConfigError, ModelError
-from flywheel.evaluation import ErrorTable
 from flywheel.robots import Robot
 from flywheel.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from flywheel.training.config import TrainingConfig
@@ -33,7 +33,7 @@ from flywheel.training.loss import Losses
 from flywheel.training.objective import Objective
 from flywheel.training.progress import CurvePoint, OnProgress, TrainingProgress, TrainingResult
 from flywheel.training.schedules import learning_rate, spans, stage_at
-from flywheel.training.validation import Validation, selection_error
+from flywheel.training.validation import Validation, ValidationErrors, selection_error
 
 WEIGHTS = "weights.npz"
 
@@ -44,12 +44,20 @@ class _State:
 
     network: ChunkNetwork
     optimiser: torch.optim.Optimizer
+    averaged: AveragedModel
     step: int = 0
     best: dict[str, Tensor] = field(default_factory=dict)
     best_error: float = math.inf
     best_step: int = 0
     stale: int = 0
     curve: list[CurvePoint] = field(default_factory=list)
+
+    @property
+    def served(self) -> ChunkNetwork:
+        """The network whose weights are validated and kept: that of averaged weights."""
+        network = self.averaged.module
+        assert isinstance(network, ChunkNetwork)
+        return network
 
 
 class Trainer:
@@ -150,11 +158,13 @@ class Trainer:
         optimiser = torch.optim.AdamW(
             network.parameters(), self._schedule.learning_rate, weight_decay=config.weight_decay
         )
-        state = _State(network, optimiser)
+        average = get_ema_multi_avg_fn(config.averaging)
+        state = _State(network, optimiser, AveragedModel(network, multi_avg_fn=average))
         kept = read_checkpoint(self._folder, self._key, config.device)
         if kept is not None:
             network.load_state_dict(kept.weights)
             optimiser.load_state_dict(kept.optimiser)
+            state.averaged.load_state_dict(kept.averaged)
             state.step, state.stale = kept.step, kept.stale
             state.best, state.best_error, state.best_step = (
                 kept.best,
@@ -192,6 +202,7 @@ class Trainer:
                 f"norm {norm.item()}. {self._kept()}"
             )
         state.optimiser.step()
+        state.averaged.update_parameters(state.network)
         return losses
 
     def _point(self, state: _State, losses: Losses) -> CurvePoint:
@@ -207,8 +218,8 @@ class Trainer:
 
     def _validate(self, state: _State, point: CurvePoint) -> None:
         """Add the validation errors to `point`, and keep the weights if they are the best."""
-        table = self._measure(state)
-        error = selection_error(table)
+        errors = self._measure(state)
+        table, error = errors.table, selection_error(errors)
         state.curve.append(
             dataclasses.replace(
                 point,
@@ -220,13 +231,13 @@ class Trainer:
         )
         self._consider(state, error)
 
-    def _measure(self, state: _State) -> ErrorTable:
-        state.network.eval()
-        return self._validation(self._simulator, state.network, self._config.device)
+    def _measure(self, state: _State) -> ValidationErrors:
+        state.served.eval()
+        return self._validation(self._simulator, state.served, self._config.device)
 
     def _consider(self, state: _State, error: float) -> None:
         if error < state.best_error or not state.best:
-            weights = state.network.state_dict()
+            weights = state.served.state_dict()
             state.best = {name: value.detach().clone() for name, value in weights.items()}
             state.best_error, state.best_step, state.stale = error, state.step, 0
         elif state.step > spans(self._schedule)[-1].start:
@@ -246,6 +257,7 @@ class Trainer:
             step=state.step,
             weights=state.network.state_dict(),
             optimiser=state.optimiser.state_dict(),
+            averaged=state.averaged.state_dict(),
             best=state.best,
             best_error=state.best_error,
             best_step=state.best_step,

@@ -15,6 +15,7 @@ def _checkpoint(key: str = "a" * 64) -> Checkpoint:
         step=7,
         weights={"w": weight.detach()},
         optimiser=optimiser.state_dict(),
+        averaged={"module.w": torch.randn(3, 2), "n_averaged": torch.tensor(7)},
         best={"w": torch.randn(3, 2)},
         best_error=float("inf"),
         best_step=5,
@@ -29,6 +30,7 @@ def test_a_checkpoint_comes_back_as_it_was(tmp_path):
     got = read_checkpoint(tmp_path / "new", kept.key)
     assert torch.equal(got.weights["w"], kept.weights["w"])
     assert torch.equal(got.best["w"], kept.best["w"])
+    assert torch.equal(got.averaged["module.w"], kept.averaged["module.w"])
     assert (got.step, got.stale, got.best_step, got.curve) == (7, 2, 5, kept.curve)
     moments = [c.optimiser["state"][0]["exp_avg"] for c in (got, kept)]
     assert torch.equal(*moments)

@@ -70,12 +70,31 @@ def test_the_best_weights_are_kept_and_not_the_last(trainer, robot, make_config,
 
     def validate(self, state, point):
         original(self, state, point)
-        digests[state.step] = weights_digest(state.network)
+        digests[state.step] = weights_digest(state.served)
 
     monkeypatch.setattr(Trainer, "_validate", validate)
     result = trainer().run()
     assert (result.best_step, result.best_error) == (10, 2.0)
     assert result.digest == digests[10] == weights_digest(load_weights(result.weights, robot))
+
+
+def test_the_weights_that_are_kept_are_a_running_mean(trainer, robot, make_config, monkeypatch):
+    means, decay = [], 0.7
+    original = Trainer._train_step
+
+    def step(self, state, pool):
+        losses = original(self, state, pool)
+        now = {name: w.detach().double().clone() for name, w in state.network.named_parameters()}
+        before = means[-1] if means else now
+        means.append({n: decay * before[n] + (1 - decay) * w for n, w in now.items()})
+        return losses
+
+    monkeypatch.setattr(Trainer, "_train_step", step)
+    result = trainer(config=make_config(steps=6, averaging=decay)).run()
+    kept = dict(load_weights(result.weights, robot).named_parameters())
+    wanted = means[result.best_step - 1]
+    for name, weight in wanted.items():
+        assert torch.allclose(kept[name].double(), weight, rtol=1e-4, atol=1e-6), name
 
 
 def test_training_stops_when_the_last_stage_no_longer_improves(trainer, make_config, monkeypatch):
