@@ -9,10 +9,15 @@ from pathlib import Path
 from rich.console import Console
 
 from flywheel.diagnosis import Diagnosis, diagnose
+from flywheel.diagnosis.subject import Subject
+from flywheel.dynamics.plant import RestartedPlant
 from flywheel.effects import EFFECTS, Effect
+from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import sentence, write_diagnosis
+from flywheel.robots import Robot
 from pipelines.logs import read_logs
+from pipelines.models import open_model
 from pipelines.plants import open_plant
 from pipelines.show import console, table
 
@@ -23,6 +28,7 @@ def explain(
     logs: Sequence[Path],
     held_out: Sequence[Path],
     robot_name: str,
+    model: str | None,
     effects: str,
     window: float | None,
     dt: float,
@@ -39,10 +45,12 @@ def explain(
         [each.trajectory for each in read_logs(held_out, robot, dt, out)],
         library_of(effects),
         window_seconds=window,
+        model=None if model is None else _trained(model, robot, robot_name, dt, threads),
     )
     _show(out, found)
     about = {
         "robot": f"{robot.name} ({robot.digest[:12]})",
+        "model under test": found.model or "the plant",
         "recordings": ", ".join(path.name for path in logs),
         "held out": ", ".join(path.name for path in held_out) or "none",
         "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
@@ -59,6 +67,21 @@ def explain(
         answer.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
         out.print(f"JSON: {answer}", soft_wrap=True)
     return found.exit_code
+
+
+def _trained(spec: str, robot: Robot, robot_name: str, dt: float, threads: int) -> Subject:
+    """The model to be tested in the plant's stead.
+
+    Raises:
+      ConfigError: it is a plant.
+    """
+    model = open_model(spec, robot, robot_name, dt, threads)
+    if isinstance(model.dynamics, RestartedPlant):
+        raise ConfigError(
+            f"--model {spec} is a plant. A plant is tested by --robot alone; --model is for trained "
+            "models."
+        )
+    return model
 
 
 def library_of(effects: str) -> Mapping[str, Effect]:

@@ -39,6 +39,15 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[LABEL=]SPEC",
+            help="A trained model to test in the plant's stead: a run's folder (its champion), RUN:NAME, "
+            "or a file of weights.",
+            show_default=False,
+        ),
+    ] = None,
     dt: Annotated[float, typer.Option(help="Control step of the plant, in seconds.")] = 0.01,
     threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
@@ -46,7 +55,7 @@ def diagnose(
         Path | None, typer.Option(help="Where the answer goes as JSON.", show_default=False)
     ] = None,
 ) -> None:
-    """Find out which physical effect a robot has that its MJCF lacks.
+    """Find out which physical effect a robot has that its MJCF, or a trained model, lacks.
 
     The exit code is the verdict: 0 NOISE_ONLY, 10 EFFECT, 11 AMBIGUOUS, 12 PARTIAL,
     13 OUTSIDE_LIBRARY, 20 DATA_INSUFFICIENT, 21 NOT_CONVERGED.
@@ -57,7 +66,9 @@ def diagnose(
     """
     from pipelines.diagnose import explain
 
-    code = explain(recordings, held_out or [], robot, effects, window, dt, threads, page, json)
+    code = explain(
+        recordings, held_out or [], robot, model, effects, window, dt, threads, page, json
+    )
     raise typer.Exit(code)
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.baseline import mean_squares
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.records import Floats
@@ -40,22 +39,26 @@ def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) ->
       test: on top of it.
       known: (K, D, n) sensitivities of its fitted values; None without any.
     """
-    windows = fitter.predictor.windows
+    windows = fitter.windows
     shape = windows.measured.shape
-    left = test.residual.reshape(len(windows), -1)
-    in_time = left[:, : fit.residual.shape[1]].reshape(shape)
-    power = float((in_time**2).sum())
-    correlation = float((in_time[:, 1:] * in_time[:, :-1]).sum() / max(power, 1e-300))
     squares = fit.residual.reshape(shape) ** 2
     measured = np.isfinite(windows.measured)
     by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(measured.sum(axis=(0, 1, 3)), 1)
     return Adequacy(
         noise=test.noise,
-        correlation=correlation,
+        correlation=sample_correlation(test.residual, shape),
         inconstancy=_inconstancy(fit, test, known),
-        by_window=mean_squares(fitter, fit),
+        by_window=fitter.mean_squares(fit),
         by_point=by_point,
     )
+
+
+def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
+    """Correlation from one sample to the next of a projected residual (N,) of windows (K, T, P, 3)."""
+    count, size = shape[0], int(np.prod(shape[1:]))
+    in_time = residual.reshape(count, -1)[:, :size].reshape(shape)
+    power = float((in_time**2).sum())
+    return float((in_time[:, 1:] * in_time[:, :-1]).sum() / max(power, 1e-300))
 
 
 def _inconstancy(fit: Fit, test: ScoreTest, known: Floats | None) -> float:

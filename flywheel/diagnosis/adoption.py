@@ -111,7 +111,9 @@ def _check_held_out(summary: Mapping[str, Any], answer: int | None) -> None:
 
 
 def _written(found: Mapping[str, Any]) -> WrittenTerm:
-    values = {name: each["value"] for name, each in found["parameters"].items()}
+    values = {
+        name: each.get("in_plant", each["value"]) for name, each in found["parameters"].items()
+    }
     return WrittenTerm(effect=found["effect"], location=found["location"], parameters=values)
 
 

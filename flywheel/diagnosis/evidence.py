@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.selection import Step
 from flywheel.diagnosis.windows import Windows
@@ -63,8 +63,9 @@ class Evidence:
     band: float
 
     @classmethod
-    def of(cls, windows: Windows, steps: Sequence[Step]) -> Evidence:
+    def of(cls, fitter: Fitter, steps: Sequence[Step]) -> Evidence:
         """Of the steps of a selection."""
+        windows = fitter.windows
         first, last = steps[0].fit, steps[-1].fit
         rivals, likeness = _likeness(steps[0])
         return cls(
@@ -77,7 +78,7 @@ class Evidence:
             before=first.points,
             after=last.points,
             ladder=tuple(
-                Rung(_label(windows, steps, i), rms(windows, step.fit))
+                Rung(_label(windows, steps, i), fitter.rms(step.fit))
                 for i, step in enumerate(steps)
             ),
             rivals=rivals,
@@ -92,12 +93,6 @@ class Evidence:
         with np.errstate(invalid="ignore"):
             off = ((self.measured - points) / self.sigma) ** 2
         return np.nanmean(np.where(np.isfinite(off), off, np.nan), axis=(1, 3))
-
-
-def rms(windows: Windows, fit: Fit) -> float:
-    """Of all measured coordinates [m], with the fitted starts counted as degrees of freedom."""
-    freedom = np.isfinite(windows.measured).sum() - fit.change.size
-    return float(np.sqrt((fit.residual**2).sum() / max(1, freedom))) * windows.sigma
 
 
 def _label(windows: Windows, steps: Sequence[Step], index: int) -> str:

@@ -1,38 +1,37 @@
-"""Fit the starts of all windows, and sizes of effects, to the measurements.
+"""Fit sizes of effects to measurements, beside what is unknown about every window.
 
 Output error: the difference of measured and predicted positions is made small, never a difference of
-velocities or forces. Starts are unknowns like any other; each belongs to one window, so that they are
-eliminated window by window (Schur complement).
+velocities or forces. What is unknown about a window belongs to it alone, so that it is eliminated
+window by window (Schur complement). What that is depends on the model under test: the state that a
+plant starts from (`start_fit`), or the error that a network makes anyway (`network_fit`).
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flywheel.diagnosis.free import Free
-from flywheel.diagnosis.prediction import Carried, Predictor, Starts
+from flywheel.diagnosis.prediction import Carried, Starts
+from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
-from flywheel.records import Floats, State
+from flywheel.records import Floats
 
-STEP = 2e-3  # of a finite difference of a start, in natural units
-WINCH_STEP = 1e-3  # of one of a winch's offset [L]
-DAMPING = (1e-4, 1e-2, 0.1, 1.0, 10.0)
 SHARES = (1.0, 0.3, 0.0)  # of the step of what windows share
+LEAST_DAMPING = 1e-4
 STEPS = 3  # of a fit between two linearisations
 ENOUGH = 0.001  # relative fall of the cost below which a fit has converged
-# Standard deviations of what is known about starts before any fit, in natural units.
-PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
 
 
 @dataclass(frozen=True)
 class Linear:
-    """How residuals depend on the starts, in sigmas.
+    """How residuals depend on what is unknown about windows, in sigmas; X unknowns per window.
 
     Attributes:
-      by_start: (K, D, X) change of the prediction with each entry of a start.
+      by_start: (K, D, X) change of the prediction with each of them.
       by_winch: (K, D, W) with the offsets of the winches of the window's log.
     """
 
@@ -42,12 +41,13 @@ class Linear:
 
 @dataclass(frozen=True)
 class Fit:
-    """Starts and terms that fit the measurements.
+    """Windows' unknowns, and terms, that fit the measurements.
 
     Attributes:
-      starts: fitted.
+      starts: of the plant.
       terms: with fitted values.
-      change: (K, X) how far the starts are from their first estimates, in natural units.
+      change: (K, X) what is unknown about windows: how far starts are from their first estimates, in
+        natural units, or how much of each of its errors a network makes.
       points: (K, steps + 1, P, 3) predicted [m].
       residual: (K, D) measured minus predicted, in sigmas; 0 where nothing was measured.
       carried: what the windows began with.
@@ -65,38 +65,57 @@ class Fit:
     converged: bool = False
 
 
-class Fitter:
-    """Fits one set of windows with one plant.
+class Fitter(ABC):
+    """Fits one set of windows with one model.
 
     Args:
-      predictor: of the windows.
-      first: (K,) first estimates of the starts.
-      finer: of the same windows, with smaller time steps.
+      windows: to be fitted.
+      prior: (X,) standard deviations of what is unknown about each window, around zero.
+      winch_prior: of the winches' offsets [m].
     """
 
-    def __init__(self, predictor: Predictor, first: State, finer: Predictor) -> None:
-        self.predictor, self.first, self.finer = predictor, first, finer
-        half = predictor.tangent // 2
-        self.prior = np.repeat([PRIOR_PLACE, PRIOR_SPEED], half)
-        self.winch_prior = PRIOR_WINCH * predictor.length
+    def __init__(self, windows: Windows, prior: Floats, winch_prior: float) -> None:
+        self.windows, self.prior, self.winch_prior = windows, prior, winch_prior
+
+    @abstractmethod
+    def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
+        """Predictions and cost at given unknowns."""
+
+    @abstractmethod
+    def linear(self, fit: Fit, precise: bool = True) -> Linear:
+        """Sensitivities around a fit."""
+
+    @abstractmethod
+    def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
+        """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
+
+    @abstractmethod
+    def step_error(self, fit: Fit) -> Floats:
+        """(K, D, n) how the prediction changes with smaller time steps: numbers, not physics."""
+
+    @abstractmethod
+    def stepped(self, fit: Fit, linear: Linear, left: Floats, winch: Floats, terms: Terms) -> Fit:
+        """A fit with other offsets and terms, its windows' own unknowns moved towards `left` (K, D)."""
+
+    @abstractmethod
+    def rms(self, fit: Fit) -> float:
+        """What a fit is off, per degree of freedom [m]."""
+
+    def elsewhere(self, fit: Fit, seed: int = 0) -> Fit:
+        """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better."""
+        del seed
+        return fit
 
     def beginning(self, terms: Terms = ()) -> Fit:
         """The first estimates as they are."""
-        windows = self.predictor.windows
+        windows = self.windows
         winch = np.zeros((len(windows.logs), len(windows.robot.winches)))
-        return self.at(np.zeros((len(windows), self.predictor.tangent)), winch, terms)
+        return self.at(np.zeros((len(windows), len(self.prior))), winch, terms)
 
-    def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
-        """Predictions and cost at given unknowns."""
-        predictor = self.predictor
-        starts = Starts(predictor.moved(self.first, change), winch)
-        points, carried = predictor.chained(starts, [terms])
-        residual = predictor.windows.residual(points[0])
-        cost = float((residual**2).sum() + self.prior_cost(change).sum())
-        cost += float(((winch / self.winch_prior) ** 2).sum())
-        if not np.isfinite(points).all():
-            cost = np.inf
-        return Fit(starts, terms, change, points[0], residual, carried[0], cost)
+    def mean_squares(self, fit: Fit) -> Floats:
+        """(K,) mean square residual of each window [sigma^2]."""
+        measured = np.isfinite(self.windows.measured).sum(axis=(1, 2, 3))
+        return np.asarray((fit.residual**2).sum(axis=1) / np.maximum(measured, 1))
 
     def prior_cost(self, change: Floats) -> Floats:
         """(...) of changes (..., X)."""
@@ -124,70 +143,27 @@ class Fitter:
                 break
         return fit
 
-    def linear(self, fit: Fit, precise: bool = True) -> Linear:
-        """Differences around a fit, in one batch for all windows: of both sides where precise."""
-        predictor = self.predictor
-        count, winches = len(predictor.windows), fit.starts.winch.shape[1]
-        everyone = np.arange(count)
-        by_start = self.by_start(fit, everyone, fit.change, None if precise else fit.points)
-        offset = WINCH_STEP * predictor.length
-        members = np.repeat(everyone, winches)
-        shifted = np.repeat(fit.carried.winch, winches, axis=0)
-        shifted = shifted + offset * np.tile(np.eye(winches), (count, 1))
-        after = predictor.parallel(
-            fit.starts.mechanics[members], fit.carried, fit.terms, members, shifted
-        )
-        after = after.reshape(count, winches, *after.shape[1:])
-        by_winch = self.slope(after - fit.points[:, None], offset, everyone)
-        return Linear(by_start, by_winch)
-
-    def by_start(
-        self, fit: Fit, members: np.ndarray, change: Floats, here: Floats | None = None
-    ) -> Floats:
-        """(n, D, X) sensitivities of windows `members` (n,) at changes (n, X).
-
-        Of both sides, or, at half the price, of one side against what is predicted `here`.
-        """
-        predictor, size = self.predictor, self.predictor.tangent
-        sides = (1.0, -1.0) if here is None else (1.0,)
-        steps = np.concatenate([side * np.eye(size) for side in sides]) * STEP
-        tried = (change[:, None] + steps).reshape(-1, size)
-        rows = np.repeat(members, len(steps))
-        states = predictor.moved(self.first[rows], tried)
-        points = predictor.parallel(states, fit.carried, fit.terms, rows)
-        points = points.reshape(len(members), len(sides), size, *points.shape[1:])
-        opposite = points[:, 1] if here is None else here[:, None]
-        return self.slope(points[:, 0] - opposite, len(sides) * STEP, members)
+    def columns(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
+        """(K, D, n) how the prediction changes if its terms are replaced, in sigmas."""
+        difference = np.moveaxis(self.predictions(fit, terms) - fit.points[None], 0, 1)
+        return self.slope(difference, 1.0, np.arange(len(fit.change)))
 
     def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
         """(n, D, m) of differences (n, m, steps + 1, P, 3); 0 where nothing was measured."""
-        windows = self.predictor.windows
+        windows = self.windows
         seen = np.isfinite(windows.measured[members])[:, None]
         slope = np.where(seen, difference / (step * windows.sigma), 0.0)
         flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
         return flat.swapaxes(1, 2)
 
-    def columns(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
-        """(K, D, n) how the prediction changes if its terms are replaced, in sigmas."""
-        points, _ = self.predictor.chained(fit.starts, list(terms))
-        difference = np.moveaxis(points - fit.points[None], 0, 1)
-        return self.slope(difference, 1.0, np.arange(len(fit.change)))
-
-    def step_error(self, fit: Fit) -> Floats:
-        """(K, D, 1) how the prediction changes with smaller time steps: numbers, not physics."""
-        points, _ = self.finer.chained(fit.starts, [fit.terms])
-        return self.slope(
-            (points - fit.points[None]).swapaxes(0, 1), 1.0, np.arange(len(points[0]))
-        )
-
     def improved(self, fit: Fit, linear: Linear, free: Sequence[Free]) -> Fit | None:
         """One step of all unknowns; None if none makes the cost fall.
 
-        What windows share takes one common step; each window then takes the damping that suits it.
+        What windows share takes one common step; each window then takes what suits it.
         """
         moves = [f.step_from(fit.terms) for f in free]
-        stepped = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
-        sizes = self.columns(fit, stepped) / moves if free else None
+        varied = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
+        sizes = self.columns(fit, varied) / moves if free else None
         by_shared = self.shared(linear, sizes)
         winches = fit.starts.winch
         whole = self._shared_step(fit, linear, by_shared)
@@ -197,61 +173,33 @@ class Fitter:
             terms = fit.terms
             for f, size in zip(free, step[winches.size :], strict=True):
                 terms = f.moved(terms, size)
-            left = fit.residual - by_shared @ step
-            tries = np.stack([self._steps(fit.change, linear.by_start, left, d) for d in DAMPING])
-            change = self._best_of_each(fit.change, tries, winch, terms)
-            after = self.at(change, winch, terms)
+            after = self.stepped(fit, linear, fit.residual - by_shared @ step, winch, terms)
             if after.cost < fit.cost:
                 return after
         return None
 
-    def _best_of_each(self, change: Floats, tries: Floats, winch: Floats, terms: Terms) -> Floats:
-        """(K, X) of the steps (n, K, X), or none, what makes each window's own cost least."""
-        predictor, count = self.predictor, len(change)
-        start = predictor.moved(self.first, change)
-        carried = predictor.chained(Starts(start, winch), [terms])[1][0]
-        tried = np.concatenate([np.zeros_like(change)[None], tries]) + change
-        members = np.tile(np.arange(count), len(tried))
-        cost = self.costs(carried, terms, members, tried.reshape(-1, change.shape[1]))
-        return tried[cost.reshape(len(tried), count).argmin(axis=0), np.arange(count)]
-
-    def costs(self, carried: Carried, terms: Terms, members: np.ndarray, change: Floats) -> Floats:
-        """(n,) cost of each window alone, at changes (n, X)."""
-        predictor = self.predictor
-        states = predictor.moved(self.first[members], change)
-        points = predictor.parallel(states, carried, terms, members)
-        residual = predictor.windows.residual_of(members, points)
-        cost = (residual**2).sum(axis=-1) + self.prior_cost(change)
-        cost[~np.isfinite(points).all(axis=(1, 2, 3))] = np.inf
-        return cost
-
-    def _steps(self, change: Floats, by_start: Floats, left: Floats, damping: float) -> Floats:
-        """(n, X) steps of the starts towards residuals (n, D)."""
-        local, pull = self._normal(change, by_start, left, damping)
-        return np.linalg.solve(local, pull[..., None])[..., 0]
-
-    def _normal(
-        self, change: Floats, by_start: Floats, left: Floats, damping: float
-    ) -> tuple[Floats, Floats]:
-        """Normal equations of the starts: (n, X, X) and (n, X)."""
-        prior = 1.0 / self.prior**2
-        local = by_start.swapaxes(1, 2) @ by_start + np.diag(prior)
-        diagonal = np.einsum("kxx->kx", local)
-        local = local + damping * diagonal[..., None] * np.eye(len(prior))
-        return local, np.einsum("kdx,kd->kx", by_start, left) - prior * change
-
     def shared(self, linear: Linear, sizes: Floats | None) -> Floats:
         """(K, D, S) dependence on what windows share: each log's winch offsets, then sizes."""
-        windows = self.predictor.windows
+        windows = self.windows
         logs, winches = len(windows.logs), linear.by_winch.shape[2]
         own = np.zeros((*linear.by_winch.shape[:2], logs * winches))
         for k, log in enumerate(windows.log):
             own[k, :, log * winches : (log + 1) * winches] = linear.by_winch[k]
         return own if sizes is None else np.concatenate([own, sizes], axis=2)
 
+    def normal(
+        self, change: Floats, by_start: Floats, left: Floats, damping: float
+    ) -> tuple[Floats, Floats]:
+        """Normal equations of what is unknown about windows: (n, X, X) and (n, X)."""
+        prior = 1.0 / self.prior**2
+        local = by_start.swapaxes(1, 2) @ by_start + np.diag(prior)
+        diagonal = np.einsum("kxx->kx", local)
+        local = local + damping * diagonal[..., None] * np.eye(len(prior))
+        return local, np.einsum("kdx,kd->kx", by_start, left) - prior * change
+
     def _shared_step(self, fit: Fit, linear: Linear, shared: Floats) -> Floats:
         """(S,) step of what windows share, with their starts eliminated."""
-        local, pull = self._normal(fit.change, linear.by_start, fit.residual, DAMPING[0])
+        local, pull = self.normal(fit.change, linear.by_start, fit.residual, LEAST_DAMPING)
         cross = linear.by_start.swapaxes(1, 2) @ shared
         eliminated = np.linalg.solve(local, np.concatenate([cross, pull[..., None]], axis=2))
         whole = np.einsum("kds,kdt->st", shared, shared, optimize=True)
@@ -263,25 +211,3 @@ class Fitter:
         right[offsets] -= fit.starts.winch.ravel() / self.winch_prior**2
         whole += np.diag(1e-9 * np.diag(whole) + 1e-12)
         return np.linalg.solve(whole, right)
-
-    def searched(self, fit: Fit, members: np.ndarray, change: Floats, rounds: int = 4) -> Fit:
-        """Windows from other starts: each of `members` (n,) from (n, X), kept where it ends lower."""
-        for _ in range(rounds):
-            states = self.predictor.moved(self.first[members], change)
-            points = self.predictor.parallel(states, fit.carried, fit.terms, members)
-            by_start = self.by_start(fit, members, change, points)
-            left = np.nan_to_num(self.predictor.windows.residual_of(members, points))
-            steps = np.stack([self._steps(change, by_start, left, d) for d in DAMPING])
-            tried = np.concatenate([np.zeros_like(change)[None], steps]) + change
-            rows = np.tile(members, len(tried))
-            cost = self.costs(fit.carried, fit.terms, rows, tried.reshape(-1, change.shape[1]))
-            best = cost.reshape(len(tried), -1).argmin(axis=0)
-            change = tried[best, np.arange(len(members))]
-        cost = self.costs(fit.carried, fit.terms, members, change)
-        own = self.costs(fit.carried, fit.terms, np.arange(len(fit.change)), fit.change)
-        found = fit.change.copy()
-        for k, value, candidate in zip(members, cost, change, strict=True):
-            if value < own[k]:
-                own[k], found[k] = value, candidate
-        after = self.at(found, fit.starts.winch, fit.terms)
-        return after if after.cost < fit.cost else fit

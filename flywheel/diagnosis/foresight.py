@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.diagnosis.candidates import Candidate
-from flywheel.diagnosis.fit import Fitter
 from flywheel.diagnosis.prediction import Predictor
 from flywheel.diagnosis.score import CRITICAL, DEAD, Projection, slices_of, smallest_shown
 from flywheel.diagnosis.selection import Selection
+from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant, refined
 from flywheel.effects import Scales
@@ -161,7 +161,7 @@ def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory
 def _grams(plant: Plant, windows: Windows, states: State, library: Sequence[Candidate]) -> Floats:
     """(S, n, n) of the candidates; every script by itself, as if it were the only recording."""
     starts = states[windows.log, windows.first]
-    fitter = Fitter(Predictor(windows, plant), starts, Predictor(windows, refined(plant)))
+    fitter = StartFitter(Predictor(windows, plant), starts, Predictor(windows, refined(plant)))
     fit = fitter.beginning(plant.terms)
     terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
     shared = [fitter.step_error(fit), Selection(fitter, library, CRITICAL).known(fit)]

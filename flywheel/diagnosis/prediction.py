@@ -54,7 +54,7 @@ class Predictor:
     def __init__(self, windows: Windows, plant: Plant) -> None:
         self.windows, self.plant = windows, plant
         self.augmented = AugmentedPlant(plant)
-        self.nominal = nominal_winch(windows)
+        self.nominal = nominal_winch(windows)[:, 0]
         scales = Scales.of(windows.robot)
         angles = turning(plant)
         # one unit of each entry of a change of start: positions, then velocities

@@ -201,7 +201,7 @@ def score_test(
     terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
     columns = fitter.columns(fit, terms)
     square = (fit.residual**2).sum(axis=1)
-    measured = np.isfinite(fitter.predictor.windows.measured).sum(axis=(1, 2, 3))
+    measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
     mean = square / np.maximum(measured, 1)
     weights = 1.0 / np.sqrt(np.maximum(1.0, mean / np.median(mean)))
     projection = Projection.of(fitter, linear, known, weights)

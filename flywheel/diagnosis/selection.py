@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 
-from flywheel.diagnosis.baseline import unstuck
 from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.fit import Fit, Fitter, Linear
 from flywheel.diagnosis.free import free_values
@@ -64,11 +63,11 @@ class Selection:
     ) -> None:
         self.fitter, self.library, self.threshold = fitter, tuple(library), threshold
         self.progress = progress
-        self.scales = Scales.of(fitter.predictor.windows.robot)
+        self.scales = Scales.of(fitter.windows.robot)
 
-    def run(self, fit: Fit) -> list[Step]:
+    def run(self, first: Step) -> list[Step]:
         """The model as it was, with one effect more, and so on; the last step is the answer."""
-        steps, most = [self.look(fit)], len(fit.terms) + MOST
+        steps, most = [first], len(first.fit.terms) + MOST
         for _ in range(TURNS):
             if len(steps[-1].fit.terms) >= most:
                 break
@@ -162,7 +161,7 @@ class Selection:
         best = self.pursued(first)
         for fit in others:
             best = min(best, self.pursued(fit, self.criterion(best)), key=self.criterion)
-        elsewhere = unstuck(self.fitter, best)
+        elsewhere = self.fitter.elsewhere(best)
         return best if elsewhere is best else self.pursued(elsewhere)
 
     def pursued(self, fit: Fit, target: float = np.inf) -> Fit:
@@ -201,7 +200,7 @@ class Selection:
 
     def criterion(self, fit: Fit) -> float:
         """Cost with what every fitted value costs (BIC)."""
-        measured = np.isfinite(self.fitter.predictor.windows.measured).sum()
+        measured = np.isfinite(self.fitter.windows.measured).sum()
         values = sum(len(term.values) for term in fit.terms)
         return fit.cost + values * float(np.log(measured))
 

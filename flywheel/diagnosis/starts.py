@@ -21,7 +21,7 @@ def estimated_starts(windows: Windows, plant: Plant) -> State:
     """
     robot, dt = windows.robot, windows.dt
     places, speeds = smoothed(windows)
-    winch = nominal_winch(windows)
+    winch = nominal_winch(windows)[:, 0]
     points = np.stack([places - speeds * dt, places], axis=1)
     hold = robot.holding(winch)[:, None]
     past = Past(
@@ -33,9 +33,11 @@ def estimated_starts(windows: Windows, plant: Plant) -> State:
 
 
 def nominal_winch(windows: Windows) -> Floats:
-    """(K, W) winch positions at each start: measured, or dead-reckoned from the commands [m]."""
+    """(K, steps + 1, W) winch positions: measured, or dead-reckoned from the commands [m]."""
     known = [windows.robot.known_winch(log.winch, log.controls, windows.dt) for log in windows.logs]
-    return np.stack([known[i][f] for i, f in zip(windows.log, windows.first, strict=True)])
+    length = windows.steps + 1
+    places = zip(windows.log, windows.first, strict=True)
+    return np.stack([known[i][f : f + length] for i, f in places])
 
 
 def smoothed(windows: Windows) -> tuple[Floats, Floats]:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+import numpy as np
+
 from flywheel.diagnosis.adequacy import Adequacy
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.score import Score
-from flywheel.effects import Term, place_name
+from flywheel.effects import Parameter, Term, place_name
+from flywheel.records import Floats
 from flywheel.robots import Robot
+
+QUANTILE = 1.96  # of a 95 % interval, in standard deviations
 
 
 class Verdict(StrEnum):
@@ -39,13 +43,31 @@ EXIT_CODES = {
 
 @dataclass(frozen=True)
 class Value:
-    """A fitted number with its 95 % interval."""
+    """A fitted number.
+
+    Attributes:
+      name, unit: of the parameter.
+      value: of the robot.
+      low, high: its 95 % interval.
+      in_plant: with which the plant at its time step comes nearest to the robot.
+    """
 
     name: str
     value: float
     low: float
     high: float
     unit: str
+    in_plant: float
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {
+            "value": self.value,
+            "low": self.low,
+            "high": self.high,
+            "unit": self.unit,
+            "in_plant": self.in_plant,
+        }
 
 
 @dataclass(frozen=True)
@@ -69,10 +91,7 @@ class Found:
         return {
             "effect": self.effect,
             "location": self.location,
-            "parameters": {
-                v.name: {"value": v.value, "low": v.low, "high": v.high, "unit": v.unit}
-                for v in self.values
-            },
+            "parameters": {v.name: v.summary() for v in self.values},
         }
 
 
@@ -117,6 +136,7 @@ class Diagnosis:
       before, after: what the plant as it was leaves, and what the augmented one leaves.
       evidence: to look at.
       seconds: it took.
+      model: name of the model under test; "" for the plant itself.
     """
 
     verdict: Verdict
@@ -129,6 +149,7 @@ class Diagnosis:
     after: Adequacy
     evidence: Evidence
     seconds: float
+    model: str = ""
 
     @property
     def exit_code(self) -> int:
@@ -139,6 +160,7 @@ class Diagnosis:
         """As in JSON."""
         return {
             "verdict": str(self.verdict),
+            "model": self.model or "plant",
             "answer_set": [[found.summary() for found in each] for each in self.answers],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,
@@ -170,20 +192,21 @@ def ranked(score: Score) -> dict[str, Any]:
     }
 
 
-def found(term: Term, deviations: Sequence[float], robot: Robot, quantile: float = 1.96) -> Found:
-    """A term with standard deviations of all its values."""
+def found(term: Term, deviations: Floats, by_step: Floats, robot: Robot) -> Found:
+    """A term with what is known about its values, as `Uncertainty` has it."""
     values = tuple(
-        Value(
-            parameter.name,
-            value,
-            max(value - quantile * deviation, 0.0)
-            if parameter.one_sided
-            else value - quantile * deviation,
-            value + quantile * deviation,
-            parameter.unit,
-        )
-        for parameter, value, deviation in zip(
-            term.effect.parameters, term.values, deviations, strict=True
+        _value(parameter, value, deviation, of_step)
+        for parameter, value, deviation, of_step in zip(
+            term.effect.parameters, term.values, deviations, by_step, strict=True
         )
     )
     return Found(term.effect.name, place_name(term.effect, term.place, robot), values, term)
+
+
+def _value(parameter: Parameter, fitted: float, deviation: float, by_step: float) -> Value:
+    least = 0.0 if parameter.one_sided else -np.inf
+    value = max(fitted - by_step, least)
+    low, high = (value + side * QUANTILE * deviation for side in (-1.0, 1.0))
+    return Value(
+        parameter.name, float(value), float(max(low, least)), float(high), parameter.unit, fitted
+    )

@@ -14,7 +14,10 @@ from flywheel.reports.page import Shown, data_uri
 
 LIMITS = (
     "Sizes and intervals are those of the effects named, should nothing else be missing: 95 %, from the "
-    "curvature of the fit or from how much the windows disagree, whichever is larger.",
+    "curvature of the fit or from how much the windows disagree, whichever is larger, and from what the time "
+    "step does.",
+    'A plant with long time steps fits best with values that make up for them ("in this plant"; these are '
+    "adopted); the values of the robot are without.",
     "An effect whose detectable size is above what the robot can have cannot be ruled out by these data.",
     "Only effects of the library have names. See docs/effects.md for adding one.",
 )
@@ -58,7 +61,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
 def sentence(found: Diagnosis) -> str:
     """The verdict in words."""
     if found.verdict is Verdict.NOISE_ONLY:
-        return "The plant explains these recordings: nothing beyond noise is left."
+        return f"The {_subject(found)} explains these recordings: nothing beyond noise is left."
     if found.verdict is Verdict.DATA_INSUFFICIENT:
         return "These recordings are too quiet to show any effect of the library."
     if found.verdict is Verdict.NOT_CONVERGED:
@@ -73,7 +76,12 @@ def sentence(found: Diagnosis) -> str:
     if found.verdict is Verdict.AMBIGUOUS:
         others = "; or ".join(_names(answer) for answer in found.answers[1:])
         return f"{names}; or {others}: these recordings do not tell."
-    return f"The plant lacks {names}."
+    return f"The {_subject(found)} lacks {names}."
+
+
+def _subject(found: Diagnosis) -> str:
+    """What was tested."""
+    return f"model {found.model}" if found.model else "plant"
 
 
 def _names(answer: Alternative) -> str:

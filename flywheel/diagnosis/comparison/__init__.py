@@ -5,7 +5,7 @@ from flywheel.diagnosis.comparison.compare import compare
 from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
 from flywheel.diagnosis.comparison.moments import Moments
 from flywheel.diagnosis.comparison.result import Comparison, Judgement, Outcome
-from flywheel.diagnosis.comparison.subject import Subject
+from flywheel.diagnosis.subject import Subject
 
 __all__ = [
     "Bins",

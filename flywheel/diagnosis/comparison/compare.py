@@ -13,7 +13,7 @@ from flywheel.diagnosis.comparison.moments import Moments
 from flywheel.diagnosis.comparison.null import mean_by_lead, null_of
 from flywheel.diagnosis.comparison.regions import Region, regions, span_noise, spans
 from flywheel.diagnosis.comparison.result import LEVEL, Comparison, Judgement
-from flywheel.diagnosis.comparison.subject import Subject
+from flywheel.diagnosis.subject import Subject
 from flywheel.dynamics import Persistence, RestartedPlant
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ExactSum

@@ -10,7 +10,6 @@ from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.comparison.moments import Moments
 from flywheel.diagnosis.diagnose import THRESHOLD
-from flywheel.diagnosis.evidence import rms
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
@@ -55,4 +54,4 @@ def fitted_starts(plant: Plant, moments: Moments, seed: int) -> FittedStarts:
     selection = Selection(fitter, some, THRESHOLD)
     step = selection.look(fit)
     left = adequacy(fitter, fit, step.test, selection.known(fit))
-    return FittedStarts(rms(windows, fit), left.noise, left.correlation)
+    return FittedStarts(fitter.rms(fit), left.noise, left.correlation)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.comparison.moments import Moments
-from flywheel.diagnosis.comparison.subject import Subject
+from flywheel.diagnosis.subject import Subject
 from flywheel.dynamics.plant import RestartedPlant, refined, with_effects
 from flywheel.records import Floats, Observation, Past
 

@@ -9,7 +9,7 @@ import pytest
 
 from flywheel.control import RandomControls
 from flywheel.diagnosis.baseline import fitter_of
-from flywheel.diagnosis.fit import Fitter
+from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
 from flywheel.effects import Terms
@@ -53,5 +53,5 @@ def windows(robot: Robot, trajectory: Trajectory) -> Windows:
 
 
 @pytest.fixture(scope="session")
-def fitter(robot: Robot, windows: Windows) -> Fitter:
+def fitter(robot: Robot, windows: Windows) -> StartFitter:
     return fitter_of(windows, Plant(robot))

@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.baseline import fitted, mean_squares
+from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.score import Projection, score_test
+from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.dynamics.plant import between, moved
 from flywheel.effects import EFFECTS
 from flywheel.robots import Robot
 
 
 @pytest.fixture(scope="module")
-def fit(fitter: Fitter) -> Fit:
+def fit(fitter: StartFitter) -> Fit:
     return fitted(fitter, rounds=2)
 
 
@@ -25,7 +26,7 @@ def library(robot: Robot) -> tuple[Candidate, ...]:
     return candidates(robot, {name: EFFECTS[name] for name in few})
 
 
-def test_what_was_moved_is_what_lies_between(fitter: Fitter, seed: int) -> None:
+def test_what_was_moved_is_what_lies_between(fitter: StartFitter, seed: int) -> None:
     rng = np.random.default_rng(seed)
     position, velocity = rng.normal(0, 0.3, (2, len(fitter.first.qpos), fitter.first.qvel.shape[1]))
     plant = fitter.predictor.plant
@@ -35,13 +36,15 @@ def test_what_was_moved_is_what_lies_between(fitter: Fitter, seed: int) -> None:
     assert np.allclose(found[1], velocity, atol=1e-12)
 
 
-def test_the_true_plant_is_fitted_down_to_the_noise(fitter: Fitter, fit: Fit, seed: int) -> None:
-    squares = mean_squares(fitter, fit)
+def test_the_true_plant_is_fitted_down_to_the_noise(
+    fitter: StartFitter, fit: Fit, seed: int
+) -> None:
+    squares = fitter.mean_squares(fit)
     assert (squares < 1.3).all(), seed
     assert fit.cost < fitter.beginning().cost
 
 
-def test_a_projection_takes_out_what_starts_explain(fitter: Fitter, fit: Fit) -> None:
+def test_a_projection_takes_out_what_starts_explain(fitter: StartFitter, fit: Fit) -> None:
     linear = fitter.linear(fit)
     projection = Projection.of(fitter, linear, None, np.ones(len(fit.change)))
     after = np.linalg.norm(projection(linear.by_start), axis=0)
@@ -51,7 +54,7 @@ def test_a_projection_takes_out_what_starts_explain(fitter: Fitter, fit: Fit) ->
 
 
 def test_a_planted_sensitivity_is_found_with_its_size(
-    fitter: Fitter, fit: Fit, library: tuple[Candidate, ...], seed: int
+    fitter: StartFitter, fit: Fit, library: tuple[Candidate, ...], seed: int
 ) -> None:
     test = score_test(fitter, fit, library)
     rng = np.random.default_rng(seed)
@@ -67,7 +70,7 @@ def test_a_planted_sensitivity_is_found_with_its_size(
 
 
 def test_a_one_sided_effect_cannot_explain_its_opposite(
-    fitter: Fitter, fit: Fit, library: tuple[Candidate, ...]
+    fitter: StartFitter, fit: Fit, library: tuple[Candidate, ...]
 ) -> None:
     test = score_test(fitter, fit, library)
     assert library[0].effect.sizes[0].one_sided

@@ -1,4 +1,4 @@
-"""A model that is compared."""
+"""A model that is looked into: compared with recordings, or diagnosed."""
 
 from __future__ import annotations
 

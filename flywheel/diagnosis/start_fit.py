@@ -1,0 +1,175 @@
+"""Fit the starts of all windows, and sizes of effects, to the measurements: a plant under test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flywheel.diagnosis.fit import LEAST_DAMPING, Fit, Fitter, Linear
+from flywheel.diagnosis.prediction import Carried, Predictor, Starts
+from flywheel.dynamics.plant import turning
+from flywheel.effects import Terms
+from flywheel.records import Floats, State
+
+STEP = 2e-3  # of a finite difference of a start, in natural units
+WINCH_STEP = 1e-3  # of one of a winch's offset [L]
+DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)
+# Standard deviations of what is known about starts before any fit, in natural units.
+PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
+STUCK = 1.3  # mean square of a window, over the median one, from which its start is doubted
+TRIES = 4  # other starts for such a window
+TURN = 0.4  # standard deviation of their turns [rad]
+
+
+class StartFitter(Fitter):
+    """Fits the states from which a plant starts.
+
+    Args:
+      predictor: of the windows.
+      first: (K,) first estimates of the starts.
+      finer: of the same windows, with smaller time steps.
+    """
+
+    def __init__(self, predictor: Predictor, first: State, finer: Predictor) -> None:
+        prior = np.repeat([PRIOR_PLACE, PRIOR_SPEED], predictor.tangent // 2)
+        super().__init__(predictor.windows, prior, PRIOR_WINCH * predictor.length)
+        self.predictor, self.first, self.finer = predictor, first, finer
+
+    def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
+        """Predictions and cost at given unknowns."""
+        predictor = self.predictor
+        starts = Starts(predictor.moved(self.first, change), winch)
+        points, carried = predictor.chained(starts, [terms])
+        residual = predictor.windows.residual(points[0])
+        cost = float((residual**2).sum() + self.prior_cost(change).sum())
+        cost += float(((winch / self.winch_prior) ** 2).sum())
+        if not np.isfinite(points).all():
+            cost = np.inf
+        return Fit(starts, terms, change, points[0], residual, carried[0], cost)
+
+    def linear(self, fit: Fit, precise: bool = True) -> Linear:
+        """Differences around a fit, in one batch for all windows: of both sides where precise."""
+        predictor = self.predictor
+        count, winches = len(self.windows), fit.starts.winch.shape[1]
+        everyone = np.arange(count)
+        by_start = self.by_start(fit, everyone, fit.change, None if precise else fit.points)
+        offset = WINCH_STEP * predictor.length
+        members = np.repeat(everyone, winches)
+        shifted = np.repeat(fit.carried.winch, winches, axis=0)
+        shifted = shifted + offset * np.tile(np.eye(winches), (count, 1))
+        after = predictor.parallel(
+            fit.starts.mechanics[members], fit.carried, fit.terms, members, shifted
+        )
+        after = after.reshape(count, winches, *after.shape[1:])
+        by_winch = self.slope(after - fit.points[:, None], offset, everyone)
+        return Linear(by_start, by_winch)
+
+    def by_start(
+        self, fit: Fit, members: np.ndarray, change: Floats, here: Floats | None = None
+    ) -> Floats:
+        """(n, D, X) sensitivities of windows `members` (n,) at changes (n, X).
+
+        Of both sides, or, at half the price, of one side against what is predicted `here`.
+        """
+        predictor, size = self.predictor, self.predictor.tangent
+        sides = (1.0, -1.0) if here is None else (1.0,)
+        steps = np.concatenate([side * np.eye(size) for side in sides]) * STEP
+        tried = (change[:, None] + steps).reshape(-1, size)
+        rows = np.repeat(members, len(steps))
+        states = predictor.moved(self.first[rows], tried)
+        points = predictor.parallel(states, fit.carried, fit.terms, rows)
+        points = points.reshape(len(members), len(sides), size, *points.shape[1:])
+        opposite = points[:, 1] if here is None else here[:, None]
+        return self.slope(points[:, 0] - opposite, len(sides) * STEP, members)
+
+    def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
+        """See `Fitter`."""
+        return self.predictor.chained(fit.starts, list(terms))[0]
+
+    def step_error(self, fit: Fit) -> Floats:
+        """See `Fitter`."""
+        points, _ = self.finer.chained(fit.starts, [fit.terms])
+        difference = (points - fit.points[None]).swapaxes(0, 1)
+        return self.slope(difference, 1.0, np.arange(len(fit.points)))
+
+    def rms(self, fit: Fit) -> float:
+        """See `Fitter`; the fitted starts count as degrees of freedom."""
+        freedom = np.isfinite(self.windows.measured).sum() - fit.change.size
+        return float(np.sqrt((fit.residual**2).sum() / max(1, freedom))) * self.windows.sigma
+
+    def stepped(self, fit: Fit, linear: Linear, left: Floats, winch: Floats, terms: Terms) -> Fit:
+        """See `Fitter`: each window takes the damping that suits it."""
+        tries = np.stack([self._steps(fit.change, linear.by_start, left, d) for d in DAMPING])
+        return self.at(self._best_of_each(fit.change, tries, winch, terms), winch, terms)
+
+    def elsewhere(self, fit: Fit, seed: int = 0) -> Fit:
+        """See `Fitter`.
+
+        Windows that fit much worse than the others may have begun in a wrong place, or have been led
+        there by a wrong model: they are tried from their first estimates, and with their bodies turned
+        at random.
+        """
+        square = self.mean_squares(fit)
+        stuck = np.flatnonzero(square > STUCK * max(1.0, float(np.median(square))))
+        if not len(stuck):
+            return fit
+        members = np.repeat(stuck, TRIES)
+        tried = self._turned(fit.change[members], seed)
+        nowhere = np.zeros((len(stuck), tried.shape[1]))
+        members, tried = np.concatenate([members, stuck]), np.concatenate([tried, nowhere])
+        return self.searched(fit, members, tried)
+
+    def _turned(self, change: Floats, seed: int) -> Floats:
+        """Changes (n, X) with random turns of the bodies added."""
+        angles = turning(self.predictor.plant)
+        angles = np.concatenate([angles, np.zeros_like(angles)])
+        noise = np.random.default_rng(seed).normal(0.0, TURN, change.shape)
+        return change + np.where(angles, noise, 0.0)
+
+    def _best_of_each(self, change: Floats, tries: Floats, winch: Floats, terms: Terms) -> Floats:
+        """(K, X) of the steps (n, K, X), or none, what makes each window's own cost least."""
+        predictor, count = self.predictor, len(change)
+        start = predictor.moved(self.first, change)
+        carried = predictor.chained(Starts(start, winch), [terms])[1][0]
+        tried = np.concatenate([np.zeros_like(change)[None], tries]) + change
+        members = np.tile(np.arange(count), len(tried))
+        cost = self.costs(carried, terms, members, tried.reshape(-1, change.shape[1]))
+        return tried[cost.reshape(len(tried), count).argmin(axis=0), np.arange(count)]
+
+    def costs(self, carried: Carried, terms: Terms, members: np.ndarray, change: Floats) -> Floats:
+        """(n,) cost of each window alone, at changes (n, X)."""
+        predictor = self.predictor
+        states = predictor.moved(self.first[members], change)
+        points = predictor.parallel(states, carried, terms, members)
+        residual = predictor.windows.residual_of(members, points)
+        cost = (residual**2).sum(axis=-1) + self.prior_cost(change)
+        cost[~np.isfinite(points).all(axis=(1, 2, 3))] = np.inf
+        return cost
+
+    def _steps(self, change: Floats, by_start: Floats, left: Floats, damping: float) -> Floats:
+        """(n, X) steps of the starts towards residuals (n, D)."""
+        local, pull = self.normal(change, by_start, left, damping)
+        return np.linalg.solve(local, pull[..., None])[..., 0]
+
+    def searched(self, fit: Fit, members: np.ndarray, change: Floats, rounds: int = 4) -> Fit:
+        """Windows from other starts: each of `members` (n,) from (n, X), kept where it ends lower."""
+        for _ in range(rounds):
+            states = self.predictor.moved(self.first[members], change)
+            points = self.predictor.parallel(states, fit.carried, fit.terms, members)
+            by_start = self.by_start(fit, members, change, points)
+            left = np.nan_to_num(self.windows.residual_of(members, points))
+            steps = np.stack([self._steps(change, by_start, left, d) for d in DAMPING])
+            tried = np.concatenate([np.zeros_like(change)[None], steps]) + change
+            rows = np.tile(members, len(tried))
+            cost = self.costs(fit.carried, fit.terms, rows, tried.reshape(-1, change.shape[1]))
+            best = cost.reshape(len(tried), -1).argmin(axis=0)
+            change = tried[best, np.arange(len(members))]
+        cost = self.costs(fit.carried, fit.terms, members, change)
+        own = self.costs(fit.carried, fit.terms, np.arange(len(fit.change)), fit.change)
+        found = fit.change.copy()
+        for k, value, candidate in zip(members, cost, change, strict=True):
+            if value < own[k]:
+                own[k], found[k] = value, candidate
+        after = self.at(found, fit.starts.winch, fit.terms)
+        return after if after.cost < fit.cost else fit

@@ -1,0 +1,120 @@
+"""A model other than the plant under test: here one that has errors of its own, as networks do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis import Verdict, diagnose
+from flywheel.diagnosis.baseline import fitted, fitter_of
+from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.network_fit import NetworkFitter
+from flywheel.diagnosis.selection import Selection
+from flywheel.diagnosis.subject import Subject
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import Plant, RestartedPlant
+from flywheel.effects import EFFECTS, Term
+from flywheel.errors import ModelError
+from flywheel.records import Floats, Past, Rollout, Trajectory
+from flywheel.robots import Robot, load_robot
+from tests.unit.diagnosis.conftest import recorded
+
+FEW = {name: EFFECTS[name] for name in ("winch_gain", "cable_damping", "air_drag")}
+LENGTH = 0.4  # of the windows [s]
+
+
+@dataclass(frozen=True)
+class Drifting:
+    """A plant restarted from what is seen, whose predictions then drift away from it: by how much, and
+    which way, depends on where the robot is."""
+
+    restarted: RestartedPlant
+    drift: float
+
+    @property
+    def robot(self) -> Robot:
+        return self.restarted.robot
+
+    @property
+    def dt(self) -> float:
+        return self.restarted.dt
+
+    @property
+    def history(self) -> int:
+        return self.restarted.history
+
+    def rollout(self, past: Past, controls: Floats) -> Rollout:
+        made = self.restarted.rollout(past, controls)
+        time = self.dt * np.arange(made.points.shape[1])
+        way = np.sin(5.0 * made.points[:, :1])  # (B, 1, P, 3)
+        off = self.drift * self.robot.length * time[:, None, None] * way
+        return Rollout(made.points + off, made.winch)
+
+
+@pytest.fixture(scope="module")
+def model(robot: Robot) -> Subject:
+    plant = RestartedPlant(Plant(robot), window=10, degree=2, twist="relaxed")
+    return Subject("drifting", Drifting(plant, 0.05))
+
+
+def gain(share: float) -> Term:
+    return Term(EFFECTS["winch_gain"], None, (share,))
+
+
+@pytest.fixture(scope="module")
+def fitter(robot: Robot, trajectory: Trajectory, model: Subject) -> NetworkFitter:
+    world = fitter_of(Windows.cut(robot, [trajectory], LENGTH), Plant(robot))
+    return NetworkFitter(world, fitted(world), (), model, np.random.default_rng(), draws=48)
+
+
+def test_its_own_errors_are_far_above_the_noise_and_are_not_taken_for_an_effect(
+    robot: Robot, fitter: NetworkFitter, seed: int
+) -> None:
+    fit = fitter.beginning()
+    assert fitter.rms(fit) > 3 * fitter.windows.sigma, seed
+    step = Selection(fitter, candidates(robot, FEW), 25.0).look(fit)
+    own = fitter.own_errors(step.test)
+    assert step.test.noise < 1.5 * max(1.0, own.noise), seed
+    assert step.scores[0].score < max(25.0, 2 * own.score), seed
+
+
+def test_only_what_comes_after_its_past_is_explained(fitter: NetworkFitter) -> None:
+    history = RestartedPlant(Plant(fitter.windows.robot), window=10).history
+    assert np.isnan(fitter.windows.measured[:, : history + 1]).all()
+    assert np.isfinite(fitter.windows.measured[:, history + 1 :]).all()
+
+
+def test_what_an_effect_changes_vanishes_with_the_effect(fitter: NetworkFitter) -> None:
+    fit = fitter.beginning()
+    same, tiny, small = fitter.predictions(fit, [(), (gain(1e-6),), (gain(0.02),)])
+    assert np.array_equal(same, fit.points)
+    assert np.abs(tiny - fit.points).max() < 1e-3 * np.abs(small - fit.points).max()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_what_is_hidden_is_found_and_what_is_not_is_not(
+    robot: Robot, model: Subject, seed: int, share: float
+) -> None:
+    hidden = (gain(share),) if share else ()
+    logs = [recorded(robot, hidden, seed + i) for i in range(2)]
+    found = diagnose(Plant(robot), logs, (), FEW, window_seconds=LENGTH, model=model, seed=seed)
+    assert found.model == "drifting"
+    if not share:
+        assert found.verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT), seed
+        return
+    ((first,), *_) = found.answers
+    assert first.effect == "winch_gain", seed
+    assert first.values[0].value == pytest.approx(share, rel=0.1), seed
+    assert found.errors.augmented < found.errors.baseline, seed
+
+
+def test_a_model_that_does_not_fit_is_refused(
+    robot: Robot, trajectory: Trajectory, model: Subject
+) -> None:
+    with pytest.raises(ModelError, match="looks back 10 steps"):
+        diagnose(Plant(robot), [trajectory], library=FEW, window_seconds=0.1, model=model)
+    other = Subject("other", RestartedPlant(Plant(load_robot("platform4"))))
+    with pytest.raises(ModelError, match="The model other is for robot"):
+        diagnose(Plant(robot), [trajectory], library=FEW, model=other)
