@@ -10,6 +10,7 @@ from rich.console import Console
 
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.subject import Subject
+from flywheel.diagnosis.whereabouts import Whereabouts
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.effects import EFFECTS, Effect
 from flywheel.errors import ConfigError
@@ -69,6 +70,15 @@ def explain(
     return found.exit_code
 
 
+def _unexplained(where: Whereabouts) -> str:
+    """Where something acts that no effect explains."""
+    cable = f"; of all cables most like {where.cable}" if where.cable else ""
+    return (
+        f"unexplained: most of it in recording {where.log}, from {where.begin:.2f} to {where.end:.2f} s, "
+        f"at {where.point}{cable}"
+    )
+
+
 def _trained(spec: str, robot: Robot, robot_name: str, dt: float, threads: int) -> Subject:
     """The model to be tested in the plant's stead.
 
@@ -107,6 +117,8 @@ def _show(out: Console, found: Diagnosis) -> None:
     ]
     heads = ("effect", "at", "#score", "#size / typical", "#smallest to be seen / typical")
     out.print(table(f"candidates ({found.threshold:g} counts as seen)", heads, scores))
+    if found.where is not None:
+        out.print(_unexplained(found.where), soft_wrap=True)
     for name, errors in (("recordings", found.errors), ("held out", found.held_out)):
         if errors is not None:
             out.print(

@@ -1,6 +1,7 @@
 """Find out which physical effect a plant lacks to explain recordings."""
 
-from flywheel.diagnosis.diagnose import Limits, diagnose
+from flywheel.diagnosis.diagnose import diagnose
+from flywheel.diagnosis.limits import Limits
 from flywheel.diagnosis.noise import noise_floor
 from flywheel.diagnosis.verdict import EXIT_CODES, Diagnosis, Found, Verdict
 

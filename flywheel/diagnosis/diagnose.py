@@ -4,104 +4,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
 
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
-from flywheel.diagnosis.baseline import fitted, fitter_of
+from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.network_fit import NetworkFitter, OwnErrors
+from flywheel.diagnosis.limits import Limits, verdict_of
+from flywheel.diagnosis.network_fit import NetworkFitter
 from flywheel.diagnosis.selection import Selection, Step
+from flywheel.diagnosis.stand_in import stand_in
 from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.uncertainty import uncertainty
-from flywheel.diagnosis.verdict import Alternative, Diagnosis, Errors, Verdict, found
-from flywheel.diagnosis.windows import WINDOW, Windows
+from flywheel.diagnosis.under_test import UnderTest
+from flywheel.diagnosis.verdict import Alternative, Diagnosis, Errors, StandIn, Verdict, found
+from flywheel.diagnosis.whereabouts import whereabouts
+from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, Effect, Scales, Terms
-from flywheel.errors import ModelError
+from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.records import Trajectory
 
-THRESHOLD = 25.0  # score from which an effect counts as seen
-EQUALLY_GOOD = 10.0  # difference of two criteria (BIC) below which data do not tell
-LOUD = 1.10  # variance of what is left from which it is more than noise
-CORRELATED = 0.08  # correlation from sample to sample, likewise
 PASSES = 2  # for a model: where the plant starts depends on what it lacks
-INCONSTANT = 7.0  # differences of a size between windows, likewise
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What counts as seen, and as noise. See the module's constants."""
-
-    threshold: float = THRESHOLD
-    equally_good: float = EQUALLY_GOOD
-    loud: float = LOUD
-    correlated: float = CORRELATED
-    inconstant: float = INCONSTANT
-
-    def beyond(self, own: OwnErrors) -> Limits:
-        """Where a model's own errors are not taken for more."""
-        return replace(
-            self,
-            threshold=max(self.threshold, own.score),
-            loud=self.loud * max(1.0, own.noise),
-            correlated=self.correlated + max(0.0, own.correlation),
-        )
-
-    def enough(self, left: Adequacy) -> bool:
-        """Nothing but noise is left."""
-        return left.noise < self.loud and left.correlation < self.correlated
-
-    def constant(self, left: Adequacy) -> bool:
-        """Fitted sizes are the same everywhere."""
-        return left.inconstancy < self.inconstant
-
-
-@dataclass(frozen=True)
-class UnderTest:
-    """What is tested.
-
-    Attributes:
-      plant: itself, or what says what effects would change.
-      model: that is tested in its stead.
-      seed: of what is random.
-    """
-
-    plant: Plant
-    model: Subject | None
-    seed: int
-
-    def fitted(
-        self,
-        recordings: Sequence[Trajectory],
-        seconds: float | None = None,
-        sigma: float | None = None,
-        around: Terms | None = None,
-    ) -> tuple[Fitter, Fit]:
-        """A fitter of windows of recordings, and its fit without further effects.
-
-        Where a model is tested, the plant starts from where it fits best with terms like `around`.
-        """
-        plant, model = self.plant, self.model
-        if model is None:
-            windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-            fitter = fitter_of(windows, plant)
-            return fitter, fitted(fitter, plant.terms, seed=self.seed)
-        _check(plant, model)
-        seen = model.dynamics.history * plant.dt
-        seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
-        windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-        world = fitter_of(windows, plant)
-        start = fitted(world, plant.terms if around is None else around, seed=self.seed)
-        if around is not None:
-            start = world.fit(start, free_values(around, Scales.of(plant.robot)))
-        rng = np.random.default_rng(self.seed)
-        network = NetworkFitter(world, start, plant.terms, model, rng)
-        return network, network.beginning(plant.terms)
+UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
 
 def diagnose(
@@ -151,9 +76,12 @@ def diagnose(
         around = last.fit.terms
     alternatives = selection.alternatives(steps, here.equally_good)
     before, after = (_adequacy(selection, step) for step in (steps[0], last))
+    answers = tuple(_answer(selection, fit) for fit in alternatives) if len(steps) > 1 else ((),)
+    verdict = verdict_of(here, steps, answers, before, after)
+    unexplained = verdict in UNEXPLAINED
     return Diagnosis(
-        verdict=_verdict(here, steps, len(alternatives), before, after),
-        answers=tuple(_answer(selection, fit) for fit in alternatives) if len(steps) > 1 else ((),),
+        verdict=verdict,
+        answers=answers,
         ranking=steps[0].scores,
         threshold=here.threshold,
         errors=_errors(fitter, steps[0].fit, last.fit),
@@ -161,41 +89,11 @@ def diagnose(
         before=before,
         after=after,
         evidence=Evidence.of(fitter, steps),
+        where=whereabouts(fitter, last.test) if unexplained else None,
+        stand_in=_stand_in(under_test, fitter, last, held_out) if unexplained else None,
         seconds=time.perf_counter() - begun,
         model="" if model is None else model.name,
     )
-
-
-def _check(plant: Plant, model: Subject) -> None:
-    got = (model.dynamics.robot.digest, model.dynamics.dt)
-    if got != (plant.robot.digest, plant.dt):
-        raise ModelError(
-            f"The model {model.name} is for robot {got[0][:12]} in steps of {got[1]:g} s, the plant for "
-            f"{plant.robot.digest[:12]} in steps of {plant.dt:g} s."
-        )
-
-
-def _verdict(
-    limits: Limits, steps: Sequence[Step], alternatives: int, before: Adequacy, after: Adequacy
-) -> Verdict:
-    last = steps[-1]
-    if not np.isfinite(last.fit.cost):
-        return Verdict.NOT_CONVERGED
-    if len(steps) == 1:
-        if limits.enough(before):
-            smallest = [score.smallest for score in last.scores]
-            blind = all(
-                size > s.candidate.effect.sizes[0].high
-                for size, s in zip(smallest, last.scores, strict=True)
-            )
-            return Verdict.DATA_INSUFFICIENT if blind else Verdict.NOISE_ONLY
-        return Verdict.OUTSIDE_LIBRARY
-    if not limits.constant(after):
-        return Verdict.OUTSIDE_LIBRARY
-    if not limits.enough(after):
-        explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
-        return Verdict.PARTIAL if explained > 0.5 else Verdict.OUTSIDE_LIBRARY
-    return Verdict.AMBIGUOUS if alternatives > 1 else Verdict.EFFECT
 
 
 def _adequacy(selection: Selection, step: Step) -> Adequacy:
@@ -226,3 +124,16 @@ def _held_out(
     fitter, before = under_test.fitted(recordings, seconds, fitted_on.sigma, around=terms)
     same = terms == before.terms
     return _errors(fitter, before, before if same else fitted(fitter, terms, seed=under_test.seed))
+
+
+def _stand_in(
+    under_test: UnderTest, fitter: Fitter, last: Step, held_out: Sequence[Trajectory]
+) -> StandIn:
+    """A learned law on top of the last model, and what it is like."""
+    learned = stand_in(fitter, last.fit, last.test, under_test.seed)
+    terms = learned.fit.terms
+    return StandIn(
+        _errors(fitter, last.fit, learned.fit),
+        _held_out(under_test, held_out, terms, fitter.windows) if held_out else None,
+        learned.likeness,
+    )

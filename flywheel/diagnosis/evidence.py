@@ -35,7 +35,7 @@ class Evidence:
     """Predictions beside measurements; K windows, T steps, P points.
 
     Attributes:
-      points: names of the tracked points.
+      points, cables: names of the tracked points, and of the cables.
       log, first: (K,) recording and step at which each window begins.
       dt: [s].
       sigma: noise [m].
@@ -48,6 +48,7 @@ class Evidence:
     """
 
     points: tuple[str, ...]
+    cables: tuple[str, ...]
     log: np.ndarray
     first: np.ndarray
     dt: float
@@ -70,6 +71,7 @@ class Evidence:
         rivals, likeness = _likeness(steps[0])
         return cls(
             points=tuple(point.name for point in windows.robot.points),
+            cables=tuple(cable.name for cable in windows.robot.cables),
             log=windows.log,
             first=windows.first,
             dt=windows.dt,

@@ -20,7 +20,7 @@ from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
 from flywheel.records import Floats
 
-SHARES = (1.0, 0.3, 0.0)  # of the step of what windows share
+SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)  # of the step of what windows share
 LEAST_DAMPING = 1e-4
 STEPS = 3  # of a fit between two linearisations
 ENOUGH = 0.001  # relative fall of the cost below which a fit has converged
@@ -166,7 +166,7 @@ class Fitter(ABC):
         sizes = self.columns(fit, varied) / moves if free else None
         by_shared = self.shared(linear, sizes)
         winches = fit.starts.winch
-        whole = self._shared_step(fit, linear, by_shared)
+        whole = self._shared_step(fit, linear, by_shared, free)
         for share in SHARES:
             step = share * whole
             winch = winches + step[: winches.size].reshape(winches.shape)
@@ -197,7 +197,9 @@ class Fitter(ABC):
         local = local + damping * diagonal[..., None] * np.eye(len(prior))
         return local, np.einsum("kdx,kd->kx", by_start, left) - prior * change
 
-    def _shared_step(self, fit: Fit, linear: Linear, shared: Floats) -> Floats:
+    def _shared_step(
+        self, fit: Fit, linear: Linear, shared: Floats, free: Sequence[Free]
+    ) -> Floats:
         """(S,) step of what windows share, with their starts eliminated."""
         local, pull = self.normal(fit.change, linear.by_start, fit.residual, LEAST_DAMPING)
         cross = linear.by_start.swapaxes(1, 2) @ shared
@@ -209,5 +211,9 @@ class Fitter(ABC):
         offsets = np.arange(fit.starts.winch.size)
         whole[offsets, offsets] += 1.0 / self.winch_prior**2
         right[offsets] -= fit.starts.winch.ravel() / self.winch_prior**2
+        known = np.array([1.0 / f.prior**2 for f in free])
+        values = np.arange(offsets.size, len(whole))
+        whole[values, values] += known
+        right[values] -= known * [f.value(fit.terms) for f in free]
         whole += np.diag(1e-9 * np.diag(whole) + 1e-12)
         return np.linalg.solve(whole, right)

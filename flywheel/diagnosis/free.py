@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
 from flywheel.effects import Parameter, Scales, Term, Terms
+
+STEP = 0.25  # a secant, not a derivative: friction and play have none at zero
 
 
 @dataclass(frozen=True)
@@ -17,6 +20,8 @@ class Free:
       term, index: entry `index` of the values of term `term`.
       unit: one step of the fit.
       low, high: bounds.
+      step: of a finite difference, in units.
+      prior: standard deviation of what is known about it before any fit, around zero, in units.
     """
 
     term: int
@@ -24,6 +29,12 @@ class Free:
     unit: float
     low: float
     high: float
+    step: float = STEP
+    prior: float = inf
+
+    def value(self, terms: Terms) -> float:
+        """In units."""
+        return terms[self.term].values[self.index] / self.unit
 
     def moved(self, terms: Terms, steps: float) -> Terms:
         """The terms with this value moved by so many units, within its bounds."""
@@ -37,11 +48,7 @@ class Free:
     def step_from(self, terms: Terms) -> float:
         """Units for a finite difference: backwards where a bound is in the way."""
         value = terms[self.term].values[self.index]
-        step = STEP
-        return -step if value + step * self.unit > self.high else step
-
-
-STEP = 0.25  # a secant, not a derivative: friction and play have none at zero
+        return -self.step if value + self.step * self.unit > self.high else self.step
 
 
 def free_values(terms: Terms, scales: Scales, shapes: bool = True) -> list[Free]:

@@ -11,6 +11,7 @@ import numpy as np
 from flywheel.diagnosis.adequacy import Adequacy
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.score import Score
+from flywheel.diagnosis.whereabouts import Whereabouts
 from flywheel.effects import Parameter, Term, place_name
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -86,6 +87,12 @@ class Found:
     values: tuple[Value, ...]
     term: Term
 
+    @property
+    def shown(self) -> bool:
+        """The interval of one of its sizes leaves out zero."""
+        sizes = self.values[: len(self.term.effect.sizes)]
+        return any(value.low > 0 or value.high < 0 for value in sizes)
+
     def summary(self) -> dict[str, Any]:
         """As in JSON."""
         return {
@@ -123,6 +130,47 @@ class Errors:
 
 
 @dataclass(frozen=True)
+class Likeness:
+    """How much of what a learned law does an effect of the library would do.
+
+    Attributes:
+      effect, location: which.
+      share: of the squared change, by its best size; 1 for all of it.
+    """
+
+    effect: str
+    location: str
+    share: float
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {"effect": self.effect, "location": self.location, "share": self.share}
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """A law of the cables, learned from the recordings for what the library does not have.
+
+    Attributes:
+      errors: on the recordings that it was learned from; the baseline has all effects that were found.
+      held_out: on those that it was not, where the baseline is the plant as it was; None without any.
+      likeness: effects that do most nearly what it does, the nearest first.
+    """
+
+    errors: Errors
+    held_out: Errors | None
+    likeness: tuple[Likeness, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {
+            "error": self.errors.summary(),
+            "held_out": None if self.held_out is None else self.held_out.summary(),
+            "like": [each.summary() for each in self.likeness],
+        }
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
 
@@ -137,6 +185,8 @@ class Diagnosis:
       evidence: to look at.
       seconds: it took.
       model: name of the model under test; "" for the plant itself.
+      where: what no effect explains acts; None where nothing is left.
+      stand_in: a learned law for it, likewise.
     """
 
     verdict: Verdict
@@ -150,6 +200,8 @@ class Diagnosis:
     evidence: Evidence
     seconds: float
     model: str = ""
+    where: Whereabouts | None = None
+    stand_in: StandIn | None = None
 
     @property
     def exit_code(self) -> int:
@@ -171,6 +223,8 @@ class Diagnosis:
                 "correlation": self.after.correlation,
                 "inconstancy": self.after.inconstancy,
             },
+            "unexplained": None if self.where is None else self.where.summary(),
+            "stand_in": None if self.stand_in is None else self.stand_in.summary(),
             "seconds": self.seconds,
         }
 

@@ -110,6 +110,22 @@ def heat(found: Diagnosis) -> Figure:
     return figure
 
 
+def places(found: Diagnosis) -> Figure | None:
+    """What a change of each cable would explain of what is left, window by window."""
+    if found.where is None or not found.where.cables.any():
+        return None
+    names = found.evidence.cables
+    figure = Figure(figsize=(9.5, 1.2 + 0.2 * len(names)))
+    axes = figure.add_subplot()
+    image = axes.imshow(found.where.cables.T, vmin=0, cmap="YlOrRd", aspect="auto")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_xlabel("window")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.grid(visible=False)
+    figure.colorbar(image, ax=axes, label="explained [noise variances]")
+    return figure
+
+
 def likeness(found: Diagnosis) -> Figure | None:
     """Who is easily taken for whom."""
     evidence = found.evidence
@@ -163,6 +179,11 @@ PICTURES: dict[str, tuple[Callable[[Diagnosis], Figure | None], str, str]] = {
         "The tracked point and window of the largest error.",
     ),
     "heat": (heat, "Where and when", "Mean square residual; one is noise."),
+    "places": (
+        places,
+        "What no effect explains: where it would have to act",
+        "What a change of one cable, in one window alone, would explain of what is left.",
+    ),
     "likeness": (
         likeness,
         "Who is like whom",

@@ -9,7 +9,7 @@ from flywheel.diagnosis.adequacy import adequacy
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.comparison.moments import Moments
-from flywheel.diagnosis.diagnose import THRESHOLD
+from flywheel.diagnosis.limits import THRESHOLD
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant

@@ -1,0 +1,83 @@
+"""What counts as seen, what counts as noise, and the verdict that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flywheel.diagnosis.adequacy import Adequacy
+from flywheel.diagnosis.network_fit import OwnErrors
+from flywheel.diagnosis.selection import Step
+from flywheel.diagnosis.verdict import Alternative, Verdict
+
+THRESHOLD = 25.0  # score from which an effect counts as seen
+EQUALLY_GOOD = 10.0  # difference of two criteria (BIC) below which data do not tell
+LOUD = 1.10  # variance of what is left from which it is more than noise
+CORRELATED = 0.08  # correlation from sample to sample, likewise
+INCONSTANT = 4.0  # differences of a size between windows, likewise
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What counts as seen, and as noise. See the module's constants."""
+
+    threshold: float = THRESHOLD
+    equally_good: float = EQUALLY_GOOD
+    loud: float = LOUD
+    correlated: float = CORRELATED
+    inconstant: float = INCONSTANT
+
+    def beyond(self, own: OwnErrors) -> Limits:
+        """Where a model's own errors are not taken for more."""
+        return replace(
+            self,
+            threshold=max(self.threshold, own.score),
+            loud=self.loud * max(1.0, own.noise),
+            correlated=self.correlated + max(0.0, own.correlation),
+        )
+
+    def enough(self, left: Adequacy) -> bool:
+        """Nothing but noise is left."""
+        return left.noise < self.loud and left.correlation < self.correlated
+
+    def constant(self, left: Adequacy) -> bool:
+        """Fitted sizes are the same everywhere."""
+        return left.inconstancy < self.inconstant
+
+
+def verdict_of(
+    limits: Limits,
+    steps: Sequence[Step],
+    answers: Sequence[Alternative],
+    before: Adequacy,
+    after: Adequacy,
+) -> Verdict:
+    """The answer in a word.
+
+    Args:
+      limits: what counts as seen.
+      steps: of the selection.
+      answers: models that explain the recordings as well, the last first.
+      before, after: what the first and the last model leave.
+    """
+    last = steps[-1]
+    if not np.isfinite(last.fit.cost):
+        return Verdict.NOT_CONVERGED
+    if len(steps) == 1:
+        if limits.enough(before):
+            smallest = [score.smallest for score in last.scores]
+            blind = all(
+                size > s.candidate.effect.sizes[0].high
+                for size, s in zip(smallest, last.scores, strict=True)
+            )
+            return Verdict.DATA_INSUFFICIENT if blind else Verdict.NOISE_ONLY
+        return Verdict.OUTSIDE_LIBRARY
+    # An effect of which nobody can say that it is there, although it explains much, is not the effect.
+    if not limits.constant(after) or not all(each.shown for each in answers[0]):
+        return Verdict.OUTSIDE_LIBRARY
+    if not limits.enough(after):
+        explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
+        return Verdict.PARTIAL if explained > 0.5 else Verdict.OUTSIDE_LIBRARY
+    return Verdict.AMBIGUOUS if len(answers) > 1 else Verdict.EFFECT

@@ -1,0 +1,119 @@
+"""A learned law that stands in for physics that the library does not have.
+
+Where none of the library's effects explains the recordings, a small network is put into the law of the
+cables: their strain, speed and direction give an extra tension, the same network for all cables. It is
+trained like any effect is fitted, through the plant and with the windows' starts, by Levenberg-Marquardt
+with a normal prior on its weights. What it changes is then held against what the effects of the library
+would change, to say what the unknown looks like.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.free import Free, free_values
+from flywheel.diagnosis.score import ScoreTest
+from flywheel.diagnosis.verdict import Likeness
+from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term
+from flywheel.effects.effect import Memory, Values
+from flywheel.records import Floats
+
+UNITS = 6  # hidden units
+STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
+ROUNDS = 6
+STEP = 0.05  # of a finite difference of a weight
+SHOWN = 3  # effects that it is said to be like
+
+
+def _weights() -> tuple[Parameter, ...]:
+    inner = [
+        f"{kind}{unit}" for unit in range(UNITS) for kind in ("strain", "speed", "sign", "bias")
+    ]
+    found = [Parameter(name, "-", lambda s: 1.0, low=-10.0, high=10.0) for name in inner]
+    for unit in range(UNITS):
+        found.append(Parameter(f"out{unit}", "N", lambda s: 0.05 * s.weight, low=-10.0, high=10.0))
+    return tuple(found)
+
+
+class LearnedTension(TensionEffect):
+    """A network of one hidden layer: strain, speed and direction of a cable to extra tension."""
+
+    name = "learned_tension"
+    sizes = _weights()
+    equation = "dT = sum_j v_j tanh(a_j e / l0 + b_j V + c_j tanh(V / v0) + d_j)"
+    source = "fitted to the recordings"
+    shown_by = "what no other effect explains"
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        strain = cables.elastic / cables.stiffness / cables.rest / STRAIN
+        speed = cables.speed / (FAST * cables.slow)
+        inputs = {
+            "strain": strain,
+            "speed": speed,
+            "sign": cables.direction,
+            "bias": np.ones_like(strain),
+        }
+        extra = np.zeros_like(cables.length)
+        for unit in range(UNITS):
+            inner = sum(values[f"{name}{unit}"] * x for name, x in inputs.items())
+            extra += values[f"out{unit}"] * np.tanh(inner)
+        return extra, memory
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A trained law.
+
+    Attributes:
+      fit: with it.
+      likeness: effects that do most nearly what it does, the nearest first.
+    """
+
+    fit: Fit
+    likeness: tuple[Likeness, ...]
+
+
+def stand_in(fitter: Fitter, fit: Fit, test: ScoreTest, seed: int = 0) -> Learned:
+    """Train a law on top of a fit.
+
+    Args:
+      fitter, fit: the model so far.
+      test: of the library on top of it.
+      seed: of the first weights.
+    """
+    scales = Scales.of(fitter.windows.robot)
+    rng = np.random.default_rng(seed)
+    first = (*rng.normal(size=4 * UNITS).tolist(), *np.zeros(UNITS).tolist())
+    terms = (*fit.terms, Term(LearnedTension(), None, first))
+    free = [*free_values(fit.terms, scales), *_free(len(fit.terms), scales)]
+    begun = fitter.at(fit.change, fit.starts.winch, terms)
+    trained = fitter.fit(begun, free, ROUNDS)
+    return Learned(trained, _likeness(fitter, trained, test))
+
+
+def _free(term: int, scales: Scales) -> list[Free]:
+    found = []
+    for index, parameter in enumerate(LearnedTension.sizes):
+        unit = parameter.typical(scales)
+        low, high = parameter.low * unit, parameter.high * unit
+        found.append(Free(term, index, unit, low, high, step=STEP, prior=1.0))
+    return found
+
+
+def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, ...]:
+    without = fitter.columns(trained, [trained.terms[:-1]])  # (K, D, 1)
+    change = test.projection(without)[:, 0]
+    power = float(change @ change)
+    found = []
+    for candidate, shapes in zip(test.candidates, test.slices, strict=True):
+        best = 0.0
+        for columns in shapes:
+            part = test.columns[:, columns]
+            sizes = np.linalg.lstsq(part, change, rcond=None)[0]
+            best = max(best, float(change @ (part @ sizes)))
+        found.append(Likeness(candidate.effect.name, candidate.location, best / max(power, 1e-300)))
+    found.sort(key=lambda each: -each.share)
+    return tuple(found[:SHOWN])

@@ -1,0 +1,71 @@
+"""What is tested: a plant, or a trained model in its stead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.baseline import fitted, fitter_of
+from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.network_fit import NetworkFitter
+from flywheel.diagnosis.subject import Subject
+from flywheel.diagnosis.windows import WINDOW, Windows
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import Scales, Terms
+from flywheel.errors import ModelError
+from flywheel.records import Trajectory
+
+
+@dataclass(frozen=True)
+class UnderTest:
+    """What is tested.
+
+    Attributes:
+      plant: itself, or what says what effects would change.
+      model: that is tested in its stead.
+      seed: of what is random.
+    """
+
+    plant: Plant
+    model: Subject | None
+    seed: int
+
+    def fitted(
+        self,
+        recordings: Sequence[Trajectory],
+        seconds: float | None = None,
+        sigma: float | None = None,
+        around: Terms | None = None,
+    ) -> tuple[Fitter, Fit]:
+        """A fitter of windows of recordings, and its fit without further effects.
+
+        Where a model is tested, the plant starts from where it fits best with terms like `around`.
+        """
+        plant, model = self.plant, self.model
+        if model is None:
+            windows = Windows.cut(plant.robot, recordings, seconds, sigma)
+            fitter = fitter_of(windows, plant)
+            return fitter, fitted(fitter, plant.terms, seed=self.seed)
+        _check(plant, model)
+        seen = model.dynamics.history * plant.dt
+        seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
+        windows = Windows.cut(plant.robot, recordings, seconds, sigma)
+        world = fitter_of(windows, plant)
+        start = fitted(world, plant.terms if around is None else around, seed=self.seed)
+        if around is not None:
+            start = world.fit(start, free_values(around, Scales.of(plant.robot)))
+        rng = np.random.default_rng(self.seed)
+        network = NetworkFitter(world, start, plant.terms, model, rng)
+        return network, network.beginning(plant.terms)
+
+
+def _check(plant: Plant, model: Subject) -> None:
+    got = (model.dynamics.robot.digest, model.dynamics.dt)
+    if got != (plant.robot.digest, plant.dt):
+        raise ModelError(
+            f"The model {model.name} is for robot {got[0][:12]} in steps of {got[1]:g} s, the plant for "
+            f"{plant.robot.digest[:12]} in steps of {plant.dt:g} s."
+        )
