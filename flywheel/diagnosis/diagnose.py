@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.baseline import fitted
-from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
@@ -26,6 +26,7 @@ from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.records import Trajectory
 
 PASSES = 2  # for a model: where the plant starts depends on what it lacks
+EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
 UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
 
@@ -60,32 +61,25 @@ def diagnose(
     """
     begun = time.perf_counter()
     under_test = UnderTest(plant, model, seed)
-    library_here = candidates(plant.robot, library)
-    around: Terms | None = None
-    for _ in range(1 if model is None else PASSES):
-        fitter, first = under_test.fitted(recordings, window_seconds, around=around)
-        selection = Selection(fitter, library_here, limits.threshold, progress)
-        look, here = selection.look(first), limits
-        if isinstance(fitter, NetworkFitter):
-            here = limits.beyond(fitter.own_errors(look.test))
-            selection.threshold = here.threshold
-        steps = selection.run(look)
-        last, windows = steps[-1], fitter.windows
-        if len(steps) == 1:
-            break
-        around = last.fit.terms
-    alternatives = selection.alternatives(steps, here.equally_good)
+    selection, steps, limits = _searched(
+        under_test, recordings, window_seconds, candidates(plant.robot, library), limits, progress
+    )
+    fitter, last = selection.fitter, steps[-1]
     before, after = (_adequacy(selection, step) for step in (steps[0], last))
-    answers = tuple(_answer(selection, fit) for fit in alternatives) if len(steps) > 1 else ((),)
-    verdict = verdict_of(here, steps, answers, before, after)
+    answer = _answer(selection, last.fit) if len(steps) > 1 else ()
+    verdict = verdict_of(limits, steps, answer, before, after)
+    others: tuple[Alternative, ...] = ()
+    if verdict in EXPLAINED:
+        fits = selection.others(steps, limits.equally_good)
+        others = tuple(_answer(selection, fit) for fit in fits)
     unexplained = verdict in UNEXPLAINED
     return Diagnosis(
-        verdict=verdict,
-        answers=answers,
+        verdict=Verdict.AMBIGUOUS if others and verdict is Verdict.EFFECT else verdict,
+        answers=(answer, *others),
         ranking=steps[0].scores,
-        threshold=here.threshold,
+        threshold=limits.threshold,
         errors=_errors(fitter, steps[0].fit, last.fit),
-        held_out=_held_out(under_test, held_out, last.fit.terms, windows) if held_out else None,
+        held_out=_held_out(under_test, held_out, last.fit.terms, fitter.windows),
         before=before,
         after=after,
         evidence=Evidence.of(fitter, steps),
@@ -94,6 +88,30 @@ def diagnose(
         seconds=time.perf_counter() - begun,
         model="" if model is None else model.name,
     )
+
+
+def _searched(
+    under_test: UnderTest,
+    recordings: Sequence[Trajectory],
+    seconds: float | None,
+    library: Sequence[Candidate],
+    limits: Limits,
+    progress: Callable[[str], None],
+) -> tuple[Selection, list[Step], Limits]:
+    """The steps of a selection, and the limits that they were held to."""
+    around: Terms | None = None
+    for _ in range(1 if under_test.model is None else PASSES):
+        fitter, first = under_test.fitted(recordings, seconds, around=around)
+        selection = Selection(fitter, library, limits.threshold, progress)
+        look, here = selection.look(first), limits
+        if isinstance(fitter, NetworkFitter):
+            here = limits.beyond(fitter.own_errors(look.test))
+            selection.threshold = here.threshold
+        steps = selection.run(look)
+        if len(steps) == 1:
+            break
+        around = steps[-1].fit.terms
+    return selection, steps, here
 
 
 def _adequacy(selection: Selection, step: Step) -> Adequacy:
@@ -118,8 +136,10 @@ def _errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
 
 def _held_out(
     under_test: UnderTest, recordings: Sequence[Trajectory], terms: Terms, fitted_on: Windows
-) -> Errors:
-    """Errors with terms that stay as they are."""
+) -> Errors | None:
+    """Errors with terms that stay as they are; None without recordings."""
+    if not recordings:
+        return None
     seconds = fitted_on.steps * fitted_on.dt
     fitter, before = under_test.fitted(recordings, seconds, fitted_on.sigma, around=terms)
     same = terms == before.terms
@@ -134,6 +154,6 @@ def _stand_in(
     terms = learned.fit.terms
     return StandIn(
         _errors(fitter, last.fit, learned.fit),
-        _held_out(under_test, held_out, terms, fitter.windows) if held_out else None,
+        _held_out(under_test, held_out, terms, fitter.windows),
         learned.likeness,
     )

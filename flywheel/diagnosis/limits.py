@@ -50,16 +50,16 @@ class Limits:
 def verdict_of(
     limits: Limits,
     steps: Sequence[Step],
-    answers: Sequence[Alternative],
+    answer: Alternative,
     before: Adequacy,
     after: Adequacy,
 ) -> Verdict:
-    """The answer in a word.
+    """The answer in a word, before it is asked whether others explain the recordings as well.
 
     Args:
       limits: what counts as seen.
       steps: of the selection.
-      answers: models that explain the recordings as well, the last first.
+      answer: of the last step.
       before, after: what the first and the last model leave.
     """
     last = steps[-1]
@@ -75,9 +75,9 @@ def verdict_of(
             return Verdict.DATA_INSUFFICIENT if blind else Verdict.NOISE_ONLY
         return Verdict.OUTSIDE_LIBRARY
     # An effect of which nobody can say that it is there, although it explains much, is not the effect.
-    if not limits.constant(after) or not all(each.shown for each in answers[0]):
+    if not limits.constant(after) or not all(each.shown for each in answer):
         return Verdict.OUTSIDE_LIBRARY
     if not limits.enough(after):
         explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
         return Verdict.PARTIAL if explained > 0.5 else Verdict.OUTSIDE_LIBRARY
-    return Verdict.AMBIGUOUS if len(answers) > 1 else Verdict.EFFECT
+    return Verdict.EFFECT

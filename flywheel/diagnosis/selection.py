@@ -79,13 +79,13 @@ class Selection:
             steps.append(self.look(better))
         return steps
 
-    def alternatives(self, steps: Sequence[Step], margin: float) -> list[Fit]:
-        """Models that explain the data as well as the last one, which comes first.
+    def others(self, steps: Sequence[Step], margin: float) -> list[Fit]:
+        """Models that explain the data as well as the last one.
 
         Each term of the last model is exchanged for others that scored nearly as well in its place.
         """
         last = steps[-1].fit
-        found = [last]
+        found: list[Fit] = []
         for term in last.terms:
             found += self._exchanged(steps, last, term, margin)
         return found

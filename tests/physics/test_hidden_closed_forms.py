@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -62,6 +63,22 @@ def test_a_hanging_mass_stretches_its_cable(
 ) -> None:
     motion = run(hanging(damping=40.0), 8.0, *effects)
     assert HEIGHT - motion.points[-1, 0, 2] - REST == pytest.approx(stretch, rel=1e-5)
+
+
+@pytest.mark.parametrize("point", range(6))
+def test_a_payload_pulls_the_centre_of_mass_towards_its_point(point: int) -> None:
+    robot, mass = load_robot("prism3"), 20.0
+    centres = []
+    for effects in ((), (Payload(mass, point),)):
+        model = TruthSimulator(robot, effects).model
+        data = mujoco.MjData(model)
+        data.qpos[:] = robot.keyframe.qpos
+        mujoco.mj_forward(model, data)
+        centres.append(np.average(data.xipos, axis=0, weights=model.body_mass))
+        total = model.body_mass.sum()
+        place = data.site(robot.points[point].name).xpos
+    expected = centres[0] + mass / total * (place - centres[0])
+    np.testing.assert_allclose(centres[1], expected, atol=1e-9)
 
 
 def test_a_mass_on_stiffening_cable_hangs_where_the_cubic_says() -> None:

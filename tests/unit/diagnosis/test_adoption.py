@@ -54,6 +54,13 @@ def test_an_answer_becomes_a_version_with_its_evidence(tmp_path: Path) -> None:
     assert plant.evidence["intervals"][0]["share"] == pytest.approx([0.18, 0.22, "-"])
 
 
+def test_the_plant_gets_the_value_that_fits_its_own_time_step(tmp_path: Path) -> None:
+    gain = found("winch_gain", share=0.2)
+    gain["parameters"]["share"]["in_plant"] = 0.23
+    plant, robot = AdoptedPlant.read(adopt(answer("EFFECT", [gain]), PRISM, tmp_path))
+    assert [t.named for t in plant.terms(robot, EFFECTS)] == [{"share": 0.23}]
+
+
 @pytest.mark.parametrize(
     ("summary", "number", "message"),
     [

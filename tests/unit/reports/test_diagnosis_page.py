@@ -49,5 +49,7 @@ def test_the_summary_is_plain_numbers(found: Diagnosis) -> None:
     assert summary["answer_set"][0][0]["effect"] == "winch_gain"
     gain = summary["answer_set"][0][0]["parameters"]["share"]
     assert gain["low"] < gain["value"] < gain["high"]
+    assert gain["in_plant"] == found.answers[0][0].term.values[0]
+    assert summary["unexplained"] is None and summary["stand_in"] is None
     assert summary["error"]["augmented"] < summary["error"]["baseline"]
     assert set(summary["held_out"]) == {"noise", "baseline", "augmented", "unit"}

@@ -1,0 +1,55 @@
+"""What follows from what is left and from how sure values are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis.verdict import Found, found
+from flywheel.effects import EFFECTS, Term
+from flywheel.robots import Robot
+
+
+def known(
+    robot: Robot, effect: str, values: tuple[float, ...], deviation: float, step: float
+) -> Found:
+    term = Term(EFFECTS[effect], EFFECTS[effect].places(robot)[0], values)
+    size = np.ones(len(values))
+    return found(term, deviation * size, step * size, robot)
+
+
+def test_the_time_steps_share_is_taken_off_the_robots_value_only(robot: Robot) -> None:
+    (value,) = known(robot, "winch_gain", (0.2,), 0.01, 0.05).values
+    assert value.in_plant == 0.2
+    assert value.value == pytest.approx(0.15)
+    assert (value.low, value.high) == pytest.approx((0.15 - 0.0196, 0.15 + 0.0196))
+
+
+def test_what_cannot_be_negative_has_no_negative_value_or_bound(robot: Robot) -> None:
+    (value,) = known(robot, "cable_friction", (10.0,), 20.0, 30.0).values
+    assert (value.value, value.low) == (0.0, 0.0)
+    assert value.high == pytest.approx(39.2)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "deviation", "shown"),
+    [
+        ("winch_gain", (0.2,), 0.05, True),
+        ("winch_gain", (-0.2,), 0.05, True),
+        ("winch_gain", (0.2,), 0.2, False),
+        ("cable_friction", (10.0,), 6.0, False),
+        ("marker_offset", (0.001, 0.02, 0.001), 0.002, True),  # one component is enough
+        ("marker_offset", (0.001, 0.002, 0.001), 0.002, False),
+    ],
+)
+def test_an_effect_is_shown_where_an_interval_leaves_out_zero(
+    robot: Robot, effect: str, values: tuple[float, ...], deviation: float, shown: bool
+) -> None:
+    assert known(robot, effect, values, deviation, 0.0).shown == shown
+
+
+def test_a_shape_alone_shows_nothing(robot: Robot) -> None:
+    """The time constant of a creep of no size is sure of itself for no reason."""
+    creep = EFFECTS["creep"]
+    term = Term(creep, None, (0.01, 0.3))
+    assert not found(term, np.array([0.02, 0.001]), np.zeros(2), robot).shown
