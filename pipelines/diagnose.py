@@ -9,16 +9,12 @@ from pathlib import Path
 from rich.console import Console
 
 from flywheel.diagnosis import Diagnosis, diagnose
-from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.whereabouts import Whereabouts
-from flywheel.dynamics.plant import RestartedPlant
 from flywheel.effects import EFFECTS, Effect
-from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import sentence, write_diagnosis
-from flywheel.robots import Robot
 from pipelines.logs import read_logs
-from pipelines.models import open_model
+from pipelines.models import open_trained
 from pipelines.plants import open_plant
 from pipelines.show import console, table
 
@@ -46,7 +42,7 @@ def explain(
         [each.trajectory for each in read_logs(held_out, robot, dt, out)],
         library_of(effects),
         window_seconds=window,
-        model=None if model is None else _trained(model, robot, robot_name, dt, threads),
+        model=None if model is None else open_trained(model, robot).subject(robot, threads),
     )
     _show(out, found)
     about = {
@@ -77,21 +73,6 @@ def _unexplained(where: Whereabouts) -> str:
         f"unexplained: most of it in recording {where.log}, from {where.begin:.2f} to {where.end:.2f} s, "
         f"at {where.point}{cable}"
     )
-
-
-def _trained(spec: str, robot: Robot, robot_name: str, dt: float, threads: int) -> Subject:
-    """The model to be tested in the plant's stead.
-
-    Raises:
-      ConfigError: it is a plant.
-    """
-    model = open_model(spec, robot, robot_name, dt, threads)
-    if isinstance(model.dynamics, RestartedPlant):
-        raise ConfigError(
-            f"--model {spec} is a plant. A plant is tested by --robot alone; --model is for trained "
-            "models."
-        )
-    return model
 
 
 def library_of(effects: str) -> Mapping[str, Effect]:

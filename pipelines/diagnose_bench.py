@@ -17,6 +17,8 @@ from flywheel.runtime.interrupts import StopRequest
 from flywheel.runtime.jobs import Group, Job
 from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import console_progress
+from flywheel.runtime.trained import TrainedModel
+from pipelines.models import open_trained
 from pipelines.show import console, table
 
 LONGEST = 1800.0  # without a sign of progress, a case is begun again [s]
@@ -29,6 +31,7 @@ def examine(
     sizes: Sequence[float],
     seeds: Sequence[int],
     only: str,
+    model: str | None,
     address: str | None,
 ) -> None:
     """Examine the cases that the folder has no result of yet, and print the table of all.
@@ -37,27 +40,48 @@ def examine(
       folder: one JSON file per case.
       robot, groups, sizes, seeds: which cases; see `flywheel.hidden.cases`.
       only: part of the names of the cases wanted.
+      model: to be tested in the plant's stead; see `pipelines.models`.
       address: of an existing Ray cluster.
     """
     wanted = [c for c in cases(load_robot(robot), _checked(groups), sizes, seeds) if only in c.name]
     if not wanted:
         raise ConfigError(f"No case of {robot} has {only!r} in its name.")
     folder.mkdir(parents=True, exist_ok=True)
+    tested = None if model is None else open_trained(model, load_robot(robot))
     missing = [case for case in wanted if not _file(folder, case.name).exists()]
+    _kept(folder, wanted, tested)
     if missing:
-        _examine(folder, missing, address)
+        _examine(folder, missing, tested, address)
+    show(_kept(folder, wanted, tested))
+
+
+def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> list[CaseResult]:
+    """The results that the folder has.
+
+    Raises:
+      ConfigError: they are of another model.
+    """
     files = [_file(folder, case.name) for case in wanted]
     results = [CaseResult.model_validate_json(file.read_text()) for file in files if file.exists()]
-    show(results)
+    digest = "" if tested is None else tested.weights.digest
+    for result in results:
+        if result.model != digest:
+            raise ConfigError(
+                f"{folder} has results of {result.model[:12] or 'the plant'}; {digest[:12] or 'the plant'} "
+                "is to be tested now. Give another folder."
+            )
+    return results
 
 
-def _examine(folder: Path, missing: Sequence[Case], address: str | None) -> None:
+def _examine(
+    folder: Path, missing: Sequence[Case], model: TrainedModel | None, address: str | None
+) -> None:
     cores = len(os.sched_getaffinity(0))
     with (
         Cluster(ClusterConfig(address, cores)) as ray,
         StopRequest() as stop,
     ):
-        groups = [Group("examiner", Examiner, (), count=ray.cpus)]
+        groups = [Group("examiner", Examiner, (model,), count=ray.cpus)]
         ray.check_fits(groups)
         pool = WorkerPool(RayBackend(), groups, ray.cpus, Patience(stall=LONGEST), stop)
         try:

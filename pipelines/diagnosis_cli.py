@@ -116,6 +116,15 @@ def diagnose_bench(
     sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
     seeds: Annotated[int, typer.Option(help="Cases of each kind.")] = 5,
     only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[LABEL=]SPEC",
+            help="A trained model to test in the plant's stead: a run's folder (its champion), RUN:NAME, "
+            "or a file of weights.",
+            show_default=False,
+        ),
+    ] = None,
     address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
 ) -> None:
     """Hide effects in recordings of another simulator, have them diagnosed, and count.
@@ -129,4 +138,4 @@ def diagnose_bench(
     from pipelines.diagnose_bench import examine
 
     factors = [float(size) for size in sizes.split(",")]
-    examine(folder, robot, groups.split(","), factors, range(seeds), only, address)
+    examine(folder, robot, groups.split(","), factors, range(seeds), only, model, address)

@@ -9,6 +9,7 @@ from flywheel.dynamics.plant import RestartedPlant
 from flywheel.effects import Scales
 from flywheel.errors import ConfigError
 from flywheel.robots import Robot
+from flywheel.runtime.trained import TrainedModel
 from flywheel.runtime.weights import Weights
 from pipelines.plants import adopted_file, open_plant
 from pipelines.runs import open_run
@@ -35,18 +36,37 @@ def open_model(spec: str, robot: Robot, robot_name: str, dt: float, threads: int
       ConfigError, DataError, ModelError, UnknownNameError: there is none, or it does not fit.
     """
     label, _, what = spec.rpartition("=")
-    name, path = label or what, Path(what)
+    name = label or what
     if what == PLANT:
         return _plant(name, robot_name, dt, threads)
     if adopted_file(what) is not None:
         return _plant(name, what, dt, threads)
+    return open_trained(spec, robot).subject(robot, threads)
+
+
+def open_trained(spec: str, robot: Robot) -> TrainedModel:
+    """The trained model that `[LABEL=]SPEC` means.
+
+    Args:
+      spec: see `ALLOWED`, plants left out.
+      robot: that is to be predicted.
+
+    Raises:
+      ConfigError, DataError, ModelError, UnknownNameError: there is none, or it does not fit.
+    """
+    label, _, what = spec.rpartition("=")
+    name, path = label or what, Path(what)
+    if what == PLANT or adopted_file(what) is not None:
+        raise ConfigError(
+            f"{what} is a plant, which is tested by --robot alone; a trained model is wanted here."
+        )
     if (path / "config.yaml").exists():
-        return _of_run(name, path, "", threads)
+        return _of_run(name, path, "")
     if path.is_file():
-        return Subject(name, Weights.read(path, what, robot).dynamics(robot, threads))
+        return TrainedModel(name, Weights.read(path, what, robot))
     run, _, model = what.rpartition(":")
     if run:
-        return _of_run(name, Path(run), model, threads)
+        return _of_run(name, Path(run), model)
     raise ConfigError(f"There is no model {what!r}. A model is {ALLOWED}.")
 
 
@@ -57,9 +77,9 @@ def _plant(name: str, robot_name: str, dt: float, threads: int) -> Subject:
     return Subject(name, RestartedPlant(plant, window=window, degree=2, twist="relaxed"))
 
 
-def _of_run(name: str, folder: Path, model: str, threads: int) -> Subject:
+def _of_run(name: str, folder: Path, model: str) -> TrainedModel:
     run = open_run(folder)
     iteration = run.iteration(model) if model else run.champion()
     # A run that learned from recordings has a data set of their own; no other knows that input.
     dataset = run.config.dataset_numbers()["recording"] if run.config.collect.recordings else 0
-    return Subject(name, run.weights(iteration).dynamics(run.robot, threads), dataset)
+    return TrainedModel(name, run.weights(iteration), dataset)

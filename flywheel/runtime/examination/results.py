@@ -47,6 +47,7 @@ class CaseResult(ResultRecord):
 
     Attributes:
       name, group, robot: of the case.
+      model: digest of the weights under test, or "" for the plant.
       scripts: commands of the recordings that were looked at.
       truth: what was hidden.
       visible: root mean square change that it makes to the recordings' points, over their noise.
@@ -65,6 +66,7 @@ class CaseResult(ResultRecord):
     name: str
     group: str
     robot: str
+    model: str = ""
     scripts: tuple[str, ...] = ()
     truth: Answer = ()
     visible: float = math.nan

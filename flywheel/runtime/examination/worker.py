@@ -15,17 +15,19 @@ from flywheel.hidden.effect import EffectTruth
 from flywheel.robots import load_robot
 from flywheel.runtime.examination.results import CaseResult, Named
 from flywheel.runtime.jobs import Beat
+from flywheel.runtime.trained import TrainedModel
 
 
 class Examiner:
     """Diagnoses cases.
 
     Args:
+      model: to be tested in the plant's stead.
       threads: of the plant.
     """
 
-    def __init__(self, threads: int = 1) -> None:
-        self._threads = threads
+    def __init__(self, model: TrainedModel | None = None, threads: int = 1) -> None:
+        self._model, self._threads = model, threads
         self.beat = Beat()
 
     def examine(self, case: Case) -> CaseResult:
@@ -37,6 +39,7 @@ class Examiner:
             name=case.name,
             group=case.group,
             robot=case.robot,
+            model="" if self._model is None else self._model.weights.digest,
             scripts=tuple(each.script for each in recorded.fit),
             truth=truth,
             visible=_visible(case, recorded),
@@ -47,6 +50,7 @@ class Examiner:
                 plant,
                 [each.trajectory for each in recorded.fit],
                 [recorded.held_out.trajectory],
+                model=None if self._model is None else self._model.subject(robot, self._threads),
             )
         except FlywheelError as error:
             return empty.model_copy(update={"failure": str(error)})

@@ -1,0 +1,28 @@
+"""A trained model as it is handed to workers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flywheel.diagnosis.subject import Subject
+from flywheel.robots import Robot
+from flywheel.runtime.weights import Weights
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """Weights with a name.
+
+    Attributes:
+      name: for people.
+      weights: of the network.
+      dataset: index of the data set that it is told recordings belong to.
+    """
+
+    name: str
+    weights: Weights
+    dataset: int = 0
+
+    def subject(self, robot: Robot, threads: int = 1) -> Subject:
+        """The model itself."""
+        return Subject(self.name, self.weights.dynamics(robot, threads), self.dataset)

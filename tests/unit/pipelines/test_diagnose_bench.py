@@ -1,0 +1,39 @@
+"""Results of one model are never taken for those of another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flywheel.errors import ConfigError
+from flywheel.hidden.cases import cases
+from flywheel.robots import load_robot
+from flywheel.runtime.examination import CaseResult
+from pipelines.diagnose_bench import examine
+
+
+def test_a_folder_of_another_model_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    (case,) = cases(load_robot("prism3"), ["none"], (), (0,))
+    kept = tmp_path / f"{case.name}.json"
+    kept.write_text(
+        CaseResult(name=case.name, group="none", robot="prism3", model="f" * 64).model_dump_json()
+    )
+    before = kept.read_text()
+    with pytest.raises(
+        ConfigError, match="has results of ffffffffffff; the plant is to be tested now"
+    ):
+        examine(tmp_path, "prism3", ["none"], [1.0], [0], "", None, None)
+    assert kept.read_text() == before
+
+
+def test_results_that_are_there_are_shown_and_not_made_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (case,) = cases(load_robot("prism3"), ["none"], (), (0,))
+    done = CaseResult(
+        name=case.name, group="none", robot="prism3", verdict="NOISE_ONLY", answers=((),)
+    )
+    (tmp_path / f"{case.name}.json").write_text(done.model_dump_json())
+    examine(tmp_path, "prism3", ["none"], [1.0], [0], "", None, None)
+    assert "NOISE_ONLY 1" in capsys.readouterr().out
