@@ -72,7 +72,8 @@ class Selection:
             if len(steps[-1].fit.terms) >= most:
                 break
             better = self._next(steps[-1], most)
-            if better is None:
+            # A score is a promise of the linearisation; a fit need not keep it.
+            if better is None or self.criterion(better) >= self.criterion(steps[-1].fit):
                 break
             if places(better) == places(steps[-1].fit):  # only the fit was not good enough yet
                 steps.pop()
@@ -184,19 +185,32 @@ class Selection:
         return fitter.fit(fit, free, rounds=2)
 
     def pruned(self, fit: Fit) -> Fit:
-        """The model without the terms that it does as well without."""
-        while len(fit.terms) > 1:
+        """The model without the terms that it does nearly as well without.
+
+        That may be all of them: starts that found a better place on the way are no evidence for an
+        effect. What a term explains, fitted, must be as much as the score asks for.
+        """
+        while fit.terms:
             shorter = [self._dropped(fit, term) for term in fit.terms]
-            best = min(shorter, key=self.criterion)
-            if self.criterion(best) > self.criterion(fit):
+            shares = [self._share(fit, less, t) for less, t in zip(shorter, fit.terms, strict=True)]
+            least = int(np.argmin(shares))
+            if shares[least] > 1.0:
                 break
-            fit = best
+            fit = shorter[least]
         return fit
+
+    def _share(self, fit: Fit, less: Fit, term: Term) -> float:
+        """What a term explains, over what counts as seen."""
+        return (less.cost - fit.cost) / self._worth(term)
+
+    def _worth(self, term: Term) -> float:
+        """What a term has to explain to be seen."""
+        return self.threshold * len(term.effect.sizes)
 
     def _dropped(self, fit: Fit, term: Term) -> Fit:
         terms = without(fit.terms, term)
         left = self.fitter.at(fit.change, fit.starts.winch, terms)
-        return self.pursued(left, self.criterion(fit))
+        return self.pursued(left, self.criterion(fit) + self._worth(term))
 
     def criterion(self, fit: Fit) -> float:
         """Cost with what every fitted value costs (BIC)."""
