@@ -76,5 +76,7 @@ def test_a_marker_that_jumps_is_placed_in_time_and_on_the_robot(robot: Robot, se
     places = candidates(robot, {"marker_offset": EFFECTS["marker_offset"]})
     where = whereabouts(fitter, Selection(fitter, places, 25.0).look(fitted(fitter)).test)
     assert where.point == robot.points[point].name, seed
+    # The start of the window makes up for part of the jump: not all of its time need stand out.
     shared = min(end, where.end) - max(begin, where.begin)
-    assert shared > 0.5 * max(end - begin, where.end - where.begin), (seed, where)
+    assert shared > 0.5 * (where.end - where.begin), (seed, where)
+    assert shared > 0.25 * (end - begin), (seed, where)
