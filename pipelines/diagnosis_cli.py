@@ -9,6 +9,16 @@ import typer
 
 app = typer.Typer()
 
+TrainedSpec = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[LABEL=]SPEC",
+        help="A trained model to test in the plant's stead: a run's folder (its champion), RUN:NAME, "
+        "or a file of weights.",
+        show_default=False,
+    ),
+]
+
 
 @app.command()
 def diagnose(
@@ -39,15 +49,7 @@ def diagnose(
             show_default=False,
         ),
     ] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="[LABEL=]SPEC",
-            help="A trained model to test in the plant's stead: a run's folder (its champion), RUN:NAME, "
-            "or a file of weights.",
-            show_default=False,
-        ),
-    ] = None,
+    model: TrainedSpec = None,
     dt: Annotated[float, typer.Option(help="Control step of the plant, in seconds.")] = 0.01,
     threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
@@ -116,15 +118,7 @@ def diagnose_bench(
     sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
     seeds: Annotated[int, typer.Option(help="Cases of each kind.")] = 5,
     only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="[LABEL=]SPEC",
-            help="A trained model to test in the plant's stead: a run's folder (its champion), RUN:NAME, "
-            "or a file of weights.",
-            show_default=False,
-        ),
-    ] = None,
+    model: TrainedSpec = None,
     address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
 ) -> None:
     """Hide effects in recordings of another simulator, have them diagnosed, and count.

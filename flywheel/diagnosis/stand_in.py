@@ -9,12 +9,12 @@ would change, to say what the unknown looks like.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flywheel.diagnosis.fit import Fit, Fitter
-from flywheel.diagnosis.free import Free, free_values
+from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.verdict import Likeness
 from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term
@@ -88,19 +88,13 @@ def stand_in(fitter: Fitter, fit: Fit, test: ScoreTest, seed: int = 0) -> Learne
     rng = np.random.default_rng(seed)
     first = (*rng.normal(size=4 * UNITS).tolist(), *np.zeros(UNITS).tolist())
     terms = (*fit.terms, Term(LearnedTension(), None, first))
-    free = [*free_values(fit.terms, scales), *_free(len(fit.terms), scales)]
+    free = [
+        replace(value, step=STEP, prior=1.0) if value.term == len(fit.terms) else value
+        for value in free_values(terms, scales)
+    ]
     begun = fitter.at(fit.change, fit.starts.winch, terms)
     trained = fitter.fit(begun, free, ROUNDS)
     return Learned(trained, _likeness(fitter, trained, test))
-
-
-def _free(term: int, scales: Scales) -> list[Free]:
-    found = []
-    for index, parameter in enumerate(LearnedTension.sizes):
-        unit = parameter.typical(scales)
-        low, high = parameter.low * unit, parameter.high * unit
-        found.append(Free(term, index, unit, low, high, step=STEP, prior=1.0))
-    return found
 
 
 def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, ...]:

@@ -11,7 +11,7 @@ from mujoco.batch import Batch
 
 from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped
 from flywheel.dynamics.plant.parameters import scaled
-from flywheel.dynamics.plant.plant import DISABLED, Plant, _no_warning_file
+from flywheel.dynamics.plant.plant import DISABLED, Plant, no_warning_file
 from flywheel.dynamics.plant.world import scene
 from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
 from flywheel.errors import ModelError
@@ -106,7 +106,7 @@ class AugmentedPlant:
                 memory[law.name] = np.zeros((total, len(self.robot.cables)))
         moves = np.array([any(_moves_mass(term) for term in each) for each in terms])
         pieces, order = [], []
-        with _no_warning_file():
+        with no_warning_file():
             for base, members in ((self._model, ~moves), (self._movable, moves)):
                 chosen = np.flatnonzero(members)
                 for first in range(0, len(chosen), PERSISTENT):

@@ -17,7 +17,7 @@ import numpy as np
 from mujoco import sysid
 
 from flywheel.dynamics.plant.mjcf_parameters import Block, bare_spec, blocks, open_spec
-from flywheel.dynamics.plant.plant import Plant, _no_warning_file
+from flywheel.dynamics.plant.plant import Plant, no_warning_file
 from flywheel.dynamics.plant.tangent import moved
 from flywheel.errors import ConfigError
 from flywheel.records import Floats, State
@@ -114,7 +114,7 @@ def identify(
     for parameter in (*(block.parameter for block in free), *residuals.starts):
         params.add(parameter)
     said = io.StringIO()
-    with _no_warning_file(), redirect_stdout(said):  # what is tried may diverge
+    with no_warning_file(), redirect_stdout(said):  # what is tried may diverge
         best, result = sysid.optimize(
             params.move_off_bounds(),
             residuals,

@@ -216,7 +216,7 @@ class Plant:
         MuJoCo reads its sensors at the beginning of a step, hence "before".
         """
         models = self._models if len(self._models) == len(packed) else self._models[:1]
-        with _no_warning_file():
+        with no_warning_file():
             states, sensors = self._engine.rollout(models, self._data, packed, commands)
         return states, sensors
 
@@ -252,7 +252,7 @@ class _PlainCourse:
 
 
 @contextmanager
-def _no_warning_file() -> Iterator[None]:
+def no_warning_file() -> Iterator[None]:
     """Keep MuJoCo from writing MUJOCO_LOG.TXT when a simulation diverges; we raise instead."""
     previous = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda message: None)
