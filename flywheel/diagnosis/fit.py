@@ -20,7 +20,7 @@ from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
 from flywheel.records import Floats
 
-SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)  # of the step of what windows share
+SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
 LEAST_DAMPING = 1e-4
 STEPS = 3  # of a fit between two linearisations
 ENOUGH = 0.001  # relative fall of the cost below which a fit has converged
@@ -125,6 +125,8 @@ class Fitter(ABC):
         """Levenberg-Marquardt from a fit, with sizes of effects free or none."""
         for _ in range(rounds):
             after = self.refit(fit, self.linear(fit, precise=False), free, STEPS)
+            if after is fit:  # differences of one side may have misled
+                after = self.refit(fit, self.linear(fit), free, STEPS)
             fell = 1.0 - after.cost / fit.cost if np.isfinite(fit.cost) else 1.0
             fit = after
             if fell < ENOUGH:
@@ -159,16 +161,17 @@ class Fitter(ABC):
     def improved(self, fit: Fit, linear: Linear, free: Sequence[Free]) -> Fit | None:
         """One step of all unknowns; None if none makes the cost fall.
 
-        What windows share takes one common step; each window then takes what suits it.
+        What windows share takes one common step, as little damped as will do; each window then takes
+        what suits it.
         """
         moves = [f.step_from(fit.terms) for f in free]
         varied = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
         sizes = self.columns(fit, varied) / moves if free else None
         by_shared = self.shared(linear, sizes)
         winches = fit.starts.winch
-        whole = self._shared_step(fit, linear, by_shared, free)
-        for share in SHARES:
-            step = share * whole
+        matrix, pull = self._shared_normal(fit, linear, by_shared, free)
+        for damping in SHARED_DAMPING:
+            step = _damped_step(matrix, pull, damping)
             winch = winches + step[: winches.size].reshape(winches.shape)
             terms = fit.terms
             for f, size in zip(free, step[winches.size :], strict=True):
@@ -197,10 +200,10 @@ class Fitter(ABC):
         local = local + damping * diagonal[..., None] * np.eye(len(prior))
         return local, np.einsum("kdx,kd->kx", by_start, left) - prior * change
 
-    def _shared_step(
+    def _shared_normal(
         self, fit: Fit, linear: Linear, shared: Floats, free: Sequence[Free]
-    ) -> Floats:
-        """(S,) step of what windows share, with their starts eliminated."""
+    ) -> tuple[Floats, Floats]:
+        """Normal equations (S, S), (S,) of what windows share, with their starts eliminated."""
         local, pull = self.normal(fit.change, linear.by_start, fit.residual, LEAST_DAMPING)
         cross = linear.by_start.swapaxes(1, 2) @ shared
         eliminated = np.linalg.solve(local, np.concatenate([cross, pull[..., None]], axis=2))
@@ -215,5 +218,12 @@ class Fitter(ABC):
         values = np.arange(offsets.size, len(whole))
         whole[values, values] += known
         right[values] -= known * [f.value(fit.terms) for f in free]
-        whole += np.diag(1e-9 * np.diag(whole) + 1e-12)
-        return np.linalg.solve(whole, right)
+        return whole, right
+
+
+def _damped_step(matrix: Floats, pull: Floats, damping: float) -> Floats:
+    """(S,) step of Marquardt's with normal equations (S, S), (S,)."""
+    if np.isinf(damping):
+        return np.zeros_like(pull)
+    diagonal = np.diag(matrix)
+    return np.linalg.solve(matrix + np.diag((damping + 1e-9) * diagonal + 1e-12), pull)

