@@ -44,7 +44,7 @@ def explain(
         window_seconds=window,
         model=None if model is None else open_trained(model, robot).subject(robot, threads),
     )
-    _show(out, found)
+    _show(out, found, robot_name)
     about = {
         "robot": f"{robot.name} ({robot.digest[:12]})",
         "model under test": found.model or "the plant",
@@ -81,7 +81,7 @@ def library_of(effects: str) -> Mapping[str, Effect]:
     return {name: lookup(EFFECTS, name, "effect") for name in names} or EFFECTS
 
 
-def _show(out: Console, found: Diagnosis) -> None:
+def _show(out: Console, found: Diagnosis, robot: str) -> None:
     out.print(f"{found.verdict}: {sentence(found)}", style="bold", soft_wrap=True)
     rows = [
         (number if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
@@ -98,6 +98,9 @@ def _show(out: Console, found: Diagnosis) -> None:
     ]
     heads = ("effect", "at", "#score", "#size / typical", "#smallest to be seen / typical")
     out.print(table(f"candidates ({found.threshold:g} counts as seen)", heads, scores))
+    out.print(f"next: {found.next_experiment.aim}", soft_wrap=True)
+    if found.next_experiment.command:
+        out.print(f"      {found.next_experiment.command} --robot {robot}", soft_wrap=True)
     if found.where is not None:
         out.print(_unexplained(found.where), soft_wrap=True)
     for name, errors in (("recordings", found.errors), ("held out", found.held_out)):

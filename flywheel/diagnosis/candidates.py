@@ -9,6 +9,8 @@ from itertools import product
 from flywheel.effects import Effect, Scales, Term, place_name
 from flywheel.robots import Robot
 
+AT = "@"  # between an effect and its place, where people name them
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -31,6 +33,11 @@ class Candidate:
     def label(self) -> str:
         """For people: "weak_cable at long_03"."""
         return f"{self.effect.name} at {self.location}" if self.location else self.effect.name
+
+    @property
+    def name(self) -> str:
+        """As commands take it: "weak_cable@long_03"."""
+        return f"{self.effect.name}{AT}{self.location}" if self.location else self.effect.name
 
     def term(self, sizes: tuple[float, ...], shape: int = 0) -> Term:
         """The effect with these sizes, in multiples of the typical ones, and this shape."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import Candidate, candidates
+from flywheel.diagnosis.diagnosis import Diagnosis, Errors, StandIn
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
@@ -18,7 +19,7 @@ from flywheel.diagnosis.stand_in import stand_in
 from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.uncertainty import uncertainty
 from flywheel.diagnosis.under_test import UnderTest
-from flywheel.diagnosis.verdict import Alternative, Diagnosis, Errors, StandIn, Verdict, found
+from flywheel.diagnosis.verdict import Alternative, Verdict, found
 from flywheel.diagnosis.whereabouts import whereabouts
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant

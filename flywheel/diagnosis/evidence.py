@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.selection import Step
@@ -41,7 +42,7 @@ class Evidence:
       sigma: noise [m].
       measured, before, after: (K, T + 1, P, 3) [m].
       ladder: of models.
-      rivals: labels of the best candidates.
+      rivals: the best candidates.
       likeness: (n, n) |cosine| between them, of what they change and nothing else explains.
       lags_before, lags_after: autocorrelation of the residuals at lags 1 to LAGS.
       band: within which it lies for white noise, at 95 %.
@@ -57,7 +58,7 @@ class Evidence:
     before: Floats
     after: Floats
     ladder: tuple[Rung, ...]
-    rivals: tuple[str, ...]
+    rivals: tuple[Candidate, ...]
     likeness: Floats
     lags_before: Floats
     lags_after: Floats
@@ -105,8 +106,8 @@ def _label(windows: Windows, steps: Sequence[Step], index: int) -> str:
     return "+ " + ", ".join(t.label(windows.robot) for t in added)
 
 
-def _likeness(step: Step) -> tuple[tuple[str, ...], Floats]:
-    """Labels of the best candidates, and the |cosine| of the directions that they would explain."""
+def _likeness(step: Step) -> tuple[tuple[Candidate, ...], Floats]:
+    """The best candidates, and the |cosine| of the directions that they would explain."""
     test: ScoreTest = step.test
     place = {id(c): i for i, c in enumerate(test.candidates)}
     chosen, directions = [], []
@@ -116,7 +117,7 @@ def _likeness(step: Step) -> tuple[tuple[str, ...], Floats]:
         direction = columns @ weights
         norm = np.linalg.norm(direction)
         if norm > 0:
-            chosen.append(score.candidate.label)
+            chosen.append(score.candidate)
             directions.append(direction / norm)
     if not directions:
         return (), np.zeros((0, 0))

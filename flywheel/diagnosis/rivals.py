@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from flywheel.diagnosis.candidates import Candidate, candidates
+from flywheel.diagnosis.candidates import AT, Candidate, candidates
 from flywheel.effects import EFFECTS, Effect
 from flywheel.errors import DataError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
-
-AT = "@"
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flywheel.diagnosis.diagnosis import Likeness
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free, free_values
 from flywheel.diagnosis.score import ScoreTest
-from flywheel.diagnosis.verdict import Likeness
 from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats

@@ -1,4 +1,4 @@
-"""What a diagnosis says: the verdict and everything it rests on."""
+"""The answer of a diagnosis: a word, and effects with their values."""
 
 from __future__ import annotations
 
@@ -8,10 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.diagnosis.adequacy import Adequacy
-from flywheel.diagnosis.evidence import Evidence
-from flywheel.diagnosis.score import Score
-from flywheel.diagnosis.whereabouts import Whereabouts
 from flywheel.effects import Parameter, Term, place_name
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -103,147 +99,6 @@ class Found:
 
 
 Alternative = tuple[Found, ...]
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Root mean square of measured minus predicted, after the starts were fitted [m].
-
-    Attributes:
-      noise: that is in the measurements.
-      baseline: of the plant as it was.
-      augmented: with the effects that were found.
-    """
-
-    noise: float
-    baseline: float
-    augmented: float
-
-    def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        return {
-            "noise": self.noise,
-            "baseline": self.baseline,
-            "augmented": self.augmented,
-            "unit": "m",
-        }
-
-
-@dataclass(frozen=True)
-class Likeness:
-    """How much of what a learned law does an effect of the library would do.
-
-    Attributes:
-      effect, location: which.
-      share: of the squared change, by its best size; 1 for all of it.
-    """
-
-    effect: str
-    location: str
-    share: float
-
-    def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        return {"effect": self.effect, "location": self.location, "share": self.share}
-
-
-@dataclass(frozen=True)
-class StandIn:
-    """A law of the cables, learned from the recordings for what the library does not have.
-
-    Attributes:
-      errors: on the recordings that it was learned from; the baseline has all effects that were found.
-      held_out: on those that it was not, where the baseline is the plant as it was; None without any.
-      likeness: effects that do most nearly what it does, the nearest first.
-    """
-
-    errors: Errors
-    held_out: Errors | None
-    likeness: tuple[Likeness, ...]
-
-    def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        return {
-            "error": self.errors.summary(),
-            "held_out": None if self.held_out is None else self.held_out.summary(),
-            "like": [each.summary() for each in self.likeness],
-        }
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """The whole answer.
-
-    Attributes:
-      verdict: in a word.
-      answers: alternatives, the best first; each is a set of effects that act together.
-      ranking: of every candidate on top of the plant as it was, best first.
-      threshold: score from which an effect counts as seen.
-      errors: on the recordings that were fitted.
-      held_out: on those that were not; None without any.
-      before, after: what the plant as it was leaves, and what the augmented one leaves.
-      evidence: to look at.
-      seconds: it took.
-      model: name of the model under test; "" for the plant itself.
-      where: what no effect explains acts; None where nothing is left.
-      stand_in: a learned law for it, likewise.
-    """
-
-    verdict: Verdict
-    answers: tuple[Alternative, ...]
-    ranking: tuple[Score, ...]
-    threshold: float
-    errors: Errors
-    held_out: Errors | None
-    before: Adequacy
-    after: Adequacy
-    evidence: Evidence
-    seconds: float
-    model: str = ""
-    where: Whereabouts | None = None
-    stand_in: StandIn | None = None
-
-    @property
-    def exit_code(self) -> int:
-        """Of the command."""
-        return EXIT_CODES[self.verdict]
-
-    def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        return {
-            "verdict": str(self.verdict),
-            "model": self.model or "plant",
-            "answer_set": [[found.summary() for found in each] for each in self.answers],
-            "ranking": [ranked(score) for score in self.ranking],
-            "threshold": self.threshold,
-            "error": self.errors.summary(),
-            "held_out": None if self.held_out is None else self.held_out.summary(),
-            "residual": {
-                "noise": self.after.noise,
-                "correlation": self.after.correlation,
-                "inconstancy": self.after.inconstancy,
-            },
-            "unexplained": None if self.where is None else self.where.summary(),
-            "stand_in": None if self.stand_in is None else self.stand_in.summary(),
-            "seconds": self.seconds,
-        }
-
-
-def ranked(score: Score) -> dict[str, Any]:
-    """A line of the ranking, with sizes in their units."""
-    candidate = score.candidate
-    return {
-        "effect": candidate.effect.name,
-        "location": candidate.location,
-        "score": score.score,
-        "sizes": {
-            parameter.name: {"value": size * typical, "unit": parameter.unit}
-            for parameter, size, typical in zip(
-                candidate.effect.sizes, score.sizes, candidate.typical, strict=True
-            )
-        },
-        "smallest_detectable": score.smallest,
-    }
 
 
 def found(term: Term, deviations: Floats, by_step: Floats, robot: Robot) -> Found:

@@ -135,8 +135,9 @@ def likeness(found: Diagnosis) -> Figure | None:
     figure = Figure(figsize=(size + 2.2, size + 0.6))
     axes = figure.add_subplot()
     image = axes.imshow(evidence.likeness, vmin=0, vmax=1, cmap="Blues")
-    axes.set_xticks(range(len(evidence.rivals)), evidence.rivals, rotation=40, ha="right")
-    axes.set_yticks(range(len(evidence.rivals)), evidence.rivals)
+    names = [rival.label for rival in evidence.rivals]
+    axes.set_xticks(range(len(names)), names, rotation=40, ha="right")
+    axes.set_yticks(range(len(names)), names)
     for (row, column), value in np.ndenumerate(evidence.likeness):
         colour = "white" if value > 0.6 else style.INK
         axes.text(column, row, f"{value:.2f}", ha="center", va="center", color=colour, fontsize=8)

@@ -31,6 +31,7 @@ def found() -> Diagnosis:
 def test_it_needs_no_other_file_and_names_what_was_found(found: Diagnosis, tmp_path: Path) -> None:
     page = write_diagnosis(found, tmp_path / "page.html", {"robot": "prism3"}).read_text()
     assert "winch_gain" in page
+    assert "flywheel design winch_gain cable_friction" in page
     assert str(found.verdict) in page
     linked = re.findall(r'(?:src|href)="(?!data:)([^"]*)"', page)
     assert linked == []
@@ -39,8 +40,9 @@ def test_it_needs_no_other_file_and_names_what_was_found(found: Diagnosis, tmp_p
 
 @pytest.mark.parametrize("verdict", Verdict)
 def test_every_verdict_has_a_sentence(found: Diagnosis, verdict: Verdict) -> None:
-    words = sentence(dataclasses.replace(found, verdict=verdict))
-    assert words.endswith(".")
+    other = dataclasses.replace(found, verdict=verdict)
+    assert sentence(other).endswith(".")
+    assert other.next_experiment.aim.endswith(".")
 
 
 def test_the_summary_is_plain_numbers(found: Diagnosis) -> None:
