@@ -39,6 +39,10 @@ PAIRS = (
     ("command_delay", "sensor_latency"),
     ("winch_backlash", "actuator_lag"),
     ("cable_damping", "air_drag"),
+    ("stiffening", "torque_speed"),
+    ("hysteresis", "winch_gain"),
+    ("payload", "cable_friction"),
+    ("marker_offset", "actuator_lag"),
 )
 
 
