@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,7 +11,8 @@ from rich.console import Console
 
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.whereabouts import Whereabouts
-from flywheel.effects import EFFECTS, Effect
+from flywheel.effects import EFFECTS, NAMED, Effect
+from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import sentence, write_diagnosis
 from pipelines.logs import read_logs
@@ -27,6 +29,7 @@ def explain(
     robot_name: str,
     model: str | None,
     effects: str,
+    unsure: Sequence[str],
     window: float | None,
     dt: float,
     threads: int,
@@ -43,6 +46,7 @@ def explain(
         library_of(effects),
         window_seconds=window,
         model=None if model is None else open_trained(model, robot).subject(robot, threads),
+        unsure=unsure_of(unsure),
     )
     _show(out, found, robot_name)
     about = {
@@ -78,14 +82,35 @@ def _unexplained(where: Whereabouts) -> str:
 def library_of(effects: str) -> Mapping[str, Effect]:
     """The effects named, with commas between; all of the library for none."""
     names = [name.strip() for name in effects.split(",") if name.strip()]
-    return {name: lookup(EFFECTS, name, "effect") for name in names} or EFFECTS
+    return {name: lookup(NAMED, name, "effect") for name in names} or EFFECTS
+
+
+def unsure_of(statements: Sequence[str]) -> dict[str, float]:
+    """Effect -> standard deviation of what is known of its number, of "effect=number" or "effect=5%".
+
+    Raises:
+      ConfigError: not of that form.
+    """
+    known = {}
+    for statement in statements:
+        name, given, number = statement.partition("=")
+        share = number.endswith("%")
+        try:
+            value = float(number.removesuffix("%")) / (100.0 if share else 1.0)
+        except ValueError:
+            value = math.nan
+        if not given or math.isnan(value):
+            raise ConfigError(f"Say how unsure as effect=number or effect=5%, got {statement!r}.")
+        known[name.strip()] = value
+    return known
 
 
 def _show(out: Console, found: Diagnosis, robot: str) -> None:
     out.print(f"{found.verdict}: {sentence(found)}", style="bold", soft_wrap=True)
+    named = [(str(number), answer) for number, answer in enumerate(found.answers, 1)]
     rows = [
-        (number if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
-        for number, alternative in enumerate(found.answers, 1)
+        (label if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
+        for label, alternative in [*named, ("calibration", found.calibration)]
         for f in alternative
         for k, v in enumerate(f.values)
     ]

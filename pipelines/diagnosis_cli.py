@@ -18,6 +18,22 @@ TrainedSpec = Annotated[
         show_default=False,
     ),
 ]
+UnsureOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="EFFECT=5%",
+        help="What the MJCF says only so well (standard deviation), such as cable_stiffness or "
+        "body_mass: fitted beside everything else. May be given again.",
+        show_default=False,
+    ),
+]
+
+WindowOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Length of the windows, in seconds; suits the robot by default.", show_default=False
+    ),
+]
 
 
 @app.command()
@@ -42,13 +58,8 @@ def diagnose(
     effects: Annotated[
         str, typer.Option(help="Effects to consider, by name; all of the library by default.")
     ] = "",
-    window: Annotated[
-        float | None,
-        typer.Option(
-            help="Length of the windows, in seconds; suits the robot by default.",
-            show_default=False,
-        ),
-    ] = None,
+    unsure: UnsureOption = None,
+    window: WindowOption = None,
     model: TrainedSpec = None,
     dt: Annotated[float, typer.Option(help="Control step of the plant, in seconds.")] = 0.01,
     threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
@@ -69,7 +80,17 @@ def diagnose(
     from pipelines.diagnose import explain
 
     code = explain(
-        recordings, held_out or [], robot, model, effects, window, dt, threads, page, json
+        recordings,
+        held_out or [],
+        robot,
+        model,
+        effects,
+        unsure or [],
+        window,
+        dt,
+        threads,
+        page,
+        json,
     )
     raise typer.Exit(code)
 

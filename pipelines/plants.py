@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flywheel.dynamics.plant import Plant, with_effects
-from flywheel.effects import EFFECTS, AdoptedPlant
+from flywheel.effects import NAMED, AdoptedPlant
 from flywheel.effects.adopted import PLANT
 from flywheel.robots import load_robot
 
@@ -28,4 +28,4 @@ def open_plant(name: str, dt: float, threads: int = 1) -> Plant:
     if path is None:
         return Plant(load_robot(name), dt, threads=threads)
     adopted, robot = AdoptedPlant.read(path)
-    return with_effects(Plant(robot, dt, threads=threads), adopted.terms(robot, EFFECTS))
+    return with_effects(Plant(robot, dt, threads=threads), adopted.terms(robot, NAMED))

@@ -9,7 +9,7 @@ from typing import Any
 
 from flywheel import __version__
 from flywheel.diagnosis.verdict import Verdict
-from flywheel.effects import EFFECTS, AdoptedPlant, Effect, WrittenTerm
+from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
 from flywheel.effects.adopted import file_digest, next_version
 from flywheel.errors import DataError
 from flywheel.robots import Robot
@@ -24,12 +24,12 @@ def adopt(
     folder: str | Path,
     answer: int | None = None,
     parent: Path | None = None,
-    library: Mapping[str, Effect] = EFFECTS,
+    library: Mapping[str, Effect] = NAMED,
 ) -> Path:
     """Write the next version of a robot's plant, with the effects of an answer.
 
     An answer holds all effects that the plant is to have, those of the version before (fitted anew)
-    included: it replaces them.
+    included: it replaces them. What the plant was not sure of is adopted as it was fitted.
 
     Args:
       summary: `Diagnosis.summary()`, or the JSON of `flywheel diagnose`.
@@ -59,7 +59,7 @@ def adopt(
         effects=effects,
         evidence={
             **evidence,
-            "intervals": _intervals(_chosen(summary, answer)),
+            "intervals": _intervals([*_chosen(summary, answer), *_calibration(summary)]),
             "code": __version__,
         },
     )
@@ -77,12 +77,18 @@ def adoptable(summary: Mapping[str, Any], answer: int | None = None) -> tuple[Wr
     """
     chosen = _chosen(summary, answer)
     _check_held_out(summary, answer)
-    return tuple(_written(each) for each in chosen)
+    return tuple(_written(each) for each in (*chosen, *_calibration(summary)))
+
+
+def _calibration(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return list(summary.get("calibration") or ())
 
 
 def _chosen(summary: Mapping[str, Any], answer: int | None) -> list[Mapping[str, Any]]:
     alternatives = [each for each in summary.get("answer_set", ()) if each]
     verdict = summary.get("verdict", "(none)")
+    if not alternatives and verdict == Verdict.NOISE_ONLY and _calibration(summary):
+        return []
     if not alternatives:
         raise DataError(f"The verdict is {verdict}: there is no effect to adopt.")
     if answer is None and verdict not in set(CLEAR):

@@ -95,6 +95,7 @@ class Diagnosis:
       model: name of the model under test; "" for the plant itself.
       where: what no effect explains acts; None where nothing is left.
       stand_in: a learned law for it, likewise.
+      calibration: what the plant was not sure of, as fitted beside the first answer.
     """
 
     verdict: Verdict
@@ -106,10 +107,11 @@ class Diagnosis:
     before: Adequacy
     after: Adequacy
     evidence: Evidence
-    seconds: float
+    seconds: float = 0.0
     model: str = ""
     where: Whereabouts | None = None
     stand_in: StandIn | None = None
+    calibration: Alternative = ()
 
     @property
     def next_experiment(self) -> NextExperiment:
@@ -127,6 +129,7 @@ class Diagnosis:
             "verdict": str(self.verdict),
             "model": self.model or "plant",
             "answer_set": [[found.summary() for found in each] for each in self.answers],
+            "calibration": [each.summary() for each in self.calibration],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,
             "error": self.errors.summary(),

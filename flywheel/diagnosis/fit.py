@@ -221,6 +221,15 @@ class Fitter(ABC):
         return whole, right
 
 
+def term_cost(terms: Terms) -> float:
+    """What is known of values before, as squares."""
+    return sum(
+        (value / deviation) ** 2
+        for term in terms
+        for value, deviation in zip(term.values, term.known, strict=False)
+    )
+
+
 def _damped_step(matrix: Floats, pull: Floats, damping: float) -> Floats:
     """(S,) step of Marquardt's with normal equations (S, S), (S,)."""
     if np.isinf(damping):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 
-from flywheel.effects import Parameter, Scales, Term, Terms
+from flywheel.effects import Parameter, Scales, Terms
 
 STEP = 0.25  # a secant, not a derivative: friction and play have none at zero
 
@@ -42,7 +42,7 @@ class Free:
         values = list(term.values)
         moved = values[self.index] + steps * self.unit
         values[self.index] = float(np.clip(moved, self.low, self.high))
-        changed = Term(term.effect, term.place, tuple(values))
+        changed = replace(term, values=tuple(values))
         return (*terms[: self.term], changed, *terms[self.term + 1 :])
 
     def step_from(self, terms: Terms) -> float:
@@ -58,10 +58,12 @@ def free_values(terms: Terms, scales: Scales, shapes: bool = True) -> list[Free]
         sizes = len(term.effect.sizes)
         for index, parameter in enumerate(term.effect.parameters):
             if index < sizes or shapes:
-                found.append(_free(number, index, parameter, scales))
+                deviation = term.known[index] if term.known else inf
+                found.append(_free(number, index, parameter, deviation, scales))
     return found
 
 
-def _free(term: int, index: int, parameter: Parameter, scales: Scales) -> Free:
+def _free(term: int, index: int, parameter: Parameter, deviation: float, scales: Scales) -> Free:
     typical = parameter.typical(scales)
-    return Free(term, index, typical, parameter.low * typical, parameter.high * typical)
+    low, high = parameter.low * typical, parameter.high * typical
+    return Free(term, index, typical, low, high, prior=deviation / typical)

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.adequacy import sample_correlation
-from flywheel.diagnosis.fit import Fit, Fitter, Linear
+from flywheel.diagnosis.fit import Fit, Fitter, Linear, term_cost
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.starts import nominal_winch
@@ -115,7 +115,7 @@ class NetworkFitter(Fitter):
         change = np.linalg.solve(normal, own @ off[..., None])
         left = off - (self._modes @ change)[..., 0]
         change = change[..., 0]
-        cost = float((left**2).sum() + self.prior_cost(change).sum())
+        cost = float((left**2).sum() + self.prior_cost(change).sum()) + term_cost(terms)
         cost = cost if np.isfinite(points[self._usable]).all() else np.inf
         return Fit(self._starts, terms, change, points, left, carried, cost)
 

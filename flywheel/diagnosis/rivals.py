@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from flywheel.diagnosis.candidates import AT, Candidate, candidates
-from flywheel.effects import EFFECTS, Effect
+from flywheel.effects import NAMED, Effect
 from flywheel.errors import DataError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
@@ -25,7 +25,7 @@ class Rival:
     candidates: tuple[Candidate, ...]
 
     @classmethod
-    def named(cls, name: str, robot: Robot, library: Mapping[str, Effect] = EFFECTS) -> Rival:
+    def named(cls, name: str, robot: Robot, library: Mapping[str, Effect] = NAMED) -> Rival:
         """Of "effect", at any place, or of "effect@place", at one.
 
         Raises:

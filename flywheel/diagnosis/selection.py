@@ -87,7 +87,7 @@ class Selection:
         """
         last = steps[-1].fit
         found: list[Fit] = []
-        for term in last.terms:
+        for term in asked(last.terms):
             found += self._exchanged(steps, last, term, margin)
         return found
 
@@ -190,9 +190,9 @@ class Selection:
         That may be all of them: starts that found a better place on the way are no evidence for an
         effect. What a term explains, fitted, must be as much as the score asks for.
         """
-        while fit.terms:
-            shorter = [self._dropped(fit, term) for term in fit.terms]
-            shares = [self._share(fit, less, t) for less, t in zip(shorter, fit.terms, strict=True)]
+        while terms := asked(fit.terms):
+            shorter = [self._dropped(fit, term) for term in terms]
+            shares = [self._share(fit, less, t) for less, t in zip(shorter, terms, strict=True)]
             least = int(np.argmin(shares))
             if shares[least] > 1.0:
                 break
@@ -274,6 +274,11 @@ def allowed(score: Score, sizes: Floats) -> bool:
 def places(fit: Fit) -> set[tuple[str, int | None]]:
     """Which effects a model has, and where."""
     return {(term.effect.name, term.place) for term in fit.terms}
+
+
+def asked(terms: Terms) -> Terms:
+    """Those that are asked about: not the calibration."""
+    return tuple(term for term in terms if not term.known)
 
 
 def without(terms: Terms, term: Term) -> Terms:

@@ -99,7 +99,9 @@ def stand_in(fitter: Fitter, fit: Fit, test: ScoreTest, seed: int = 0) -> Learne
 def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Fit:
     """A fit and a law that adds nothing yet, with random features."""
     first = (*rng.normal(size=4 * UNITS).tolist(), *np.zeros(UNITS).tolist())
-    terms = (*fit.terms, Term(LearnedTension(), None, first))
+    scales = Scales.of(fitter.windows.robot)
+    known = tuple(size.typical(scales) for size in LearnedTension.sizes)
+    terms = (*fit.terms, Term(LearnedTension(), None, first, known))
     return fitter.at(fit.change, fit.starts.winch, terms)
 
 
@@ -111,7 +113,7 @@ def _weights_of(fitter: Fitter, fit: Fit, layer: str = "") -> list[Free]:
         if value.term != last:
             found.append(value)
         elif LearnedTension.sizes[value.index].name.startswith(layer):
-            found.append(replace(value, step=STEP, prior=1.0))
+            found.append(replace(value, step=STEP))
     return found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flywheel.diagnosis.fit import LEAST_DAMPING, Fit, Fitter, Linear
+from flywheel.diagnosis.fit import LEAST_DAMPING, Fit, Fitter, Linear, term_cost
 from flywheel.diagnosis.prediction import Carried, Predictor, Starts
 from flywheel.dynamics.plant import turning
 from flywheel.effects import Terms
@@ -43,7 +43,7 @@ class StartFitter(Fitter):
         points, carried = predictor.chained(starts, [terms])
         residual = predictor.windows.residual(points[0])
         cost = float((residual**2).sum() + self.prior_cost(change).sum())
-        cost += float(((winch / self.winch_prior) ** 2).sum())
+        cost += float(((winch / self.winch_prior) ** 2).sum()) + term_cost(terms)
         if not np.isfinite(points).all():
             cost = np.inf
         return Fit(starts, terms, change, points[0], residual, carried[0], cost)

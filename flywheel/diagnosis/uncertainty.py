@@ -43,7 +43,8 @@ def uncertainty(fitter: Fitter, fit: Fit, free: Sequence[Free]) -> Uncertainty:
     columns = fitter.columns(fit, stepped) / moves
     projection = Projection.of(fitter, fitter.linear(fit), None, np.ones(len(columns)))
     left, residual = projection(columns), projection(fit.residual[..., None])[:, 0]
-    inverse = np.linalg.pinv(left.T @ left, rcond=1e-12)
+    known = np.diag([1.0 / f.prior**2 for f in free])
+    inverse = np.linalg.pinv(left.T @ left + known, rcond=1e-12)
     freedom = max(1, len(residual) - fit.change.size)
     curvature = inverse * max(1.0, float(residual @ residual) / freedom)
     by_window = (left * residual[:, None]).reshape(len(columns), -1, len(free)).sum(axis=1)

@@ -3,8 +3,10 @@
 from flywheel.effects.actuator_lag import ActuatorLag
 from flywheel.effects.adopted import AdoptedPlant
 from flywheel.effects.air_drag import AirDrag
+from flywheel.effects.body_mass import BodyMass
 from flywheel.effects.cable_damping import CableDamping
 from flywheel.effects.cable_friction import CableFriction
+from flywheel.effects.cable_stiffness import CableStiffness
 from flywheel.effects.capstan import Capstan
 from flywheel.effects.command_delay import CommandDelay
 from flywheel.effects.contact_softness import ContactSoftness
@@ -58,9 +60,17 @@ EFFECTS: dict[str, Effect] = {
     "marker_offset": MarkerOffset(),
     "sensor_latency": SensorLatency(),
 }
+# What an MJCF has numbers of, which may be wrong. Only considered where somebody names them.
+CALIBRATIONS: dict[str, Effect] = {
+    "cable_stiffness": CableStiffness(),
+    "body_mass": BodyMass(),
+}
+NAMED: dict[str, Effect] = {**EFFECTS, **CALIBRATIONS}
 
 __all__ = [
+    "CALIBRATIONS",
     "EFFECTS",
+    "NAMED",
     "AdoptedPlant",
     "Cables",
     "CommandEffect",

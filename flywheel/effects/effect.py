@@ -195,11 +195,14 @@ class Term:
       effect: which.
       place: index of the cable or point, or None.
       values: of all its parameters [their units].
+      known: standard deviations of what is known of them before any recording, around zero; empty for
+        an effect that is asked about.
     """
 
     effect: Effect
     place: int | None
     values: tuple[float, ...]
+    known: tuple[float, ...] = ()
 
     @property
     def named(self) -> dict[str, float]:

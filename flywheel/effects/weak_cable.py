@@ -3,8 +3,10 @@
 from collections.abc import Mapping
 
 import mujoco
+import numpy as np
 
 from flywheel.effects.effect import ModelEffect, Parameter
+from flywheel.effects.stiffness import scale_stiffness
 from flywheel.robots import Robot
 
 
@@ -22,11 +24,4 @@ class WeakCable(ModelEffect):
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
         assert place is not None
-        left = 1.0 - values["share"]
-        model.tendon_stiffness[place] *= left
-        model.tendon_stiffnesspoly[place] *= left
-        pulls = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (
-            model.actuator_trnid[:, 0] == place
-        )
-        model.actuator_gainprm[pulls, 0] *= left
-        model.actuator_biasprm[pulls, :2] *= left
+        scale_stiffness(model, np.array([place]), 1.0 - values["share"])

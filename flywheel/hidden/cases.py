@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -29,6 +29,8 @@ HARD = {
     "swapped": Measurement(swap=True),
     "50hz": Measurement(dt=0.02),
 }
+TOLD = ("cable_stiffness", "mass")
+UNSURE = 0.03  # standard deviation of what is told
 # Two causes that are easily told apart, and two that are easily taken for one another.
 PAIRS = (
     ("cable_damping", "winch_gain"),
@@ -87,6 +89,8 @@ class Case:
       held_out: recording to be judged by; another script, other seeds.
       measurement: how all are measured.
       contact: kind of ground contact of the truth.
+      told: what whoever diagnoses is told of the robot, as scales of the truth; each may be wrong by some
+        `UNSURE`.
     """
 
     name: str
@@ -97,6 +101,7 @@ class Case:
     held_out: Plan
     measurement: Measurement = PLAIN
     contact: Contact = "elliptic"
+    told: Mapping[str, float] = field(default_factory=dict)
 
     def record(self, robot: Robot) -> Recorded:
         """Simulate and measure its recordings.
@@ -178,6 +183,10 @@ def _hard(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
         name = able[_digest(f"{robot.name}.{trouble}.s{seed}") % len(able)]
         case = _case(robot, "hard", f"{trouble}.{name}", seed, (HIDDEN[name],))
         yield replace(case, measurement=measurement)
+    name = able[_digest(f"{robot.name}.calibration.s{seed}") % len(able)]
+    case = _case(robot, "hard", f"calibration.{name}", seed, (HIDDEN[name],))
+    rng = np.random.default_rng(_digest(case.name))
+    yield replace(case, told={number: float(np.exp(rng.normal(0.0, UNSURE))) for number in TOLD})
 
 
 _MAKERS = {

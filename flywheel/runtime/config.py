@@ -18,10 +18,11 @@ from pydantic import (
 )
 
 from flywheel.control import MppiConfig
+from flywheel.diagnosis.calibration import unsure_terms
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
-from flywheel.effects import EFFECTS, AdoptedPlant, WrittenTerm
-from flywheel.errors import FlywheelError, UnknownNameError
+from flywheel.effects import NAMED, AdoptedPlant, WrittenTerm
+from flywheel.errors import DataError, FlywheelError, UnknownNameError
 from flywheel.registry import lookup
 from flywheel.robots import load_robot
 from flywheel.runtime.config_files import read_config
@@ -129,12 +130,14 @@ class DiagnoseConfig(_Frozen):
     Attributes:
       on: ask, from iteration 1 on.
       effects: that may be missing, by name; all of the library by default.
+      unsure: what the MJCF says only so well: effect -> standard deviation, see `diagnosis.calibration`.
       seconds: of recordings that are looked at, at most; as many of those kept for tests [s].
       window_seconds: length of the windows [s]; None for what suits the robot.
     """
 
     on: bool = False
     effects: tuple[str, ...] = ()
+    unsure: dict[str, float] = Field(default_factory=dict)
     seconds: float = Field(default=12.0, gt=0)
     window_seconds: float | None = Field(default=None, gt=0)
 
@@ -143,10 +146,19 @@ class DiagnoseConfig(_Frozen):
     def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         try:
             for name in names:
-                lookup(EFFECTS, name, "effect")
+                lookup(NAMED, name, "effect")
         except UnknownNameError as error:
             raise ValueError(str(error)) from None
         return names
+
+    @field_validator("unsure")
+    @classmethod
+    def _can_be(cls, unsure: dict[str, float]) -> dict[str, float]:
+        try:
+            unsure_terms(unsure)
+        except (DataError, UnknownNameError) as error:
+            raise ValueError(str(error)) from None
+        return unsure
 
 
 class GateConfig(_Frozen):

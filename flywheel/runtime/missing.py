@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, WrittenTerm
+from flywheel.effects import EFFECTS, NAMED, WrittenTerm
 from flywheel.errors import DataError
 from flywheel.records import Episode, Trajectory
 from flywheel.runtime.config import DiagnoseConfig
@@ -39,6 +39,7 @@ def missing(
       DataError: recordings that cannot be used.
     """
     told = 0
+    has = {effect.effect for effect in effects}
 
     def progress(note: str) -> None:
         nonlocal told
@@ -49,9 +50,10 @@ def missing(
         plant,
         excerpt(fit, config.seconds),
         excerpt(held_out, config.seconds),
-        {name: EFFECTS[name] for name in config.effects or EFFECTS},
+        {name: NAMED[name] for name in config.effects or EFFECTS},
         window_seconds=config.window_seconds,
         progress=progress,
+        unsure={name: share for name, share in config.unsure.items() if name not in has},
     )
     after, reason = _next(found, effects)
     held = found.held_out

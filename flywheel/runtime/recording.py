@@ -16,7 +16,7 @@ from flywheel.control import (
 from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Plant, PlantDynamics, with_effects
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import EFFECTS, WrittenTerm
+from flywheel.effects import NAMED, WrittenTerm
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig, config_digest
@@ -51,7 +51,7 @@ class Recorder:
             obstacles=() if task is None else task.obstacles,
             threads=self.config.sim_threads,
         )
-        return with_effects(plant, tuple(e.term(self.robot, EFFECTS) for e in effects))
+        return with_effects(plant, tuple(e.term(self.robot, NAMED) for e in effects))
 
     def task(self, plan: EpisodePlan) -> Task | None:
         """The task of a planned episode."""

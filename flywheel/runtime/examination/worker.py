@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from flywheel.data.recordings import read_recording
 from flywheel.diagnosis import Diagnosis, Found, diagnose
-from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import Scales
 from flywheel.errors import FlywheelError
-from flywheel.hidden.cases import Case, Recorded
+from flywheel.hidden.cases import UNSURE, Case, Recorded
 from flywheel.hidden.effect import EffectTruth
-from flywheel.robots import load_robot
+from flywheel.hidden.recording import HiddenRecording
+from flywheel.records import Trajectory
+from flywheel.robots import Robot, load_robot
 from flywheel.runtime.examination.results import CaseResult, Named
 from flywheel.runtime.jobs import Beat
 from flywheel.runtime.trained import TrainedModel
+
+AS_EFFECT = {"cable_stiffness": "cable_stiffness", "mass": "body_mass"}  # of what a case is told
 
 
 class Examiner:
@@ -44,17 +51,26 @@ class Examiner:
             truth=truth,
             visible=_visible(case, recorded),
         )
-        plant = Plant(robot, case.measurement.dt, threads=self._threads)
+        told = PlantParameters(**case.told)
+        plant = Plant(robot, case.measurement.dt, told, threads=self._threads)
         try:
             found = diagnose(
                 plant,
-                [each.trajectory for each in recorded.fit],
-                [recorded.held_out.trajectory],
+                [part for each in recorded.fit for part in _imported(each, robot)],
+                _imported(recorded.held_out, robot),
                 model=None if self._model is None else self._model.subject(robot, self._threads),
+                unsure={AS_EFFECT[name]: UNSURE for name in case.told},
             )
         except FlywheelError as error:
             return empty.model_copy(update={"failure": str(error)})
         return filled(empty, found, Scales.of(robot))
+
+
+def _imported(made: HiddenRecording, robot: Robot) -> list[Trajectory]:
+    """The parts of a recording as its log is read: exchanged markers are masked, for one."""
+    with TemporaryDirectory() as folder:
+        log, _ = made.write(Path(folder), "log", robot)
+        return [each.trajectory for each in read_recording(log, robot, dt=made.dt).episodes]
 
 
 def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:

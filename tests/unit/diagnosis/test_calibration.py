@@ -1,0 +1,88 @@
+"""What the MJCF says only so well is fitted, and not taken for an effect."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis import Verdict, diagnose
+from flywheel.diagnosis.adoption import adoptable
+from flywheel.diagnosis.calibration import unsure_terms
+from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
+from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
+from flywheel.errors import DataError, UnknownNameError
+from flywheel.robots import Robot
+from tests.unit.diagnosis.conftest import recorded
+
+FEW = {name: EFFECTS[name] for name in ("winch_gain", "stiffening")}
+
+
+@pytest.mark.parametrize("name", ["cable_stiffness", "mass"])
+def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(
+    robot: Robot, seed: int, name: str
+) -> None:
+    logs = [recorded(robot, (), seed + i) for i in range(2)]
+    told = Plant(robot, parameters=PlantParameters(**{name: 1 / 1.06}))
+    unsure = {"cable_stiffness": 0.05, "body_mass": 0.05}
+    found = diagnose(told, logs[:1], logs[1:], FEW, window_seconds=0.4, seed=seed, unsure=unsure)
+    assert found.verdict is Verdict.NOISE_ONLY, (seed, found.verdict)
+    values = {each.effect: each.values[0] for each in found.calibration}
+    for effect, value in values.items():
+        true = 0.06 if effect.endswith(name) else 0.0
+        assert value.low - 0.01 < true < value.high + 0.01, (seed, effect, value)
+    assert found.errors.augmented < found.errors.baseline
+    adopted = {each.effect: each.parameters["share"] for each in adoptable(found.summary())}
+    assert adopted == {effect: value.in_plant for effect, value in values.items()}
+
+
+def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> None:
+    hidden = (Term(EFFECTS["winch_gain"], None, (0.15,)),)
+    told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.05))
+    logs = [recorded(robot, hidden, seed + i) for i in range(2)]
+    unsure = {"cable_stiffness": 0.05}
+    found = diagnose(told, logs[:1], logs[1:], FEW, window_seconds=0.4, seed=seed, unsure=unsure)
+    (answer,) = found.answers
+    assert [each.effect for each in answer] == ["winch_gain"], (seed, found.verdict)
+    assert answer[0].values[0].value == pytest.approx(0.15, abs=0.02), seed
+    assert found.calibration[0].values[0].value == pytest.approx(0.05, abs=0.02), seed
+
+
+def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
+    """No recording outweighs somebody who is sure."""
+    told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.05))
+    log = recorded(robot, (), seed)
+    sure = {"cable_stiffness": 1e-6}
+    found = diagnose(told, [log], (), FEW, window_seconds=0.4, seed=seed, unsure=sure)
+    assert abs(found.calibration[0].values[0].in_plant) < 1e-4, seed
+
+
+@pytest.mark.parametrize("deviation", [0.0, -0.1, math.inf, math.nan])
+def test_a_deviation_is_a_positive_number(deviation: float) -> None:
+    with pytest.raises(DataError, match="positive number"):
+        unsure_terms({"body_mass": deviation})
+
+
+def test_places_and_unknown_names_are_refused() -> None:
+    with pytest.raises(DataError, match="weak_cable is no single number.*cable_stiffness"):
+        unsure_terms({"weak_cable": 0.1})
+    with pytest.raises(UnknownNameError, match="body_mass"):
+        unsure_terms({"bodymass": 0.1})
+    present = (Term(CALIBRATIONS["body_mass"], None, (0.02,)),)
+    with pytest.raises(DataError, match="has body_mass already"):
+        unsure_terms({"body_mass": 0.1}, present)
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
+def test_a_calibration_is_the_plants_own_scale(robot: Robot, name: str) -> None:
+    rng = np.random.default_rng()
+    factor = float(rng.uniform(0.8, 1.25))
+    scale = {"cable_stiffness": "cable_stiffness", "body_mass": "mass"}[name]
+    term = Term(NAMED[name], None, (factor - 1.0,))
+    nominal, scaled = Plant(robot), Plant(robot, parameters=PlantParameters(**{scale: factor}))
+    start = nominal.settle(0.2)
+    controls = np.zeros((1, 10, len(robot.winches)))
+    ours = AugmentedPlant(nominal).simulate(start, controls, [(term,)])
+    theirs = AugmentedPlant(scaled).simulate(start, controls, [()])
+    np.testing.assert_allclose(ours.points, theirs.points, atol=1e-9)
