@@ -19,6 +19,7 @@ from flywheel.records import Floats, State
 from flywheel.robots import Robot
 
 PERSISTENT = 512  # simulations that are stepped together: each has an MjData of its own
+KEPT = 8  # batches of different sizes: each simulation of one takes 0.2 MB
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
@@ -160,10 +161,12 @@ class AugmentedPlant:
     def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
         """A batch of the right size, each simulation on the model that its terms ask for."""
         key = (base is self._movable, len(terms))
-        if key not in self._batches:
-            threads = max(1, self.plant.threads)
-            self._batches[key] = Batch(base, len(terms), threads, persistent=True)
-        batch = self._batches[key]
+        batch = self._batches.pop(key, None)
+        if batch is None:
+            batch = Batch(base, len(terms), max(1, self.plant.threads), persistent=True)
+        self._batches[key] = batch  # last, as the one used last
+        if len(self._batches) > KEPT:
+            del self._batches[next(iter(self._batches))]
         batch.set_models([self._compiled(base, each) for each in terms])
         batch.reset(stage=int(mujoco.mjtStage.mjSTAGE_NONE))
         return batch
