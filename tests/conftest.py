@@ -26,12 +26,19 @@ NO_EGL = "libEGL is not installed: apt-get install libegl1 libegl-mesa0 libgl1-m
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the tests that draw where there is nothing to draw with."""
-    if ctypes.util.find_library("EGL"):
-        return
+    """Skip the tests that draw where there is nothing to draw with; say which belong together.
+
+    Of the two processes that run the tests, one has all those that start a Ray, which takes both cores.
+    The others go by file, so that what a file sets up is set up once; pages of the docs go one by one.
+    """
+    can_draw = ctypes.util.find_library("EGL")
     for item in items:
-        if item.get_closest_marker("renders"):
+        if item.get_closest_marker("renders") and not can_draw:
             item.add_marker(pytest.mark.skip(reason=NO_EGL))
+        if item.get_closest_marker("ray"):
+            item.add_marker(pytest.mark.xdist_group("ray"))
+        elif item.path.name != "test_docs.py":
+            item.add_marker(pytest.mark.xdist_group(str(item.path)))
 
 
 @dataclass(frozen=True)
