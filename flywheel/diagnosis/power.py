@@ -24,7 +24,8 @@ class Prospect:
 
     Attributes:
       candidate: which.
-      smallest: size that would just be seen, in typical sizes; infinite if nothing changes.
+      smallest: size that would be seen in 95 of 100 recordings, in typical sizes; infinite if nothing
+        changes.
       strength: what it changes at the size asked about, after what is known was taken out [sigma].
       rival: that would explain most of it; None if there is no other.
       likeness: |cosine| of what the two change.
@@ -47,7 +48,7 @@ class Prospect:
 
     @property
     def shown(self) -> bool:
-        """The size asked about would be seen."""
+        """The size asked about would be seen, more often than not."""
         return self.strength >= ENOUGH
 
     def summary(self) -> dict[str, Any]:

@@ -85,7 +85,7 @@ class Score:
       score: S per size and per noise, to compare with `Threshold`.
       sizes: one-step estimates, in multiples of the typical sizes.
       errors: their standard deviations.
-      smallest: size that these data would have shown, in multiples of the typical one.
+      smallest: size that these data would have shown (95 %), in multiples of the typical one.
     """
 
     candidate: Candidate
@@ -149,15 +149,20 @@ class ScoreTest:
 
 
 CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes are stated
+SURE = 1.645  # standard deviations by which its root is exceeded in 95 of 100 recordings
 
 
 def smallest_shown(gram: Floats, noise: float = 1.0) -> float:
-    """Size that would score `CRITICAL`, from products (d, d) of sensitivities; infinite for none.
+    """Size that scores `CRITICAL` in 95 of 100 recordings, from products (d, d) of sensitivities.
 
-    Of several sizes, in the combination that shows least; a score is what is explained per size.
+    Noise adds to the root of what is explained, or takes away, one standard deviation: an effect that
+    would score exactly that much without noise is missed every second time. Of several sizes, in the
+    combination that shows least; a score is what is explained per size. Infinite for none.
     """
     weakest, sizes = np.linalg.eigvalsh(gram)[0], len(gram)
-    return float(np.sqrt(CRITICAL * sizes * noise / weakest)) if weakest > DEAD**2 else np.inf
+    if weakest <= DEAD**2:
+        return np.inf
+    return float((np.sqrt(CRITICAL * sizes) + SURE) * np.sqrt(noise / weakest))
 
 
 def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:

@@ -55,7 +55,8 @@ def test_of_several_sizes_the_weakest_combination_counts(
         own = columns[row][:, foresight.slices[slope][0]]
         weakest = np.linalg.norm(own @ directions, axis=0).min() / np.sqrt(2)  # per size
         assert foresight.strength(slope)[row] == pytest.approx(weakest, rel=1e-5), seed
-        assert foresight.smallest(slope)[row] == pytest.approx(5.0 / weakest, rel=1e-5), seed
+        needed = 5.0 + 1.645 / np.sqrt(2)  # per size; the noise is that of both together
+        assert foresight.smallest(slope)[row] == pytest.approx(needed / weakest, rel=1e-5), seed
 
 
 def test_cosines_are_of_the_angles_between_what_two_change(
