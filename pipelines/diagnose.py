@@ -65,7 +65,7 @@ def explain(
             "recordings": [path.name for path in logs],
             "held_out_recordings": [path.name for path in held_out],
         }
-        answer.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+        answer.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
         out.print(f"JSON: {answer}", soft_wrap=True)
     return found.exit_code
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.records import Floats
+
+RARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -17,14 +20,18 @@ class Adequacy:
 
     Attributes:
       noise: variance of what is left, per degree of freedom; 1 for nothing but noise.
+      doubt: its standard deviation, from not knowing the noise exactly.
+      loudest: of one window, by how many standard deviations of noise alone it is above that.
       correlation: of what is left, from one sample to the next; 0 for white noise.
-      inconstancy: of the fitted sizes over windows: mean square of their differences over what noise
-        makes of them, of the worst value; 1 for one size everywhere, 0 without sizes.
+      inconstancy: of the fitted sizes over windows: squares of their differences over what noise exceeds
+        once in a thousand times, of the worst size; above 1 for sizes that are not the same everywhere.
       by_window: (K,) mean square residual [sigma^2].
       by_point: (P,) the same of each tracked point.
     """
 
     noise: float
+    doubt: float
+    loudest: float
     correlation: float
     inconstancy: float
     by_window: Floats
@@ -32,7 +39,7 @@ class Adequacy:
 
 
 def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) -> Adequacy:
-    """Judge what a fit leaves.
+    """Judge what a fit leaves; every window counts in full.
 
     Args:
       fitter, fit: the model.
@@ -45,12 +52,21 @@ def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) ->
     measured = np.isfinite(windows.measured)
     by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(measured.sum(axis=(0, 1, 3)), 1)
     return Adequacy(
-        noise=test.noise,
-        correlation=sample_correlation(test.residual, shape),
+        noise=float(test.left @ test.left) / max(test.freedom, 1.0),
+        doubt=windows.doubt,
+        loudest=_loudest(test.left, measured.sum(axis=(1, 2, 3)), test.freedom),
+        correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, known),
         by_window=fitter.mean_squares(fit),
         by_point=by_point,
     )
+
+
+def _loudest(left: Floats, measured: np.ndarray, freedom: float) -> float:
+    """Largest excess of the squares of one window, of which (K,) samples were measured."""
+    squares = (left.reshape(len(measured), -1) ** 2).sum(axis=1)
+    free = measured * freedom / max(1, measured.sum())
+    return float(((squares - free) / np.sqrt(2.0 * np.maximum(free, 1.0))).max())
 
 
 def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
@@ -87,4 +103,5 @@ def _chow(test: ScoreTest, column: Floats) -> float:
     off = pull[enough] / weight[enough]
     mean = (weight[enough] * off).sum() / weight[enough].sum()
     spread = (weight[enough] * (off - mean) ** 2).sum()
-    return float(spread / (enough.sum() - 1) / max(test.noise, 1.0))
+    rare = chi2.ppf(1.0 - RARE, enough.sum() - 1)
+    return float(spread / rare / max(test.noise, 1.0))

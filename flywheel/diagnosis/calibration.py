@@ -52,4 +52,5 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     begun = fitter.at(fit.change, fit.starts.winch, (*fit.terms, *terms))
     last = range(len(fit.terms), len(begun.terms))
     free = free_values(begun.terms, Scales.of(fitter.windows.robot))
-    return fitter.fit(begun, [value for value in free if value.term in last])
+    unknown = [value for value in free if value.term in last]
+    return fitter.fit(fitter.elsewhere(fitter.fit(begun, unknown)), unknown)

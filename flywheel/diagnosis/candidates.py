@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
+import numpy as np
+
 from flywheel.effects import Effect, Scales, Term, place_name
 from flywheel.robots import Robot
 
@@ -40,8 +42,15 @@ class Candidate:
         return f"{self.effect.name}{AT}{self.location}" if self.location else self.effect.name
 
     def term(self, sizes: tuple[float, ...], shape: int = 0) -> Term:
-        """The effect with these sizes, in multiples of the typical ones, and this shape."""
-        values = tuple(s * t for s, t in zip(sizes, self.typical, strict=True))
+        """The effect with these sizes, in multiples of the typical ones, and this shape.
+
+        A size that the effect cannot have is the nearest that it can.
+        """
+        bounds = ((p.low, p.high) for p in self.effect.sizes)
+        values = tuple(
+            float(np.clip(size, low, high)) * typical
+            for size, typical, (low, high) in zip(sizes, self.typical, bounds, strict=True)
+        )
         return Term(self.effect, self.place, values + self.shapes[shape])
 
     def unit_terms(self) -> list[Term]:

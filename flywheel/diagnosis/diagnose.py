@@ -8,23 +8,22 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
-from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.calibration import calibrated, unsure_terms
 from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.diagnosis import Diagnosis, Errors, StandIn
+from flywheel.diagnosis.diagnosis import Diagnosis, StandIn
 from flywheel.diagnosis.evidence import Evidence
-from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.fit import Fit, Fitter, Linear
 from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.held_out import HeldOut, errors
 from flywheel.diagnosis.limits import Limits, verdict_of
 from flywheel.diagnosis.network_fit import NetworkFitter
-from flywheel.diagnosis.selection import Selection, Step
+from flywheel.diagnosis.selection import Selection, Step, places
 from flywheel.diagnosis.stand_in import stand_in
 from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.uncertainty import uncertainty
 from flywheel.diagnosis.under_test import UnderTest
 from flywheel.diagnosis.verdict import Alternative, Verdict, found
 from flywheel.diagnosis.whereabouts import whereabouts
-from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.errors import ModelError
@@ -128,50 +127,114 @@ def _searched(
     return _Search(first, selection, steps, here)
 
 
+@dataclass(frozen=True)
+class _Judged:
+    """What the steps of a selection say.
+
+    Attributes:
+      steps: of it.
+      effects: of the last step's model, with intervals.
+      before, after: what the first and the last model leave.
+      verdict: before it is asked whether others explain the recordings as well.
+    """
+
+    steps: list[Step]
+    effects: Alternative
+    before: Adequacy
+    after: Adequacy
+    verdict: Verdict
+
+    @property
+    def answer(self) -> Alternative:
+        """The effects that were asked about."""
+        return _asked(self.effects) if len(self.steps) > 1 else ()
+
+
 def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajectory]) -> Diagnosis:
     """What a search says."""
-    selection, steps, limits = search.selection, search.steps, search.limits
-    fitter, last = selection.fitter, steps[-1]
-    before, after = (_adequacy(selection, step) for step in (steps[0], last))
-    effects = _effects(selection, last.fit)
-    answer = tuple(each for each in effects if not each.term.known) if len(steps) > 1 else ()
-    verdict = verdict_of(limits, steps, answer, before, after)
-    others: tuple[Alternative, ...] = ()
-    if verdict in EXPLAINED:
-        fits = selection.others(steps, limits.equally_good)
-        others = tuple(_answer(selection, fit) for fit in fits)
-    unexplained = verdict in UNEXPLAINED
+    selection = search.selection
+    judged = _trusted(search, _judged(search, search.steps))
+    judged, others = _settled(search, _doubted(search, judged, under_test.seed))
+    fitter, last = selection.fitter, judged.steps[-1]
+    judge = HeldOut(under_test, held_out, fitter.windows)
+    unexplained = judged.verdict in UNEXPLAINED
+    ambiguous = others and judged.verdict is Verdict.EFFECT
     return Diagnosis(
-        verdict=Verdict.AMBIGUOUS if others and verdict is Verdict.EFFECT else verdict,
-        answers=(answer, *others),
-        ranking=steps[0].scores,
-        threshold=limits.threshold,
-        errors=_errors(fitter, search.first, last.fit),
-        held_out=_held_out(under_test, held_out, last.fit.terms, fitter.windows),
-        before=before,
-        after=after,
-        evidence=Evidence.of(fitter, steps),
+        verdict=Verdict.AMBIGUOUS if ambiguous else judged.verdict,
+        answers=(judged.answer, *(_asked(_effects(selection, fit)) for fit in others)),
+        ranking=judged.steps[0].scores,
+        threshold=search.limits.threshold,
+        errors=errors(fitter, search.first, last.fit),
+        held_out=judge.errors(last.fit.terms),
+        before=judged.before,
+        after=judged.after,
+        evidence=Evidence.of(fitter, judged.steps),
         where=whereabouts(fitter, last.test) if unexplained else None,
-        stand_in=_stand_in(under_test, fitter, last, held_out) if unexplained else None,
+        stand_in=_stand_in(fitter, last, judge, under_test.seed) if unexplained else None,
         model="" if under_test.model is None else under_test.model.name,
-        calibration=tuple(each for each in effects if each.term.known),
+        calibration=tuple(each for each in judged.effects if each.term.known),
     )
 
 
-def _adequacy(selection: Selection, step: Step) -> Adequacy:
-    return adequacy(selection.fitter, step.fit, step.test, selection.known(step.fit))
+def _judged(search: _Search, steps: list[Step]) -> _Judged:
+    fitter, first, last = search.selection.fitter, steps[0], steps[-1]
+    before, after = (adequacy(fitter, s.fit, s.test, s.sizes) for s in (first, last))
+    effects = _effects(search.selection, last.fit, last.linear)
+    answer = _asked(effects) if len(steps) > 1 else ()
+    verdict = verdict_of(search.limits, last, answer, before, after)
+    return _Judged(steps, effects, before, after, verdict)
 
 
-def _answer(selection: Selection, fit: Fit) -> Alternative:
-    """The effects of a fit that were asked about."""
-    return tuple(each for each in _effects(selection, fit) if not each.term.known)
+def _trusted(search: _Search, judged: _Judged) -> _Judged:
+    """Without effects of which nobody can say that they are there, beside others that are."""
+    selection = search.selection
+    while len(new := selection.new(judged.steps)) > 1:
+        doubtful = [each for each in judged.answer if each.term in new and not each.shown]
+        if not doubtful:
+            break
+        weakest = min(doubtful, key=lambda each: each.certainty)
+        fit = selection.shortened(judged.steps[-1].fit, weakest.term)
+        earlier = [step for step in judged.steps[:-1] if places(step.fit) < places(fit)]
+        judged = _judged(search, [*earlier, selection.look(fit)])
+    return judged
 
 
-def _effects(selection: Selection, fit: Fit) -> Alternative:
+def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
+    """Before something is said to be left: with other starts for every window that is loud."""
+    selection, last = search.selection, judged.steps[-1]
+    if judged.verdict not in UNEXPLAINED:
+        return judged
+    begun = selection.fitter.elsewhere(last.fit, seed + 1, usual=1.0)
+    if begun is last.fit:
+        return judged
+    fit = selection.pursued(replace(begun, converged=False))
+    return _judged(search, [*judged.steps[:-1], selection.look(fit)])
+
+
+def _settled(search: _Search, judged: _Judged) -> tuple[_Judged, list[Fit]]:
+    """The best of all models that explain the recordings as well, and the others."""
+    selection, last = search.selection, judged.steps[-1].fit
+    if judged.verdict not in EXPLAINED:
+        return judged, []
+    margin = search.limits.equally_good
+    first, *others = sorted(
+        [last, *selection.others(judged.steps, margin)], key=selection.criterion
+    )
+    if first is not last:
+        judged = _judged(search, [*judged.steps[:-1], selection.look(first)])
+    limit = selection.criterion(first) + margin
+    return judged, [fit for fit in others if selection.criterion(fit) < limit]
+
+
+def _asked(effects: Alternative) -> Alternative:
+    return tuple(each for each in effects if not each.term.known)
+
+
+def _effects(selection: Selection, fit: Fit, linear: Linear | None = None) -> Alternative:
     """All effects of a fit, with intervals."""
     if not fit.terms:
         return ()
-    sure = uncertainty(selection.fitter, fit, free_values(fit.terms, selection.scales))
+    sure = uncertainty(selection.fitter, fit, free_values(fit.terms, selection.scales), linear)
     robot, effects, start = selection.fitter.windows.robot, [], 0
     for term in fit.terms:
         stop = start + len(term.values)
@@ -181,30 +244,9 @@ def _effects(selection: Selection, fit: Fit) -> Alternative:
     return tuple(effects)
 
 
-def _errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
-    return Errors(fitter.windows.sigma, fitter.rms(before), fitter.rms(after))
-
-
-def _held_out(
-    under_test: UnderTest, recordings: Sequence[Trajectory], terms: Terms, fitted_on: Windows
-) -> Errors | None:
-    """Errors with terms that stay as they are; None without recordings."""
-    if not recordings:
-        return None
-    seconds = fitted_on.steps * fitted_on.dt
-    fitter, before = under_test.fitted(recordings, seconds, fitted_on.sigma, around=terms)
-    same = terms == before.terms
-    return _errors(fitter, before, before if same else fitted(fitter, terms, seed=under_test.seed))
-
-
-def _stand_in(
-    under_test: UnderTest, fitter: Fitter, last: Step, held_out: Sequence[Trajectory]
-) -> StandIn:
+def _stand_in(fitter: Fitter, last: Step, judge: HeldOut, seed: int) -> StandIn:
     """A learned law on top of the last model, and what it is like."""
-    learned = stand_in(fitter, last.fit, last.test, under_test.seed)
-    terms = learned.fit.terms
+    learned = stand_in(fitter, last, seed)
     return StandIn(
-        _errors(fitter, last.fit, learned.fit),
-        _held_out(under_test, held_out, terms, fitter.windows),
-        learned.likeness,
+        errors(fitter, last.fit, learned.fit), judge.errors(learned.fit.terms), learned.likeness
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from flywheel.diagnosis.adequacy import Adequacy
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.next_experiment import NextExperiment, next_experiment
@@ -138,6 +140,7 @@ class Diagnosis:
                 "noise": self.after.noise,
                 "correlation": self.after.correlation,
                 "inconstancy": self.after.inconstancy,
+                "loudest": self.after.loudest,
             },
             "unexplained": None if self.where is None else self.where.summary(),
             "stand_in": None if self.stand_in is None else self.stand_in.summary(),
@@ -159,5 +162,5 @@ def ranked(score: Score) -> dict[str, Any]:
                 candidate.effect.sizes, score.sizes, candidate.typical, strict=True
             )
         },
-        "smallest_detectable": score.smallest,
+        "smallest_detectable": score.smallest if np.isfinite(score.smallest) else None,
     }

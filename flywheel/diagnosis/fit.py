@@ -23,7 +23,8 @@ from flywheel.records import Floats
 SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
 LEAST_DAMPING = 1e-4
 STEPS = 3  # of a fit between two linearisations
-ENOUGH = 0.001  # relative fall of the cost below which a fit has converged
+# Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
+ENOUGH, LITTLE = 0.001, 2.0
 
 
 @dataclass(frozen=True)
@@ -101,9 +102,14 @@ class Fitter(ABC):
     def rms(self, fit: Fit) -> float:
         """What a fit is off, per degree of freedom [m]."""
 
-    def elsewhere(self, fit: Fit, seed: int = 0) -> Fit:
-        """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better."""
-        del seed
+    def elsewhere(self, fit: Fit, seed: int = 0, usual: float | None = None) -> Fit:
+        """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better.
+
+        Args:
+          seed: of other beginnings.
+          usual: mean square of a window that is not stuck [sigma^2]; None for the median one.
+        """
+        del seed, usual
         return fit
 
     def beginning(self, terms: Terms = ()) -> Fit:
@@ -127,9 +133,9 @@ class Fitter(ABC):
             after = self.refit(fit, self.linear(fit, precise=False), free, STEPS)
             if after is fit:  # differences of one side may have misled
                 after = self.refit(fit, self.linear(fit), free, STEPS)
-            fell = 1.0 - after.cost / fit.cost if np.isfinite(fit.cost) else 1.0
+            done = _hardly_fell(fit.cost, after.cost)
             fit = after
-            if fell < ENOUGH:
+            if done:
                 return replace(fit, converged=True)
         return fit
 
@@ -139,9 +145,9 @@ class Fitter(ABC):
             after = self.improved(fit, linear, free)
             if after is None:
                 break
-            fell = 1.0 - after.cost / fit.cost if np.isfinite(fit.cost) else 1.0
+            done = _hardly_fell(fit.cost, after.cost)
             fit = after
-            if fell < ENOUGH:
+            if done:
                 break
         return fit
 
@@ -219,6 +225,11 @@ class Fitter(ABC):
         whole[values, values] += known
         right[values] -= known * [f.value(fit.terms) for f in free]
         return whole, right
+
+
+def _hardly_fell(before: float, after: float) -> bool:
+    """Whether a fit has converged."""
+    return bool(np.isfinite(before)) and before - after < min(ENOUGH * before, LITTLE)
 
 
 def term_cost(terms: Terms) -> float:

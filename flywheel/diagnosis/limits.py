@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +13,11 @@ from flywheel.diagnosis.verdict import Alternative, Verdict
 
 THRESHOLD = 25.0  # score from which an effect counts as seen
 EQUALLY_GOOD = 10.0  # difference of two criteria (BIC) below which data do not tell
-LOUD = 1.10  # variance of what is left from which it is more than noise
+LOUD = 1.05  # variance of what is left from which it is more than noise, were that known exactly
+SURE = 2.0  # standard deviations of the noise's own error on top
 CORRELATED = 0.08  # correlation from sample to sample, likewise
-INCONSTANT = 4.0  # differences of a size between windows, likewise
+INCONSTANT = 1.0  # differences of a size between windows, likewise
+OUTSTANDING = 12.0  # standard deviations of noise by which one window may stand out
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Limits:
     loud: float = LOUD
     correlated: float = CORRELATED
     inconstant: float = INCONSTANT
+    outstanding: float = OUTSTANDING
 
     def beyond(self, own: OwnErrors) -> Limits:
         """Where a model's own errors are not taken for more."""
@@ -40,7 +42,11 @@ class Limits:
 
     def enough(self, left: Adequacy) -> bool:
         """Nothing but noise is left."""
-        return left.noise < self.loud and left.correlation < self.correlated
+        return (
+            left.noise < self.loud + SURE * left.doubt
+            and left.correlation < self.correlated
+            and left.loudest < self.outstanding
+        )
 
     def constant(self, left: Adequacy) -> bool:
         """Fitted sizes are the same everywhere."""
@@ -49,7 +55,7 @@ class Limits:
 
 def verdict_of(
     limits: Limits,
-    steps: Sequence[Step],
+    last: Step,
     answer: Alternative,
     before: Adequacy,
     after: Adequacy,
@@ -58,15 +64,14 @@ def verdict_of(
 
     Args:
       limits: what counts as seen.
-      steps: of the selection.
-      answer: of the last step.
+      last: step of the selection.
+      answer: of that; empty if nothing was found.
       before, after: what the first and the last model leave.
     """
-    last = steps[-1]
     if not np.isfinite(last.fit.cost):
         return Verdict.NOT_CONVERGED
-    if len(steps) == 1:
-        if limits.enough(before):
+    if not answer:
+        if limits.enough(after):
             smallest = [score.smallest for score in last.scores]
             blind = all(
                 size > s.candidate.effect.sizes[0].high

@@ -149,11 +149,12 @@ class NetworkFitter(Fitter):
         measured = np.isfinite(self.windows.measured)
         found = []
         for draw in np.moveaxis(self._own, 2, 0):
-            left = test.projection(draw[..., None])[:, 0]
-            noise = float(left @ left) / max(test.freedom, 1.0)
-            scores = replace(test, residual=left, noise=noise).scores()
-            best = max(score.score for score in scores)
-            found.append((best, noise, sample_correlation(left, measured.shape)))
+            residual = test.projection(draw[..., None])[:, 0]
+            noise = float(residual @ residual) / max(test.freedom, 1.0)
+            best = max(s.score for s in replace(test, residual=residual, noise=noise).scores())
+            left = test.whole(draw[..., None])[:, 0]
+            loud = float(left @ left) / max(test.freedom, 1.0)
+            found.append((best, loud, sample_correlation(left, measured.shape)))
         return OwnErrors(*np.quantile(found, BEYOND, axis=0).tolist())
 
     def _unseen(self, worlds: Floats) -> Floats:

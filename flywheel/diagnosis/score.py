@@ -109,6 +109,8 @@ class ScoreTest:
       noise: variance of the residual per degree of freedom.
       freedom: degrees of freedom of the residual.
       projection: that was used.
+      whole: the same, in which every window counts in full.
+      left: (N,) residual after that; what one bad window says shows here.
     """
 
     candidates: tuple[Candidate, ...]
@@ -118,6 +120,8 @@ class ScoreTest:
     noise: float
     freedom: float
     projection: Projection
+    whole: Projection
+    left: Floats
 
     def scores(self, residual: Floats | None = None) -> list[Score]:
         """Of every candidate, in order; of another residual if one is given."""
@@ -208,8 +212,10 @@ def score_test(
     square = (fit.residual**2).sum(axis=1)
     measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
     mean = square / np.maximum(measured, 1)
-    weights = 1.0 / np.sqrt(np.maximum(1.0, mean / np.median(mean)))
+    usual = max(float(np.median(mean)), 1e-9)  # nothing is left of windows that diverged
+    weights = 1.0 / np.sqrt(np.maximum(1.0, mean / usual))
     projection = Projection.of(fitter, linear, known, weights)
+    whole = Projection.of(fitter, linear, known, np.ones(len(mean)))
     residual = projection(fit.residual[..., None])[:, 0]
     entries = linear.by_start.shape[2]
     freedom = float(measured.sum() - len(measured) * entries - projection.shared.shape[2])
@@ -222,4 +228,6 @@ def score_test(
         noise,
         freedom,
         projection,
+        whole,
+        whole(fit.residual[..., None])[:, 0],
     )

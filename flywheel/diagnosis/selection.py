@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -34,12 +34,14 @@ class Step:
     Attributes:
       fit: the model.
       linear: its sensitivities.
+      sizes: (K, D, n) its sensitivities to its values; None without any.
       test: of every candidate on top of it.
       scores: of every candidate, best first.
     """
 
     fit: Fit
     linear: Linear
+    sizes: Floats | None
     test: ScoreTest
     scores: tuple[Score, ...]
 
@@ -68,6 +70,8 @@ class Selection:
     def run(self, first: Step) -> list[Step]:
         """The model as it was, with one effect more, and so on; the last step is the answer."""
         steps, most = [first], len(first.fit.terms) + MOST
+        if changed := self._moved(first):
+            steps.append(self.look(changed))
         for _ in range(TURNS):
             if len(steps[-1].fit.terms) >= most:
                 break
@@ -80,6 +84,15 @@ class Selection:
             steps.append(self.look(better))
         return steps
 
+    def _moved(self, first: Step) -> Fit | None:
+        """The model as it was with other values of the effects that it had; None if they were right."""
+        had = asked(first.fit.terms)
+        if not had:
+            return None
+        fit = self.pursued(replace(first.fit, converged=False))  # with its values held so far
+        moved = first.fit.cost - fit.cost > sum(self._worth(term) for term in had)
+        return fit if moved else None
+
     def others(self, steps: Sequence[Step], margin: float) -> list[Fit]:
         """Models that explain the data as well as the last one.
 
@@ -87,9 +100,21 @@ class Selection:
         """
         last = steps[-1].fit
         found: list[Fit] = []
-        for term in asked(last.terms):
+        for term in self.new(steps):
             found += self._exchanged(steps, last, term, margin)
         return found
+
+    def new(self, steps: Sequence[Step]) -> Terms:
+        """Terms of the last step that the first does not have."""
+        before = places(steps[0].fit)
+        return tuple(
+            t for t in asked(steps[-1].fit.terms) if (t.effect.name, t.place) not in before
+        )
+
+    def shortened(self, fit: Fit, term: Term) -> Fit:
+        """A fit without a term, fitted anew."""
+        left = self.fitter.at(fit.change, fit.starts.winch, without(fit.terms, term))
+        return self.pursued(left)
 
     def _exchanged(self, steps: Sequence[Step], last: Fit, term: Term, margin: float) -> list[Fit]:
         others = without(last.terms, term)
@@ -128,7 +153,7 @@ class Selection:
         test = score_test(self.fitter, fit, self.library, taken, linear)
         scores = sorted(test.scores(), key=lambda s: -s.score)
         self.progress(f"scored {len(scores)} candidates on top of {len(fit.terms)} effects")
-        return Step(fit, linear, test, tuple(scores))
+        return Step(fit, linear, sizes, test, tuple(scores))
 
     def known(self, fit: Fit) -> Floats | None:
         """(K, D, n) sensitivities with all values of the model's terms; None without terms."""

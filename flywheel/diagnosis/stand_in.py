@@ -17,6 +17,7 @@ from flywheel.diagnosis.diagnosis import Likeness
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free, free_values
 from flywheel.diagnosis.score import ScoreTest
+from flywheel.diagnosis.selection import Step
 from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats
@@ -77,23 +78,22 @@ class Learned:
     likeness: tuple[Likeness, ...]
 
 
-def stand_in(fitter: Fitter, fit: Fit, test: ScoreTest, seed: int = 0) -> Learned:
+def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
     """Train a law on top of a fit.
 
     Args:
-      fitter, fit: the model so far.
-      test: of the library on top of it.
+      fitter: of the windows.
+      step: the model so far, with the test of the library on top of it.
       seed: of the first weights.
     """
     rng = np.random.default_rng(seed)
-    linear = fitter.linear(fit)  # a law that adds nothing yet leaves it as it is
     tried = []
     for _ in range(BEGINNINGS):
-        begun = _begun(fitter, fit, rng)
-        tried.append(fitter.refit(begun, linear, _weights_of(fitter, begun, "out")))
+        begun = _begun(fitter, step.fit, rng)  # a law that adds nothing yet changes no sensitivity
+        tried.append(fitter.refit(begun, step.linear, _weights_of(fitter, begun, "out")))
     best = min(tried, key=lambda each: each.cost)
     trained = fitter.fit(best, _weights_of(fitter, best), ROUNDS)
-    return Learned(trained, _likeness(fitter, trained, test))
+    return Learned(trained, _likeness(fitter, trained, step.test))
 
 
 def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Fit:

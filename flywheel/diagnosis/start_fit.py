@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle, islice
 
 import numpy as np
 
 from flywheel.diagnosis.fit import LEAST_DAMPING, Fit, Fitter, Linear, term_cost
 from flywheel.diagnosis.prediction import Carried, Predictor, Starts
-from flywheel.dynamics.plant import turning
+from flywheel.dynamics.plant import unseen_axes
+from flywheel.dynamics.plant.restarted import FREE_VELOCITIES
 from flywheel.effects import Terms
 from flywheel.records import Floats, State
 
@@ -17,9 +19,15 @@ WINCH_STEP = 1e-3  # of one of a winch's offset [L]
 DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
-STUCK = 1.3  # mean square of a window, over the median one, from which its start is doubted
-TRIES = 4  # other starts for such a window
-TURN = 0.4  # standard deviation of their turns [rad]
+STUCK = 1.3  # mean square of a window, over the usual one, from which its start is doubted
+TRIES = 4  # of such a window with its bodies turned
+TURN = 0.4  # standard deviation of their turns about axes that no point shows [rad]
+SCALES = (
+    2e-3,
+    8e-3,
+    5e-4,
+)  # of differences, in turn: contacts make every one of them blind somewhere
+SEARCHES = 6  # rounds
 
 
 class StartFitter(Fitter):
@@ -66,22 +74,28 @@ class StartFitter(Fitter):
         return Linear(by_start, by_winch)
 
     def by_start(
-        self, fit: Fit, members: np.ndarray, change: Floats, here: Floats | None = None
+        self,
+        fit: Fit,
+        members: np.ndarray,
+        change: Floats,
+        here: Floats | None = None,
+        step: float = STEP,
     ) -> Floats:
         """(n, D, X) sensitivities of windows `members` (n,) at changes (n, X).
 
-        Of both sides, or, at half the price, of one side against what is predicted `here`.
+        By differences of a `step` to both sides, or, at half the price, to one side of what is predicted
+        `here`.
         """
         predictor, size = self.predictor, self.predictor.tangent
         sides = (1.0, -1.0) if here is None else (1.0,)
-        steps = np.concatenate([side * np.eye(size) for side in sides]) * STEP
+        steps = np.concatenate([side * np.eye(size) for side in sides]) * step
         tried = (change[:, None] + steps).reshape(-1, size)
         rows = np.repeat(members, len(steps))
         states = predictor.moved(self.first[rows], tried)
         points = predictor.parallel(states, fit.carried, fit.terms, rows)
         points = points.reshape(len(members), len(sides), size, *points.shape[1:])
         opposite = points[:, 1] if here is None else here[:, None]
-        return self.slope(points[:, 0] - opposite, len(sides) * STEP, members)
+        return self.slope(points[:, 0] - opposite, len(sides) * step, members)
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """See `Fitter`."""
@@ -103,29 +117,30 @@ class StartFitter(Fitter):
         tries = np.stack([self._steps(fit.change, linear.by_start, left, d) for d in DAMPING])
         return self.at(self._best_of_each(fit.change, tries, winch, terms), winch, terms)
 
-    def elsewhere(self, fit: Fit, seed: int = 0) -> Fit:
+    def elsewhere(self, fit: Fit, seed: int = 0, usual: float | None = None) -> Fit:
         """See `Fitter`.
 
         Windows that fit much worse than the others may have begun in a wrong place, or have been led
-        there by a wrong model: they are tried from their first estimates, and with their bodies turned
-        at random.
+        there by a wrong model: they are tried on from where they are, from their first estimates, and
+        with their bodies turned at random as far as nobody sees it.
         """
         square = self.mean_squares(fit)
-        stuck = np.flatnonzero(square > STUCK * max(1.0, float(np.median(square))))
+        usual = float(np.median(square)) if usual is None else usual
+        stuck = np.flatnonzero(square > STUCK * max(1.0, usual))
         if not len(stuck):
             return fit
-        members = np.repeat(stuck, TRIES)
-        tried = self._turned(fit.change[members], seed)
-        nowhere = np.zeros((len(stuck), tried.shape[1]))
-        members, tried = np.concatenate([members, stuck]), np.concatenate([tried, nowhere])
-        return self.searched(fit, members, tried)
+        here = fit.change[stuck]
+        turned = self._turned(np.repeat(here, TRIES, axis=0), seed)
+        tried = np.concatenate([here, np.zeros_like(here), turned])
+        return self.searched(fit, np.concatenate([stuck, stuck, np.repeat(stuck, TRIES)]), tried)
 
     def _turned(self, change: Floats, seed: int) -> Floats:
-        """Changes (n, X) with random turns of the bodies added."""
-        angles = turning(self.predictor.plant)
-        angles = np.concatenate([angles, np.zeros_like(angles)])
-        noise = np.random.default_rng(seed).normal(0.0, TURN, change.shape)
-        return change + np.where(angles, noise, 0.0)
+        """Changes (n, X) with random turns of the bodies about their unseen axes added."""
+        rng, change = np.random.default_rng(seed), change.copy()
+        for body, axis in unseen_axes(self.windows.robot).items():
+            turn = FREE_VELOCITIES * body + np.arange(3, 6)
+            change[:, turn] += rng.normal(0.0, TURN, (len(change), 1)) * axis
+        return change
 
     def _best_of_each(self, change: Floats, tries: Floats, winch: Floats, terms: Terms) -> Floats:
         """(K, X) of the steps (n, K, X), or none, what makes each window's own cost least."""
@@ -152,12 +167,12 @@ class StartFitter(Fitter):
         local, pull = self.normal(change, by_start, left, damping)
         return np.linalg.solve(local, pull[..., None])[..., 0]
 
-    def searched(self, fit: Fit, members: np.ndarray, change: Floats, rounds: int = 4) -> Fit:
+    def searched(self, fit: Fit, members: np.ndarray, change: Floats) -> Fit:
         """Windows from other starts: each of `members` (n,) from (n, X), kept where it ends lower."""
-        for _ in range(rounds):
+        for step in islice(cycle(SCALES), SEARCHES):
             states = self.predictor.moved(self.first[members], change)
             points = self.predictor.parallel(states, fit.carried, fit.terms, members)
-            by_start = self.by_start(fit, members, change, points)
+            by_start = self.by_start(fit, members, change, points, step)
             left = np.nan_to_num(self.windows.residual_of(members, points))
             steps = np.stack([self._steps(change, by_start, left, d) for d in DAMPING])
             tried = np.concatenate([np.zeros_like(change)[None], steps]) + change

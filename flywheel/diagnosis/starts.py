@@ -17,7 +17,7 @@ def estimated_starts(windows: Windows, plant: Plant) -> State:
     """(K,) states: poses and velocities that fit the measurements best, rods relaxed about their axes.
 
     Raises:
-      DataError: a point is not seen anywhere around a start.
+      DataError: a point is never seen in a recording.
     """
     robot, dt = windows.robot, windows.dt
     places, speeds = smoothed(windows)
@@ -41,7 +41,10 @@ def nominal_winch(windows: Windows) -> Floats:
 
 
 def smoothed(windows: Windows) -> tuple[Floats, Floats]:
-    """(K, P, 3) places [m] and speeds [m/s] at each start, by parabolas through the samples around."""
+    """(K, P, 3) places [m] and speeds [m/s] at each start, by parabolas through the samples around.
+
+    A point that is hardly seen there is where it was seen next to it, and at rest.
+    """
     found = [_smooth(windows, i, f) for i, f in zip(windows.log, windows.first, strict=True)]
     places, speeds = (np.stack(part) for part in zip(*found, strict=True))
     return places, speeds
@@ -49,18 +52,22 @@ def smoothed(windows: Windows) -> tuple[Floats, Floats]:
 
 def _smooth(windows: Windows, log: int, first: int) -> tuple[Floats, Floats]:
     points = windows.logs[log].points
-    around = AROUND
-    while True:
-        low, high = max(0, first - around), min(len(points), first + around + 1)
-        near = points[low:high]
-        known = np.asarray(np.isfinite(near).all(axis=-1))
-        if (known.sum(axis=0) > DEGREE).all():
-            break
-        if low == 0 and high == len(points):
-            raise DataError(f"A point is seen fewer than {DEGREE + 1} times in recording {log}.")
-        around *= 2
+    low, high = max(0, first - AROUND), min(len(points), first + AROUND + 1)
+    near = points[low:high]
+    known = np.asarray(np.isfinite(near).all(axis=-1))
     time = (np.arange(low, high) - first) * windows.dt
     powers = time[:, None] ** np.arange(DEGREE + 1)
     weights = known.T[..., None]  # (P, n, 1)
     fit = np.linalg.pinv(weights * powers) @ np.where(weights, near.swapaxes(0, 1), 0.0)
-    return fit[:, 0], fit[:, 1]
+    place, speed = fit[:, 0], fit[:, 1]
+    for point in np.flatnonzero(known.sum(axis=0) <= DEGREE):
+        place[point], speed[point] = _nearest(points[:, point], first, log), 0.0
+    return place, speed
+
+
+def _nearest(path: Floats, first: int, log: int) -> Floats:
+    """(3,) where a point was when it was seen next to a step: to go on from there would lead astray."""
+    seen = np.flatnonzero(np.isfinite(path).all(axis=-1))
+    if not len(seen):
+        raise DataError(f"A point is never seen in recording {log}.")
+    return np.asarray(path[seen[np.abs(seen - first).argmin()]])

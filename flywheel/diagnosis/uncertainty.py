@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.fit import Fit, Fitter, Linear
 from flywheel.diagnosis.free import Free
 from flywheel.diagnosis.score import Projection
 from flywheel.records import Floats
@@ -31,8 +31,10 @@ class Uncertainty:
     by_step: Floats
 
 
-def uncertainty(fitter: Fitter, fit: Fit, free: Sequence[Free]) -> Uncertainty:
-    """Of the values of a fit.
+def uncertainty(
+    fitter: Fitter, fit: Fit, free: Sequence[Free], linear: Linear | None = None
+) -> Uncertainty:
+    """Of the values of a fit, whose sensitivities `linear` are computed where they are not at hand.
 
     From the curvature of the fit, or from how much the windows disagree (sandwich), whichever is
     larger: curvature alone trusts the model to be right. What time steps add is extrapolated from half
@@ -41,11 +43,11 @@ def uncertainty(fitter: Fitter, fit: Fit, free: Sequence[Free]) -> Uncertainty:
     moves = np.array([f.step_from(fit.terms) for f in free])
     stepped = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
     columns = fitter.columns(fit, stepped) / moves
-    projection = Projection.of(fitter, fitter.linear(fit), None, np.ones(len(columns)))
+    projection = Projection.of(fitter, linear or fitter.linear(fit), None, np.ones(len(columns)))
     left, residual = projection(columns), projection(fit.residual[..., None])[:, 0]
     known = np.diag([1.0 / f.prior**2 for f in free])
     inverse = np.linalg.pinv(left.T @ left + known, rcond=1e-12)
-    freedom = max(1, len(residual) - fit.change.size)
+    freedom = max(1, int(np.isfinite(fitter.windows.measured).sum()) - fit.change.size)
     curvature = inverse * max(1.0, float(residual @ residual) / freedom)
     by_window = (left * residual[:, None]).reshape(len(columns), -1, len(free)).sum(axis=1)
     by_window -= by_window.mean(axis=0)

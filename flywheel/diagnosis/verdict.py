@@ -89,6 +89,12 @@ class Found:
         sizes = self.values[: len(self.term.effect.sizes)]
         return any(value.low > 0 or value.high < 0 for value in sizes)
 
+    @property
+    def certainty(self) -> float:
+        """Largest of its sizes over its interval's width."""
+        sizes = self.values[: len(self.term.effect.sizes)]
+        return max(abs(v.value) / max(v.high - v.low, 1e-300) for v in sizes)
+
     def summary(self) -> dict[str, Any]:
         """As in JSON."""
         return {

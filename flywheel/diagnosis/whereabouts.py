@@ -93,7 +93,7 @@ def _explained(fitter: Fitter, test: ScoreTest) -> Floats:
 def _pieces(fitter: Fitter, test: ScoreTest) -> Floats:
     """(K, pieces, P) mean square of what is left, over time, of each tracked point."""
     shape = fitter.windows.measured.shape
-    left = test.residual.reshape(shape[0], -1)[:, : int(np.prod(shape[1:]))].reshape(shape)
+    left = test.left.reshape(shape[0], -1)[:, : int(np.prod(shape[1:]))].reshape(shape)
     known = np.isfinite(fitter.windows.measured)
     parts = np.array_split(np.arange(shape[1]), min(PIECES, shape[1]))
     means = [

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.noise import noise_floor
+from flywheel.diagnosis.noise import noise_doubt, noise_floor
 from flywheel.effects import Scales
 from flywheel.errors import DataError
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
 
 WINDOW = 1.8  # length of a window [sqrt(L / g)]
+REMNANT = 0.5  # of that, below which a recording gives no window if others do
 FEWEST_SAMPLES = 0.3  # share of its samples that a window needs
 
 
@@ -51,6 +52,7 @@ class Windows:
       first: (K,) the step of the log at which each begins.
       measured: (K, steps + 1, P, 3) [m].
       sigma: noise of each coordinate [m].
+      doubt: standard deviation of one over its square, relative to that; 0 where it was given.
     """
 
     robot: Robot
@@ -61,6 +63,7 @@ class Windows:
     first: np.ndarray
     measured: Floats
     sigma: float
+    doubt: float = 0.0
 
     @classmethod
     def cut(
@@ -89,7 +92,9 @@ class Windows:
         dt = trajectories[0].dt
         wanted = seconds or WINDOW * Scales.of(robot).time
         logs = tuple(Log.of(t) for t in trajectories)
-        shortest = min(len(log.controls) for log in logs)
+        lengths = [len(log.controls) for log in logs]
+        # What is left behind a gap may be too short for a window, and does not shorten all others.
+        shortest = min([n for n in lengths if n * dt >= REMNANT * wanted] or lengths)
         steps = shortest // max(1, round(shortest * dt / wanted))
         if steps < 2:
             raise DataError(f"A recording of {shortest} steps is too short for a window.")
@@ -114,6 +119,7 @@ class Windows:
             first=np.array([f for _, f in places]),
             measured=measured,
             sigma=noise_floor([log.points for log in logs]) if sigma is None else sigma,
+            doubt=noise_doubt([log.points for log in logs]) if sigma is None else 0.0,
         )
 
     def __len__(self) -> int:

@@ -11,6 +11,7 @@ class ActuatorLag(CommandEffect):
     """A first-order lag between command and winch."""
 
     name = "actuator_lag"
+    stage = 1
     sizes = (Parameter("time", "s", lambda s: 0.2 * s.time),)
     equation = "a dr/dt = u - r"
     source = "first-order motor"

@@ -11,6 +11,7 @@ class CommandDelay(CommandEffect):
     """Every command acts a fixed time later; before the first one the winches hold."""
 
     name = "command_delay"
+    stage = 0
     sizes = (Parameter("time", "s", lambda s: 0.1 * s.time),)
     equation = "u(t) -> u(t - d)"
     source = "transport delay"

@@ -12,7 +12,7 @@ class ContactSoftness(ModelEffect):
     """Stiffness of all contacts divided by one factor; the damping ratio stays."""
 
     name = "contact_softness"
-    sizes = (Parameter("share", "-", lambda s: 1.0, low=-0.5, high=4.0),)
+    sizes = (Parameter("share", "-", lambda s: 1.0, low=-0.5, high=20.0),)
     equation = "k -> k / (1 + s)"
     source = "MuJoCo's soft contacts (solref)"
     shown_by = "drops and sudden strokes"

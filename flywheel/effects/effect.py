@@ -98,7 +98,13 @@ class ModelEffect(Effect):
 
 
 class CommandEffect(Effect):
-    """Between what was commanded and what the winches are told."""
+    """Between what was commanded and what the winches are told.
+
+    Attributes:
+      stage: of the way from the computer (0) to the spool; effects act in this order.
+    """
+
+    stage: ClassVar[int]
 
     @abstractmethod
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:

@@ -14,6 +14,7 @@ class SensorLatency(CommandEffect):
     """
 
     name = "sensor_latency"
+    stage = 0
     sizes = (Parameter("time", "s", lambda s: 0.1 * s.time),)
     equation = "y(t) = x(t - d)"
     source = "transport delay"

@@ -15,7 +15,7 @@ class WeakCable(ModelEffect):
 
     name = "weak_cable"
     where = "cable"
-    sizes = (Parameter("share", "-", lambda s: 0.2, low=-5.0, high=4.5),)
+    sizes = (Parameter("share", "-", lambda s: 0.2, low=-5.0, high=4.9),)
     equation = "dT = -s T at one cable"
     source = "Hooke's law"
     shown_by = "strokes that load the cables one after the other"

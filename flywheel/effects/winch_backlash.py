@@ -11,6 +11,7 @@ class WinchBacklash(CommandEffect):
     """The rest length follows the motor with free play, in the middle of it at the beginning."""
 
     name = "winch_backlash"
+    stage = 3
     sizes = (Parameter("width", "m", lambda s: 0.01 * s.length),)
     equation = "l0 = clip(l0, m - b / 2, m + b / 2), m: position of the motor"
     source = "play operator (Krasnosel'skii)"

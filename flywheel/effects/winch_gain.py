@@ -12,6 +12,7 @@ class WinchGain(CommandEffect):
     """
 
     name = "winch_gain"
+    stage = 2
     sizes = (Parameter("share", "-", lambda s: 0.1, low=-5.0, high=5.0),)
     equation = "r -> (1 + g) r"
     source = "kinematics of the drum"

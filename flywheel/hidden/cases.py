@@ -38,7 +38,7 @@ PAIRS = (
     ("weak_cable", "payload"),
     ("slope", "command_delay"),
     ("cable_friction", "capstan"),
-    ("command_delay", "sensor_latency"),
+    ("sensor_latency", "torque_speed"),
     ("winch_backlash", "actuator_lag"),
     ("cable_damping", "air_drag"),
     ("stiffening", "torque_speed"),

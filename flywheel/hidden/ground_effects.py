@@ -57,10 +57,10 @@ class Slope(ModelEffect):
     """A floor that is not level: gravity leans, seen from the floor."""
 
     name = "slope"
-    units: ClassVar = {"x": "rad", "y": "rad"}
-    sized: ClassVar = ("x", "y")
-    x: float
-    y: float
+    units: ClassVar = {"about_x": "rad", "about_y": "rad"}
+    sized: ClassVar = ("about_x", "about_y")
+    about_x: float
+    about_y: float
 
     @classmethod
     def typical(cls, robot: Robot, rng: np.random.Generator) -> Self:
@@ -69,7 +69,7 @@ class Slope(ModelEffect):
 
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         strength = float(np.linalg.norm(spec.option.gravity))
-        across = np.array([np.sin(self.y), -np.sin(self.x)])
+        across = np.array([np.sin(self.about_y), -np.sin(self.about_x)])
         down = -np.sqrt(1.0 - across @ across)
         spec.option.gravity = strength * np.array([*across, down])
 

@@ -11,6 +11,7 @@ from flywheel.dynamics.plant.refined import refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
 from flywheel.dynamics.plant.tangent import between, moved, turning
+from flywheel.dynamics.plant.twist import unseen_axes
 
 __all__ = [
     "AugmentedPlant",
@@ -29,5 +30,6 @@ __all__ = [
     "render_episode",
     "render_frames",
     "turning",
+    "unseen_axes",
     "with_effects",
 ]

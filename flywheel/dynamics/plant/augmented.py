@@ -10,7 +10,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped
-from flywheel.dynamics.plant.parameters import scaled
+from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.plant import DISABLED, Plant, no_warning_file
 from flywheel.dynamics.plant.world import scene
 from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
@@ -18,8 +18,11 @@ from flywheel.errors import ModelError
 from flywheel.records import Floats, State
 from flywheel.robots import Robot
 
-PERSISTENT = 512  # simulations that are stepped together: each has an MjData of its own
-KEPT = 8  # batches of different sizes: each simulation of one takes 0.2 MB
+TOGETHER = (
+    48  # simulations per thread that are stepped together: more do not fit into a core's cache
+)
+EDITED = 256  # models with effects that are kept
+KEPT = 8  # batches of different sizes
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
@@ -56,9 +59,10 @@ class AugmentedPlant:
 
     def __init__(self, plant: Plant) -> None:
         self.plant, self.robot, self.dt = plant, plant.robot, plant.dt
+        self.threads = max(1, plant.threads)
         self._scales = Scales.of(plant.robot)
         self._model, self._movable = _with_pulls(plant, False), _with_pulls(plant, True)
-        self._cables = Geometry.of(self._model, plant.robot)
+        self._cables = Geometry.of(self._model, plant.robot, _parameters(plant))
         self._edited: dict[tuple[object, ...], mujoco.MjModel] = {}
         self._batches: dict[tuple[bool, int], Batch] = {}
 
@@ -72,7 +76,7 @@ class AugmentedPlant:
         told = np.clip(controls, self.robot.control_low, self.robot.control_high)
         width = len(self.robot.winches)
         groups = grouped(terms, CommandEffect, width)  # type: ignore[type-abstract]
-        for effect, rows, values in groups:
+        for effect, rows, values in sorted(groups, key=lambda group: group[0].stage):
             told[rows] = effect.command(told[rows], values, self.robot, self.dt)
         return told
 
@@ -109,9 +113,7 @@ class AugmentedPlant:
         pieces, order = [], []
         with no_warning_file():
             for base, members in ((self._model, ~moves), (self._movable, moves)):
-                chosen = np.flatnonzero(members)
-                for first in range(0, len(chosen), PERSISTENT):
-                    rows = chosen[first : first + PERSISTENT]
+                for rows in _pieces(np.flatnonzero(members), TOGETHER * self.threads):
                     part = {name: held[rows] for name, held in memory.items()}
                     here = [terms[row] for row in rows]
                     pieces.append(self._simulate(base, start[rows], told[rows], here, part))
@@ -163,7 +165,7 @@ class AugmentedPlant:
         key = (base is self._movable, len(terms))
         batch = self._batches.pop(key, None)
         if batch is None:
-            batch = Batch(base, len(terms), max(1, self.plant.threads), persistent=True)
+            batch = Batch(base, len(terms), self.threads, persistent=True)
         self._batches[key] = batch  # last, as the one used last
         if len(self._batches) > KEPT:
             del self._batches[next(iter(self._batches))]
@@ -178,7 +180,7 @@ class AugmentedPlant:
         if not native:
             return base
         if key not in self._edited:
-            if len(self._edited) > 4 * PERSISTENT:
+            if len(self._edited) > EDITED:
                 self._edited.clear()
             self._edited[key] = edited(base, self.robot, native)
         return self._edited[key]
@@ -207,6 +209,7 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
       movable: without MuJoCo's short cut for bodies whose centre of mass never moves.
     """
     spec = scene(plant.robot, plant.obstacles)
+    _undressed(spec)
     for tendon in list(spec.tendons):
         pull = spec.add_actuator(name=f"effects on {tendon.name}", target=tendon.name)
         pull.trntype = mujoco.mjtTrn.mjTRN_TENDON
@@ -216,10 +219,26 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
             body.simple = False
     model = spec.compile()
     model.opt.disableflags |= DISABLED
+    return scaled(model, plant.robot, _parameters(plant))
+
+
+def _parameters(plant: Plant) -> PlantParameters:
+    """The one set that a plant with effects has."""
     parameters = plant.parameters
-    return scaled(
-        model, plant.robot, parameters if not isinstance(parameters, Sequence) else parameters[0]
-    )
+    return parameters[0] if isinstance(parameters, Sequence) else parameters
+
+
+def _undressed(spec: mujoco.MjSpec) -> None:
+    """Take away what is only looked at: a ground's texture is most of a model, and many are kept."""
+    for each in (*spec.geoms, *spec.sites, *spec.tendons):
+        each.material = ""
+    for each in (*spec.materials, *spec.textures):
+        spec.delete(each)
+
+
+def _pieces(rows: np.ndarray, most: int) -> list[np.ndarray]:
+    """Rows in pieces of about the same length, `most` at most."""
+    return np.array_split(rows, -(-len(rows) // most)) if len(rows) else []
 
 
 def _hold_diverged(states: Floats, points: Floats, alive: np.ndarray) -> None:

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.effects import Cables, CommandEffect, TensionEffect, Term, Terms, WinchEffect
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -37,7 +38,7 @@ class Geometry:
     loads: np.ndarray
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, robot: Robot) -> Geometry:
+    def of(cls, model: mujoco.MjModel, robot: Robot, parameters: PlantParameters) -> Geometry:
         activation = np.full(len(robot.cables), -1)
         loads = np.zeros((len(robot.winches), len(robot.cables)), bool)
         for index, winch in enumerate(robot.winches):
@@ -47,8 +48,8 @@ class Geometry:
         return cls(
             activation,
             np.array([cable.rest_length for cable in cables]),
-            np.array([cable.stiffness for cable in cables]),
-            np.array([cable.damping for cable in cables]),
+            parameters.cable_stiffness * np.array([cable.stiffness for cable in cables]),
+            parameters.cable_damping * np.array([cable.damping for cable in cables]),
             loads,
         )
 

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.twist import relaxed
+from flywheel.dynamics.plant.twist import ON_A_LINE, line_of, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Body, Robot
@@ -28,7 +28,6 @@ from flywheel.rotations import (
 )
 
 FREE_POSITIONS, FREE_VELOCITIES = 7, 6
-ON_A_LINE = 1e-6  # singular value over the largest, below which points are collinear
 
 
 @dataclass(frozen=True)
@@ -122,8 +121,7 @@ class RestartedPlant:
             self._pose(i, body, points[:, list(body.points)]) for i, body in enumerate(robot.bodies)
         ]
         stacked = np.stack(poses, axis=1)
-        lines = {i: _line(self._offsets(body)) for i, body in enumerate(robot.bodies)}
-        axes = {i: line for i, line in lines.items() if line is not None}
+        axes = unseen_axes(robot)
         if self.twist == "relaxed":
             return relaxed(robot, stacked, winch, axes)
         if self.twist == "random":
@@ -186,14 +184,6 @@ def fit_motion(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
     return now, np.where(enough, fit[..., 1, :] / (dt * (steps - 1)), 0.0)
 
 
-def _line(offsets: Floats) -> Floats | None:
-    """(3,) direction of the line that points (n, 3) lie on; None if they are one, or on no line."""
-    _, spread, directions = np.linalg.svd(offsets - offsets.mean(axis=0))
-    spread = np.concatenate([spread, np.zeros(2)])
-    on_one_line = spread[0] > 0 and spread[1] <= ON_A_LINE * spread[0]
-    return directions[0] if on_one_line else None
-
-
 def _orientation(offsets: Floats, seen: Floats, reference: Floats) -> Floats:
     """(B, 4) rotation that takes offsets (n, 3) onto centred points (B, n, 3).
 
@@ -202,7 +192,7 @@ def _orientation(offsets: Floats, seen: Floats, reference: Floats) -> Floats:
     here = offsets - offsets.mean(axis=0)
     if not here.any():
         return np.broadcast_to(reference, (len(seen), 4))
-    axis = _line(offsets)
+    axis = line_of(offsets)
     if axis is None:
         return kabsch(here, seen)
     seen_axis = ((here @ axis)[:, None] * seen).sum(axis=1)

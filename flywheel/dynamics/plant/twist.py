@@ -16,6 +16,25 @@ ANGLES = 48  # tried per body
 ROUNDS = 4  # each of them NARROWING times as wide as the one before
 NARROWING = 0.15
 SWEEPS = 3  # over all bodies, per round
+ON_A_LINE = 1e-6  # singular value over the largest, below which points are collinear
+
+
+def unseen_axes(robot: Robot) -> dict[int, Floats]:
+    """Body -> (3,) unit axis in its frame, about which no tracked point tells how far it is turned."""
+    lines = {}
+    for index, body in enumerate(robot.bodies):
+        line = line_of(np.array([robot.points[i].offset for i in body.points]))
+        if line is not None:
+            lines[index] = line
+    return lines
+
+
+def line_of(offsets: Floats) -> Floats | None:
+    """(3,) direction of the line that points (n, 3) lie on; None if they are one, or on no line."""
+    _, spread, directions = np.linalg.svd(offsets - offsets.mean(axis=0))
+    spread = np.concatenate([spread, np.zeros(2)])
+    on_one_line = spread[0] > 0 and spread[1] <= ON_A_LINE * spread[0]
+    return directions[0] if on_one_line else None
 
 
 def relaxed(robot: Robot, poses: Floats, winch: Floats, axes: dict[int, Floats]) -> Floats:

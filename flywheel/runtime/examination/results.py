@@ -58,7 +58,8 @@ class CaseResult(ResultRecord):
         true size.
       noise, baseline, augmented: errors on the recordings [m].
       held_out_baseline, held_out: on the one held out [m].
-      left: variance, correlation and inconstancy of what is left.
+      left: variance, correlation, inconstancy and loudest window of what is left, see `Adequacy`.
+      left_before: the same of the model as it was.
       seconds: of the diagnosis.
       failure: what was raised, or "".
     """
@@ -79,7 +80,8 @@ class CaseResult(ResultRecord):
     augmented: float = math.nan
     held_out_baseline: float = math.nan
     held_out: float = math.nan
-    left: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    left: tuple[float, ...] = ()
+    left_before: tuple[float, ...] = ()
     seconds: float = math.nan
     failure: str = ""
 
@@ -115,12 +117,12 @@ class CaseResult(ResultRecord):
 
     @property
     def size_error(self) -> float:
-        """Relative error of the sizes of a right first answer; NaN of a wrong one."""
+        """Relative error of the sizes of a right first answer; NaN of a wrong one, or without sizes."""
         if not self.first_is_right or not self.truth:
             return math.nan
         pairs = list(matched(self.best, self.truth))
-        off = math.sqrt(sum((a - b) ** 2 for a, b, _, _ in pairs))
-        return off / math.sqrt(sum(b**2 for _, b, _, _ in pairs))
+        true = math.sqrt(sum(b**2 for _, b, _, _ in pairs))
+        return math.sqrt(sum((a - b) ** 2 for a, b, _, _ in pairs)) / true if true else math.nan
 
     @property
     def covered(self) -> list[bool]:

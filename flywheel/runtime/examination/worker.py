@@ -10,6 +10,7 @@ import numpy as np
 
 from flywheel.data.recordings import read_recording
 from flywheel.diagnosis import Diagnosis, Found, diagnose
+from flywheel.diagnosis.adequacy import Adequacy
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import Scales
 from flywheel.errors import FlywheelError
@@ -75,7 +76,7 @@ def _imported(made: HiddenRecording, robot: Robot) -> list[Trajectory]:
 
 def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:
     """The case with what the diagnosis said."""
-    held, left = found.held_out, found.after
+    held = found.held_out
     assert held is not None
     answers = tuple(tuple(_named(each) for each in answer) for answer in found.answers)
     own = {each.key for answer in answers[:1] for each in answer}
@@ -95,10 +96,15 @@ def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:
             "augmented": found.errors.augmented,
             "held_out_baseline": held.baseline,
             "held_out": held.augmented,
-            "left": (left.noise, left.correlation, left.inconstancy),
+            "left": _left(found.after),
+            "left_before": _left(found.before),
             "seconds": found.seconds,
         }
     )
+
+
+def _left(left: Adequacy) -> tuple[float, ...]:
+    return (left.noise, left.correlation, left.inconstancy, left.loudest)
 
 
 def _smallest(case: CaseResult, found: Diagnosis) -> float:
@@ -114,7 +120,11 @@ def _smallest(case: CaseResult, found: Diagnosis) -> float:
 
 
 def _truth(effect: EffectTruth) -> Named:
-    return Named(effect=effect.name, location=effect.place, values=dict(effect.values))
+    """In the library's parameters."""
+    values = dict(effect.values)
+    if effect.name == "hysteresis":
+        values["force"] = values.pop("stiffness") * values["length"]
+    return Named(effect=effect.name, location=effect.place, values=values)
 
 
 def _named(found: Found) -> Named:

@@ -42,8 +42,8 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
     log = recorded(robot, HIDDEN, seed)
     fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
     fit = fitted(fitter)
-    test = Selection(fitter, candidates(robot, FEW), 25.0).look(fit).test
-    learned = stand_in(fitter, fit, test, seed)
+    step = Selection(fitter, candidates(robot, FEW), 25.0).look(fit)
+    learned = stand_in(fitter, step, seed)
     true = fitter.fit(fitter.at(fit.change, fit.starts.winch, HIDDEN))
     # Of 33 recordings the law took up 52 to 110 % of what the true one explains.
     assert fit.cost - learned.fit.cost > 0.3 * (fit.cost - true.cost), seed
@@ -59,7 +59,7 @@ def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
     assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), seed
     summary, law = found.summary(), found.stand_in
     assert law is not None and law.held_out is not None
-    assert law.errors.augmented <= law.errors.baseline, seed
+    assert law.errors.augmented <= 1.01 * law.errors.baseline, seed  # there is nothing to learn
     assert summary["stand_in"]["error"]["unit"] == "m"
     assert {"recording", "from", "to", "cable", "point", "unit"} == set(summary["unexplained"])
     assert "learned" in diagnosis_page(found, {})

@@ -1,0 +1,61 @@
+"""Errors on recordings that nothing was fitted to but their starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flywheel.diagnosis.diagnosis import Errors
+from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.under_test import UnderTest
+from flywheel.diagnosis.windows import Windows
+from flywheel.effects import Terms
+from flywheel.records import Trajectory
+
+ROUNDS = 4
+
+
+class HeldOut:
+    """Recordings on which answers are only judged.
+
+    Args:
+      under_test: what is judged.
+      recordings: maybe none.
+      fitted_on: windows like which they are cut.
+    """
+
+    def __init__(
+        self, under_test: UnderTest, recordings: Sequence[Trajectory], fitted_on: Windows
+    ) -> None:
+        self._under_test, self._recordings = under_test, recordings
+        self._seconds, self._sigma = fitted_on.steps * fitted_on.dt, fitted_on.sigma
+        self._plant: tuple[Fitter, Fit] | None = None
+
+    def errors(self, terms: Terms) -> Errors | None:
+        """With terms that stay as they are; None without recordings."""
+        if not self._recordings:
+            return None
+        fitter, before = self._fitted(terms)
+        return errors(fitter, before, self._with(fitter, before, terms))
+
+    def _fitted(self, terms: Terms) -> tuple[Fitter, Fit]:
+        """The model as it was; that of a plant does not depend on the terms, and is kept."""
+        if self._plant is not None:
+            return self._plant
+        under_test = self._under_test
+        found = under_test.fitted(self._recordings, self._seconds, self._sigma, around=terms)
+        if under_test.model is None:
+            self._plant = found
+        return found
+
+    def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> Fit:
+        """Starts that fit under other terms."""
+        if terms == before.terms:
+            return before
+        fit = fitter.at(before.change, before.starts.winch, terms)
+        fit = fitter.elsewhere(fitter.fit(fit, rounds=2), self._under_test.seed)
+        return fitter.fit(fit, rounds=ROUNDS)
+
+
+def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
+    """Of two fits of the same windows."""
+    return Errors(fitter.windows.sigma, fitter.rms(before), fitter.rms(after))
