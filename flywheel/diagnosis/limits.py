@@ -15,9 +15,9 @@ THRESHOLD = 25.0  # score from which an effect counts as seen
 EQUALLY_GOOD = 10.0  # difference of two criteria (BIC) below which data do not tell
 LOUD = 1.05  # variance of what is left from which it is more than noise, were that known exactly
 SURE = 2.0  # standard deviations of the noise's own error on top
-CORRELATED = 0.08  # correlation from sample to sample, likewise
+CORRELATED = 0.05  # correlation from sample to sample, likewise
 INCONSTANT = 1.0  # differences of a size between windows, likewise
-OUTSTANDING = 12.0  # standard deviations of noise by which one window may stand out
+OUTSTANDING = 6.0  # standard deviations of noise by which one window may stand out
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ SCALES = (
     8e-3,
     5e-4,
 )  # of differences, in turn: contacts make every one of them blind somewhere
-SEARCHES = 6  # rounds
+SEARCHES, HEATS, FINALISTS = 6, 2, 2  # rounds; after how many of them only so many per window go on
 
 
 class StartFitter(Fitter):
@@ -169,7 +169,7 @@ class StartFitter(Fitter):
 
     def searched(self, fit: Fit, members: np.ndarray, change: Floats) -> Fit:
         """Windows from other starts: each of `members` (n,) from (n, X), kept where it ends lower."""
-        for step in islice(cycle(SCALES), SEARCHES):
+        for number, step in enumerate(islice(cycle(SCALES), SEARCHES)):
             states = self.predictor.moved(self.first[members], change)
             points = self.predictor.parallel(states, fit.carried, fit.terms, members)
             by_start = self.by_start(fit, members, change, points, step)
@@ -178,8 +178,11 @@ class StartFitter(Fitter):
             tried = np.concatenate([np.zeros_like(change)[None], steps]) + change
             rows = np.tile(members, len(tried))
             cost = self.costs(fit.carried, fit.terms, rows, tried.reshape(-1, change.shape[1]))
-            best = cost.reshape(len(tried), -1).argmin(axis=0)
-            change = tried[best, np.arange(len(members))]
+            cost = cost.reshape(len(tried), -1)
+            change = tried[cost.argmin(axis=0), np.arange(len(members))]
+            if number + 1 == HEATS:
+                through = _best_of(members, cost.min(axis=0), FINALISTS)
+                members, change = members[through], change[through]
         cost = self.costs(fit.carried, fit.terms, members, change)
         own = self.costs(fit.carried, fit.terms, np.arange(len(fit.change)), fit.change)
         found = fit.change.copy()
@@ -188,3 +191,9 @@ class StartFitter(Fitter):
                 own[k], found[k] = value, candidate
         after = self.at(found, fit.starts.winch, fit.terms)
         return after if after.cost < fit.cost else fit
+
+
+def _best_of(members: np.ndarray, cost: Floats, most: int) -> np.ndarray:
+    """Indices of the `most` cheapest of each member."""
+    cheapest = np.argsort(cost)
+    return np.concatenate([cheapest[members[cheapest] == one][:most] for one in np.unique(members)])
