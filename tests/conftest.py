@@ -17,28 +17,41 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 import pytest
 from typer.testing import CliRunner
+from xdist.scheduler import LoadScopeScheduling
 
 from tests.readme_commands import the_two_commands
 
 ROOT = Path(__file__).parents[1]
 BIN = Path(sys.executable).parent
+STARTING_RAY = ("tests/test_readme.py", "tests/test_docker.py")
 NO_EGL = "libEGL is not installed: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the tests that draw where there is nothing to draw with; say which belong together.
-
-    Of the two processes that run the tests, one has all those that start a Ray, which takes both cores.
-    The others go by file, so that what a file sets up is set up once; pages of the docs go one by one.
-    """
-    can_draw = ctypes.util.find_library("EGL")
+    """Skip the tests that draw where there is nothing to draw with."""
+    if ctypes.util.find_library("EGL"):
+        return
     for item in items:
-        if item.get_closest_marker("renders") and not can_draw:
+        if item.get_closest_marker("renders"):
             item.add_marker(pytest.mark.skip(reason=NO_EGL))
-        if item.get_closest_marker("ray"):
-            item.add_marker(pytest.mark.xdist_group("ray"))
-        elif item.path.name != "test_docs.py":
-            item.add_marker(pytest.mark.xdist_group(str(item.path)))
+
+
+class TwoProcesses(LoadScopeScheduling):
+    """Gives one of two processes all tests that start a Ray, which takes both cores.
+
+    The others go by file, so that what a file sets up is set up once; pages of the docs one by one.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.partition("::")[0]
+        if file.startswith("tests/integration/") or file in STARTING_RAY:
+            return "ray"
+        return nodeid if file == "tests/test_docs.py" else file
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadScopeScheduling:
+    """How tests are shared out to the processes."""
+    return TwoProcesses(config, log)
 
 
 @dataclass(frozen=True)
