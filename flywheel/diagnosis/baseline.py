@@ -19,5 +19,10 @@ def fitter_of(windows: Windows, plant: Plant) -> StartFitter:
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int = 4, seed: int = 0) -> Fit:
     """Starts that fit, under terms that stay as they are."""
-    fit = fitter.elsewhere(fitter.fit(fitter.beginning(terms), rounds=2), seed)
+    return settled(fitter, fitter.beginning(terms), rounds, seed)
+
+
+def settled(fitter: Fitter, fit: Fit, rounds: int = 4, seed: int = 0) -> Fit:
+    """A fit whose starts were fitted under its terms, those that got stuck from elsewhere."""
+    fit = fitter.elsewhere(fitter.fit(fit, rounds=2), seed)
     return fitter.fit(fit, rounds=rounds)

@@ -134,20 +134,17 @@ class _Judged:
     Attributes:
       steps: of it.
       effects: of the last step's model, with intervals.
+      answer: those of them that were asked about; none where nothing was found.
       before, after: what the first and the last model leave.
       verdict: before it is asked whether others explain the recordings as well.
     """
 
     steps: list[Step]
     effects: Alternative
+    answer: Alternative
     before: Adequacy
     after: Adequacy
     verdict: Verdict
-
-    @property
-    def answer(self) -> Alternative:
-        """The effects that were asked about."""
-        return _asked(self.effects) if len(self.steps) > 1 else ()
 
 
 def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajectory]) -> Diagnosis:
@@ -182,7 +179,7 @@ def _judged(search: _Search, steps: list[Step]) -> _Judged:
     effects = _effects(search.selection, last.fit, last.linear)
     answer = _asked(effects) if len(steps) > 1 else ()
     verdict = verdict_of(search.limits, last, answer, before, after)
-    return _Judged(steps, effects, before, after, verdict)
+    return _Judged(steps, effects, answer, before, after, verdict)
 
 
 def _trusted(search: _Search, judged: _Judged) -> _Judged:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flywheel.diagnosis.baseline import settled
 from flywheel.diagnosis.diagnosis import Errors
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.under_test import UnderTest
 from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
 from flywheel.records import Trajectory
-
-ROUNDS = 4
 
 
 class HeldOut:
@@ -52,8 +51,7 @@ class HeldOut:
         if terms == before.terms:
             return before
         fit = fitter.at(before.change, before.starts.winch, terms)
-        fit = fitter.elsewhere(fitter.fit(fit, rounds=2), self._under_test.seed)
-        return fitter.fit(fit, rounds=ROUNDS)
+        return settled(fitter, fit, seed=self._under_test.seed)
 
 
 def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:

@@ -111,10 +111,10 @@ class Selection:
             t for t in asked(steps[-1].fit.terms) if (t.effect.name, t.place) not in before
         )
 
-    def shortened(self, fit: Fit, term: Term) -> Fit:
-        """A fit without a term, fitted anew."""
+    def shortened(self, fit: Fit, term: Term, target: float = np.inf) -> Fit:
+        """A fit without a term, fitted anew; see `pursued` for the target."""
         left = self.fitter.at(fit.change, fit.starts.winch, without(fit.terms, term))
-        return self.pursued(left)
+        return self.pursued(left, target)
 
     def _exchanged(self, steps: Sequence[Step], last: Fit, term: Term, margin: float) -> list[Fit]:
         others = without(last.terms, term)
@@ -233,9 +233,7 @@ class Selection:
         return self.threshold * len(term.effect.sizes)
 
     def _dropped(self, fit: Fit, term: Term) -> Fit:
-        terms = without(fit.terms, term)
-        left = self.fitter.at(fit.change, fit.starts.winch, terms)
-        return self.pursued(left, self.criterion(fit) + self._worth(term))
+        return self.shortened(fit, term, self.criterion(fit) + self._worth(term))
 
     def criterion(self, fit: Fit) -> float:
         """Cost with what every fitted value costs (BIC)."""
