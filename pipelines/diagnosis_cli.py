@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from pipelines.options import WindowOption
+
 app = typer.Typer()
 
 TrainedSpec = Annotated[
@@ -25,13 +27,6 @@ UnsureOption = Annotated[
         help="What the MJCF says only so well (standard deviation), such as cable_stiffness or "
         "body_mass: fitted beside everything else. May be given again.",
         show_default=False,
-    ),
-]
-
-WindowOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Length of the windows, in seconds; suits the robot by default.", show_default=False
     ),
 ]
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from pipelines.options import WindowOption
+
 app = typer.Typer()
 
 RobotOption = Annotated[
@@ -43,13 +45,7 @@ def power(
     effects: Annotated[
         str, typer.Option(help="Effects to consider, by name; all of the library by default.")
     ] = "",
-    window: Annotated[
-        float | None,
-        typer.Option(
-            help="Length of the windows, in seconds; suits the robot by default.",
-            show_default=False,
-        ),
-    ] = None,
+    window: WindowOption = None,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
     page: PageOption = None,

@@ -1,0 +1,14 @@
+"""Options that several commands have."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+WindowOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Length of the windows, in seconds; suits the robot by default.", show_default=False
+    ),
+]
