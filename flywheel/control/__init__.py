@@ -6,7 +6,7 @@ from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
 from flywheel.control.open_loop import Hold, OpenLoop, RandomConfig, RandomControls
 from flywheel.control.protocol import Command, Controller
-from flywheel.control.starts import random_drop
+from flywheel.control.starts import random_drop, standing
 
 CONTROLLERS = {
     "hold": Hold,
@@ -29,4 +29,5 @@ __all__ = [
     "random_drop",
     "record_batch",
     "record_episode",
+    "standing",
 ]

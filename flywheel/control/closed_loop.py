@@ -120,18 +120,17 @@ def record_episode(
 ) -> Episode:
     """Let a controller drive the plant until the goal is reached or the time is over.
 
-    The controller sees measurements only, except for `Past.state`, which is for the oracle. Whether
-    the goal is reached is judged at every step on the true points.
+    It sees measurements only, except for `Past.state`, which is for the oracle. Whether the goal is
+    reached is judged at every step on the true points.
 
     Args:
       plant: one simulation is stepped, with the plant's (first) parameters.
       measurement: between the plant and the controller, and what is recorded.
       controller: chooses the commands.
-      task: to be done, or None. Its time limit holds beside `seconds`.
+      task: with what follows it, or None. Its time limit is for all of it, beside `seconds`.
       start: (1,) state.
-      seconds: longest duration [s].
-      seed: of controller and measurement.
-      episode_id, provenance, split: of the episode; provenance as the caller wrote it.
+      seconds, seed: longest duration [s]; seed of controller and measurement.
+      episode_id, provenance, split: of the episode.
       on_step: told the steps done after each piece; may raise to end the recording.
 
     Raises:
@@ -139,21 +138,23 @@ def record_episode(
       ModelError: the controller gave commands that do not fit, or plant or model diverged.
     """
     steps = _steps(seconds if task is None else min(seconds, task.seconds), plant.dt)
-    for_controller, for_measurement = np.random.SeedSequence(seed).spawn(2)
-    log = Log(plant, measurement, start, np.random.default_rng(for_measurement), steps)
-    controller.reset(task, int(for_controller.generate_state(1, np.uint64)[0]))
+    for_controller, noise = np.random.SeedSequence(seed).spawn(2)
+    log = Log(plant, measurement, start, np.random.default_rng(noise), steps)
+    controller.reset(task, _number(for_controller))
     plan_seconds: list[float] = []
-    reached = False
-    course = plant.begin(start)
+    reached, course = False, plant.begin(start)
     while log.done < steps and not reached:
         command = controller.act(log.past())
         plan_seconds.append(command.plan_seconds)
-        controls = _checked(command.controls, controller.name, plant.robot)
-        simulated = course.go(controls[None, : steps - log.done])
+        controls = _checked(command.controls, controller.name, plant.robot)[: steps - log.done]
+        simulated = course.go(controls[None])
         if task is not None:
             simulated, reached = _until_reached(simulated, task)
+            if reached and task.then is not None:
+                task, reached = task.then, False
+                controller.reset(task, _number(for_controller.spawn(1)[0]))
         log.append(simulated)
-        if on_step is not None:
+        if on_step:
             on_step(log.done)
     return Episode(
         id=episode_id,
@@ -198,7 +199,7 @@ def record_batch(
     streams = [np.random.SeedSequence(seed).spawn(2) for seed in seeds]
     winch = plant.winch(starts)
     controls = [
-        controller.sequence(winch[i], steps, int(streams[i][0].generate_state(1, np.uint64)[0]))
+        controller.sequence(winch[i], steps, _number(streams[i][0]))
         for i, controller in enumerate(controllers)
     ]
     simulated = plant.simulate(starts, np.stack(controls))
@@ -217,12 +218,16 @@ def nominal_winch(robot: Robot) -> Floats:
     return np.array([robot.cables[winch.cables[0]].rest_length for winch in robot.winches])
 
 
+def _number(seeds: np.random.SeedSequence) -> int:
+    return int(seeds.generate_state(1, np.uint64)[0])
+
+
 def _until_reached(simulated: Trajectory, task: Task) -> tuple[Trajectory, bool]:
-    """The piece up to the first step at which the goal is reached."""
+    """The piece up to the first step at which the goal is reached; all of it where more follows."""
     assert simulated.states is not None
     there = task.reached(simulated.observations.points[0, 1:])
-    if not there.any():
-        return simulated, False
+    if not there.any() or task.then is not None:
+        return simulated, bool(there.any())
     steps = int(there.argmax()) + 1
     upto = slice(None, steps + 1)
     return Trajectory(

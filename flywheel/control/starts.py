@@ -1,4 +1,4 @@
-"""Where episodes begin: dropped from above, in any orientation."""
+"""Where episodes begin: dropped from above, in any orientation, or standing somewhere."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import RobotError
-from flywheel.records import State
+from flywheel.records import Floats, State
 
 FREE_JOINT = 7  # position and quaternion
 HEIGHT = (0.03, 0.4)  # of the lowest cap's surface above the ground [robot lengths]
@@ -28,27 +28,53 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
       RobotError: the robot cannot be turned, for it is tied to something fixed.
     """
     robot, rest = plant.robot, plant.rest(n)
-    bodies = len(robot.bodies)
-    if any(end.body < 0 for cable in robot.cables for end in cable.ends):
-        raise RobotError(f"{robot.name} cannot be dropped: it hangs on cables from fixed points.")
-    if rest.qpos.shape[1] != FREE_JOINT * bodies:
-        raise RobotError(
-            f"{robot.name} cannot be dropped: that needs all bodies free ({FREE_JOINT * bodies} "
-            f"positions), its MJCF has {rest.qpos.shape[1]}."
-        )
-    pose = rest.qpos.reshape(n, bodies, FREE_JOINT).copy()
-    masses = np.array([body.mass for body in robot.bodies])
-    center = np.average(pose[..., :3], axis=1, weights=masses)[:, None]
-    turn = Rotation.from_quat(_unit(rng.standard_normal((n, 4))).repeat(bodies, axis=0))
-    own = Rotation.from_quat(pose[..., 3:].reshape(-1, 4), scalar_first=True)
-    offsets = turn.apply((pose[..., :3] - center).reshape(-1, 3)).reshape(n, bodies, 3)
-    pose[..., :3] = center + offsets
-    pose[..., 3:] = (turn * own).as_quat(scalar_first=True).reshape(n, bodies, 4)
+    turn = Rotation.from_quat(_unit(rng.standard_normal((n, 4))))
+    pose, center = _turned(plant, rest, turn)
+    pose[..., :3] += center
     turned = State(pose.reshape(n, -1), rest.qvel, rest.act)
     radii = np.array([point.radius for point in robot.points])
     lowest = (plant.observe(turned).points[..., 2] - radii).min(axis=1)
     pose[..., 2] += (rng.uniform(*HEIGHT, n) * robot.length - lowest)[:, None]
     return State(pose.reshape(n, -1), rest.qvel, rest.act)
+
+
+def standing(plant: Plant, state: State, place: Floats, turn: float) -> State:
+    """A robot that lies still (1,), carried to a place (2,) [m] and turned about the vertical [rad].
+
+    Raises:
+      RobotError: it cannot be moved, for it is tied to something fixed.
+    """
+    pose, center = _turned(plant, state, Rotation.from_rotvec([[0.0, 0.0, turn]]))
+    pose[..., :2] += place
+    pose[..., 2] += center[..., 2]
+    return State(pose.reshape(1, -1), np.zeros_like(state.qvel), state.act)
+
+
+def _turned(plant: Plant, state: State, turn: Rotation) -> tuple[Floats, Floats]:
+    """Poses (n, bodies, 7) turned (n,) about their centres of mass, relative to these, and the centres.
+
+    Returns:
+      The poses, and the centres (n, 1, 3) [m].
+    """
+    robot, n = plant.robot, len(state.qpos)
+    bodies = len(robot.bodies)
+    if any(end.body < 0 for cable in robot.cables for end in cable.ends):
+        raise RobotError(
+            f"{robot.name} cannot be dropped or carried: it hangs on cables from fixed points."
+        )
+    if state.qpos.shape[1] != FREE_JOINT * bodies:
+        raise RobotError(
+            f"{robot.name} cannot be dropped or carried: that needs all bodies free ({FREE_JOINT * bodies} "
+            f"positions), its MJCF has {state.qpos.shape[1]}."
+        )
+    pose = state.qpos.reshape(n, bodies, FREE_JOINT).copy()
+    masses = np.array([body.mass for body in robot.bodies])
+    center = np.average(pose[..., :3], axis=1, weights=masses)[:, None]
+    each = turn[np.repeat(np.arange(n), bodies)]
+    own = Rotation.from_quat(pose[..., 3:].reshape(-1, 4), scalar_first=True)
+    pose[..., :3] = each.apply((pose[..., :3] - center).reshape(-1, 3)).reshape(n, bodies, 3)
+    pose[..., 3:] = (each * own).as_quat(scalar_first=True).reshape(n, bodies, 4)
+    return pose, center
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

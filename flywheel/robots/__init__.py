@@ -3,6 +3,7 @@
 from importlib.resources import files
 
 from flywheel.registry import lookup
+from flywheel.robots.obstacle_course import COURSES, ObstacleCourse, load_course
 from flywheel.robots.robot import (
     Attachment,
     Body,
@@ -35,14 +36,17 @@ def load_robot(name: str) -> Robot:
 
 
 __all__ = [
+    "COURSES",
     "ROBOTS",
     "Attachment",
     "Body",
     "Box",
     "Cable",
+    "ObstacleCourse",
     "Primitive",
     "Robot",
     "TrackedPoint",
     "Winch",
+    "load_course",
     "load_robot",
 ]

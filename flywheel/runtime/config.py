@@ -74,6 +74,8 @@ class CollectConfig(_Frozen):
         each gait starts from where the robot came to rest after a random drop.
       mppi: episodes that each later iteration adds.
       mppi_seconds: their longest duration [s].
+      mppi_samples: plans that are tried at a time for them; None for as many as `mppi.samples`. Data
+        want variety, goals the best plan.
       validation: share of the episodes of each kind that is kept for validation.
       test: share of the episodes of each kind of iteration 0 that is kept for tests.
       recordings: segments already in the store that belong to the data from iteration 0 on.
@@ -88,6 +90,7 @@ class CollectConfig(_Frozen):
     drop_seconds: float = Field(default=5.0, gt=0)
     mppi: int = Field(default=10, ge=1)
     mppi_seconds: float = Field(default=30.0, gt=0)
+    mppi_samples: int | None = Field(default=None, ge=1)
     validation: float = SHARE
     test: float = SHARE
     recordings: tuple[str, ...] = ()

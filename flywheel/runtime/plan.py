@@ -36,6 +36,7 @@ class EpisodePlan:
       seed: of start, controls, noise and planner.
       task_seed: of the task; None without one. Evaluation uses the same ones in every iteration.
       effects: of the plant, beyond its MJCF.
+      samples: plans that MPPI tries at a time; None for as many as configured.
     """
 
     id: str
@@ -47,6 +48,7 @@ class EpisodePlan:
     seed: int
     task_seed: int | None = None
     effects: Effects = ()
+    samples: int | None = None
 
 
 def collection(
@@ -84,6 +86,7 @@ def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> l
             if arm == "mppi"
             else None,
             effects=effects,
+            samples=collect.mppi_samples if arm == "mppi" else None,
         )
         for index, split in enumerate(splits)
     ]

@@ -12,6 +12,7 @@ from flywheel.control import (
     RandomControls,
     random_drop,
     record_episode,
+    standing,
 )
 from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Plant, PlantDynamics, with_effects
@@ -85,7 +86,7 @@ class Recorder:
             self.config.measurement,
             self._controller(plan, dynamics, model),
             task,
-            start=self._start(plan, plant),
+            start=self._start(plan, plant, task),
             seconds=plan.seconds,
             seed=plan.seed,
             episode_id=plan.id,
@@ -107,7 +108,7 @@ class Recorder:
         centre = task.place(points[::stride])
         return Walk(
             path=tuple((float(x), float(y)) for x, y in np.round(centre, 4)),
-            goal=(float(task.goal[0]), float(task.goal[1])),
+            goal=(float(task.last_goal[0]), float(task.last_goal[1])),
             reached=episode.outcome.success,
             seconds=episode.outcome.seconds,
             distance=episode.outcome.distance,
@@ -124,14 +125,20 @@ class Recorder:
         if kind == "drop":
             return Hold(self.robot, dt)
         assert dynamics is not None, "MPPI plans with a model"
-        return Mppi(dynamics, self.config.mppi, plan.controller, model)
+        search = self.config.mppi
+        if plan.samples is not None:
+            search = search.model_copy(update={"samples": plan.samples})
+        return Mppi(dynamics, search, plan.controller, model)
 
-    def _start(self, plan: EpisodePlan, plant: Plant) -> State:
+    def _start(self, plan: EpisodePlan, plant: Plant, task: Task | None) -> State:
         kind, _, _ = plan.controller.partition(":")
         if kind in ("drop", "gait"):
             dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
             return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)
-        return self._settled_state(plan.dataset, plan.effects)
+        settled = self._settled_state(plan.dataset, plan.effects)
+        if task is None or task.begin is None:
+            return settled
+        return standing(plant, settled, task.begin.place, task.begin.turn)
 
     def _settled_state(self, dataset: int, effects: Effects) -> State:
         key = (dataset, effects)

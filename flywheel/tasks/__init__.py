@@ -9,13 +9,16 @@ from flywheel.records import Floats
 from flywheel.registry import lookup
 from flywheel.robots import Robot
 from flywheel.tasks.config import TaskConfig
+from flywheel.tasks.courses import obstacle_course, tour
 from flywheel.tasks.distance import Grid, StraightLine, grid_around
 from flywheel.tasks.reach import reach, reach_among_boxes
-from flywheel.tasks.task import Cost, Distance, Task
+from flywheel.tasks.task import Cost, Distance, Stand, Task
 
 TASKS: dict[str, Callable[[Robot, Floats, np.random.Generator, TaskConfig], Task]] = {
     "reach": reach,
     "reach_among_boxes": reach_among_boxes,
+    "obstacle_course": obstacle_course,
+    "tour": tour,
 }
 
 
@@ -53,6 +56,7 @@ __all__ = [
     "Cost",
     "Distance",
     "Grid",
+    "Stand",
     "StraightLine",
     "Task",
     "TaskConfig",

@@ -27,6 +27,9 @@ class TaskConfig(BaseModel):
         sooner; too much of it makes the robot stretch itself out across the way, and stay.
       arrival: reward for reaching the goal within the horizon.
       near: weight alpha2 of the collision term, among boxes only.
+      course: of the task "obstacle_course": the name of a shipped one, or the path of an MJCF.
+      spread: radius around the course's start and goals within which they are drawn [L].
+      stops: number of goals of the task "tour", one `radius` after the other.
       obstacles: boxes where they are given [m]; none to draw `boxes` of them.
       boxes: number of boxes to draw between start and goal.
       box_half_width: (least, most) of a drawn box [L].
@@ -38,7 +41,7 @@ class TaskConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    name: Literal["reach", "reach_among_boxes"] = "reach"
+    name: Literal["reach", "reach_among_boxes", "obstacle_course", "tour"] = "reach"
     goal: tuple[float, float] | None = None
     radius: Range = (1.5, 2.5)
     tolerance: float = Field(default=0.17, gt=0)
@@ -48,6 +51,9 @@ class TaskConfig(BaseModel):
     broadside: float = Field(default=0.0, ge=0)
     arrival: float = Field(default=0.0, ge=0)
     near: float = Field(default=0.005, ge=0)
+    course: str = "s_course"
+    spread: float = Field(default=0.5, ge=0)
+    stops: int = Field(default=3, ge=1)
     obstacles: tuple[Box, ...] = ()
     boxes: int = Field(default=2, ge=1)
     box_half_width: Range = (0.15, 0.35)

@@ -19,15 +19,23 @@ MARGIN = 2.0  # of ground around start, goal and boxes [robot lengths]
 
 def reach(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig) -> Task:
     """A goal on open ground."""
-    goal = _goal(robot, center_weights(robot) @ start[:, :2], rng, config)
+    goal = drawn_goal(robot, center_weights(robot) @ start[:, :2], rng, config)
+    return on_open_ground("reach", robot, goal, config)
+
+
+def on_open_ground(
+    name: str, robot: Robot, goal: Floats, config: TaskConfig, then: Task | None = None
+) -> Task:
+    """Go straight to a goal (2,)."""
     return Task(
-        name="reach",
+        name=name,
         robot=robot,
         goal=goal,
         tolerance=config.tolerance * robot.length,
         seconds=config.seconds,
         to_goal=StraightLine(goal),
-        costs=_going(config),
+        costs=going(config),
+        then=then,
     )
 
 
@@ -37,19 +45,32 @@ def reach_among_boxes(
     """A goal behind boxes that the robot has to go around."""
     here = center_weights(robot) @ start[:, :2]
     boxes, goal, ways = _course(robot, here, start, rng, config)
+    return around_boxes("reach_among_boxes", robot, goal, ways, boxes, config)
+
+
+def around_boxes(
+    name: str,
+    robot: Robot,
+    goal: Floats,
+    ways: Grid,
+    boxes: tuple[Box, ...],
+    config: TaskConfig,
+) -> Task:
+    """Go to a goal (2,) by ways around boxes."""
     return Task(
-        name="reach_among_boxes",
+        name=name,
         robot=robot,
         goal=goal,
         tolerance=config.tolerance * robot.length,
         seconds=config.seconds,
         to_goal=ways,
-        costs=(*_going(config), Collision(config.near)),
+        costs=(*going(config), Collision(config.near)),
         obstacles=boxes,
     )
 
 
-def _going(config: TaskConfig) -> tuple[Cost, ...]:
+def going(config: TaskConfig) -> tuple[Cost, ...]:
+    """What every way to a goal costs."""
     return (
         MeanDistance(config.along),
         FinalDistance(config.final),
@@ -58,7 +79,8 @@ def _going(config: TaskConfig) -> tuple[Cost, ...]:
     )
 
 
-def _goal(robot: Robot, here: Floats, rng: np.random.Generator, config: TaskConfig) -> Floats:
+def drawn_goal(robot: Robot, here: Floats, rng: np.random.Generator, config: TaskConfig) -> Floats:
+    """(2,) the goal that is given, or one at a distance from `here` (2,)."""
     if config.goal is not None:
         return np.array(config.goal)
     radius, bearing = rng.uniform(*config.radius), rng.uniform(-np.pi, np.pi)
@@ -71,10 +93,10 @@ def _course(
     """Boxes, goal and ways around, drawn until the goal can be reached."""
     why = ""
     for _ in range(ATTEMPTS):
-        goal = _goal(robot, here, rng, config)
+        goal = drawn_goal(robot, here, rng, config)
         boxes = config.obstacles or _boxes(robot, here, goal, rng, config)
         try:
-            _check_start(robot, here, start, boxes)
+            check_start(robot, here, start, boxes)
             return boxes, goal, ways_to(goal, here, boxes, robot, config)
         except ConfigError as error:
             why = str(error)
@@ -129,7 +151,12 @@ def _boxes(
     return tuple(boxes)
 
 
-def _check_start(robot: Robot, here: Floats, start: Floats, boxes: tuple[Box, ...]) -> None:
+def check_start(robot: Robot, here: Floats, start: Floats, boxes: tuple[Box, ...]) -> None:
+    """Refuse boxes that touch a robot with its centre at (2,) and its points at (P, 3), however turned.
+
+    Raises:
+      ConfigError: one does.
+    """
     size = np.linalg.norm(start[:, :2] - here, axis=-1).max()
     radius = max(point.radius for point in robot.points)
     if near_boxes(here, boxes, size + radius):

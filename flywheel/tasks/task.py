@@ -31,6 +31,26 @@ class Cost(Protocol):
 
 
 @dataclass(frozen=True)
+class Stand:
+    """Where a robot stands on the ground, and how it is turned.
+
+    Attributes:
+      place: (2,) of its centre of mass [m].
+      turn: about the vertical, from how it stands in its own shape [rad].
+    """
+
+    place: Floats
+    turn: float
+
+    def points(self, points: Floats, weights: Floats) -> Floats:
+        """Points (P, 3) of a robot brought there; (P,) weights of its centre of mass."""
+        cosine, sine = np.cos(self.turn), np.sin(self.turn)
+        around = points[:, :2] - weights @ points[:, :2]
+        turned = around @ np.array([[cosine, sine], [-sine, cosine]])
+        return np.concatenate([self.place + turned, points[:, 2:]], axis=1)
+
+
+@dataclass(frozen=True)
 class Task:
     """Bring the robot's centre of mass to a goal on the ground.
 
@@ -43,6 +63,8 @@ class Task:
       to_goal: the distance that the costs see, around obstacles where there are any.
       costs: terms of the cost.
       obstacles: boxes on the way; the plant needs the same ones.
+      begin: where the robot has to stand at first; None for where it is.
+      then: what to do next, once the goal is reached; None if that was all.
     """
 
     name: str
@@ -53,6 +75,13 @@ class Task:
     to_goal: Distance
     costs: tuple[Cost, ...] = ()
     obstacles: tuple[Box, ...] = ()
+    begin: Stand | None = None
+    then: Task | None = None
+
+    @property
+    def last_goal(self) -> Floats:
+        """(2,) where it all ends [m]."""
+        return self.goal if self.then is None else self.then.last_goal
 
     @cached_property
     def _weights(self) -> Floats:

@@ -252,7 +252,7 @@ def test_dropped_robots_are_whole_above_the_ground_and_turned_any_way(plant: Pla
 
 def test_a_robot_that_hangs_cannot_be_dropped() -> None:
     hanging = Plant(load_robot("platform4"), DT)
-    with pytest.raises(RobotError, match="cannot be dropped: it hangs on cables"):
+    with pytest.raises(RobotError, match="cannot be dropped or carried: it hangs on cables"):
         random_drop(hanging, np.random.default_rng(0), 1)
 
 
@@ -266,3 +266,29 @@ def test_the_oracle_comes_nearer_to_a_goal(plant: Plant) -> None:
     episode = recorded(plant, mppi, task, seconds=6.0, seed=1)
     assert episode.outcome.distance < task.distance(start) - 0.3
     assert len(episode.timing["plan_seconds"]) == 12
+
+
+class Told(RandomControls):
+    """Random controls that remember what they were told to do."""
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot, DT)
+        self.goals: list[list[float]] = []
+
+    def reset(self, task, seed) -> None:
+        super().reset(task, seed)
+        self.goals.append(task.goal.tolist())
+
+
+def test_a_tour_goes_on_to_the_next_goal_and_ends_at_the_last(plant: Plant) -> None:
+    seed = secrets.randbits(32)
+    points = plant.observe(plant.rest()).points[0]
+    rng = np.random.default_rng(seed)
+    tour = sample_task("tour", plant.robot, points, rng, TaskConfig(stops=2))
+    here = dataclasses.replace(tour, goal=tour.place(points))  # reached at once
+    told = Told(plant.robot)
+    outcome = recorded(plant, told, here, seconds=0.3, seed=seed).outcome
+    assert told.goals == [here.goal.tolist(), tour.last_goal.tolist()]
+    assert outcome is not None and not outcome.success, seed
+    left = np.linalg.norm(tour.place(points) - tour.last_goal)
+    assert outcome.distance == pytest.approx(left, rel=0.2), seed

@@ -66,6 +66,17 @@ def test_the_control_arm_has_as_many_episodes_from_the_same_starts_but_no_tasks(
     assert {p.task_seed for p in control} == {None}
 
 
+def test_only_collecting_may_try_fewer_plans():
+    fewer = CONFIG.collect.model_copy(update={"mppi_samples": 7})
+    config = CONFIG.model_copy(update={"collect": fewer})
+    assert {p.samples for p in collection(config, 1, "mppi")} == {7}
+    others = [
+        p for p in everything(config) if not p.id.startswith(("i0001-mppi-coll", "i0002-mppi-coll"))
+    ]
+    assert {p.samples for p in others} == {None}
+    assert {p.samples for p in everything(CONFIG)} == {None}
+
+
 def test_all_gaits_and_all_data_sets_are_recorded():
     plans = collection(CONFIG, 0, "mppi")
     assert {"gait:roll", "gait:cw", "gait:ccw", "random", "drop"} == {p.controller for p in plans}

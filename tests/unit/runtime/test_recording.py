@@ -1,13 +1,16 @@
 """What episodes begin with, and do, follows from their seeds."""
 
 import numpy as np
+import pytest
 
+from flywheel.dynamics.plant import PlantDynamics
 from flywheel.effects import WrittenTerm
-from flywheel.records import Floats
-from flywheel.robots import load_robot
+from flywheel.records import Floats, Past, Rollout
+from flywheel.robots import load_course, load_robot
 from flywheel.runtime.config import CollectConfig, DataSet, RunConfig
-from flywheel.runtime.plan import collection
+from flywheel.runtime.plan import EpisodePlan, collection
 from flywheel.runtime.recording import Recorder
+from flywheel.tasks import TaskConfig
 
 SECONDS = 8.0  # the first target takes about 3
 
@@ -53,3 +56,41 @@ def test_episodes_are_recorded_with_the_run_s_effects() -> None:
     assert one.provenance.effects == {}
     moved = [np.ptp(e.trajectory.states.act, axis=0).max() for e in (one, other)]
     assert 0.3 * moved[0] < moved[1] < 0.9 * moved[0]
+
+
+class CountsPlans(PlantDynamics):
+    """The plant as a model, which remembers how many plans it was asked to try."""
+
+    asked = 0
+
+    def rollout(self, past: Past, controls: Floats) -> Rollout:
+        CountsPlans.asked = max(CountsPlans.asked, len(controls))
+        return super().rollout(past, controls)
+
+
+def test_mppi_tries_as_many_plans_as_its_episode_asks_for() -> None:
+    config = RunConfig()
+    recorder, counts = Recorder(config, load_robot(config.robot)), []
+    for samples in (5, None):
+        plan = EpisodePlan("one", "mppi", 1, "train", 0, 0.5, seed=1, task_seed=1, samples=samples)
+        CountsPlans.asked = 0
+        recorder.record(plan, CountsPlans(recorder.plant(0)), "", NobodyWatches())
+        counts.append(CountsPlans.asked)
+    assert counts == [5, config.mppi.samples]
+
+
+def test_an_obstacle_course_begins_at_its_start_among_its_walls() -> None:
+    seed = int(np.random.default_rng().integers(2**31))
+    config = RunConfig(task=TaskConfig(name="obstacle_course", course="maze"))
+    recorder = Recorder(config, load_robot(config.robot))
+    plan = EpisodePlan("one", "random", 0, "test", 0, 1.0, seed=seed, task_seed=seed)
+    task = recorder.task(plan)
+    assert task is not None and task.begin is not None
+    episode = recorder.record(plan, None, "", NobodyWatches())
+    points = recorder.plant(0).observe(episode.trajectory.states).points
+    assert task.place(points[0]) == pytest.approx(task.begin.place, abs=1e-6), seed
+    speeds = np.diff(points[:5], axis=0) / episode.trajectory.dt
+    assert np.abs(speeds).max() < 0.3 * recorder.robot.length, (
+        seed
+    )  # it stands there, it does not fall
+    assert np.linalg.norm(task.place(points[0]) - load_course("maze").start) < 0.6 * 2.95

@@ -1,0 +1,101 @@
+"""An obstacle course: boxes with a start and goals among them, drawn as MJCF."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from flywheel.errors import RobotError
+from flywheel.registry import lookup
+from flywheel.robots.world import Box
+
+COURSES = {"s_course": "s_course.xml", "maze": "maze.xml"}
+GOAL = re.compile(r"goal(\d*)")
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ObstacleCourse:
+    """Where to go from where, among what.
+
+    Attributes:
+      name: of it.
+      obstacles: boxes.
+      start: (x, y) where the robot's centre of mass begins [m].
+      goals: (x, y) of each, to be reached one after the other [m].
+    """
+
+    name: str
+    obstacles: tuple[Box, ...]
+    start: Place
+    goals: tuple[Place, ...]
+
+    @classmethod
+    def from_mjcf(cls, xml: str) -> ObstacleCourse:
+        """Read an MJCF: boxes in its world, and sites "start" and "goal", or "goal1", "goal2", ...
+
+        A ground plane is left out: the robot brings its own.
+
+        Raises:
+          RobotError: no MJCF; something else than boxes along the axes; no start; no goal.
+        """
+        try:
+            spec = mujoco.MjSpec.from_string(xml)
+            model = spec.compile()
+        except ValueError as error:
+            raise RobotError(f"The course cannot be read: {error}") from error
+        boxes = [_box(model, geom) for geom in range(model.ngeom) if not _is_plane(model, geom)]
+        sites = {model.site(i).name: model.site(i).pos for i in range(model.nsite)}
+        if "start" not in sites:
+            raise RobotError(f"{spec.modelname} has no site named start; it has {_listed(sites)}.")
+        numbered = {name: match for name in sites if (match := GOAL.fullmatch(name))}
+        order = sorted(numbered, key=lambda name: int(numbered[name][1] or 0))
+        if not order:
+            raise RobotError(
+                f"{spec.modelname} has no site named goal, or goal1, goal2, ...; it has {_listed(sites)}."
+            )
+        goals = tuple(_place(sites[name]) for name in order)
+        return cls(spec.modelname, tuple(boxes), _place(sites["start"]), goals)
+
+
+def load_course(name: str) -> ObstacleCourse:
+    """A shipped course by name, or one's own by the path of its MJCF (ending in .xml).
+
+    Raises:
+      UnknownNameError: no such course.
+      RobotError: the MJCF cannot be used.
+    """
+    if not name.endswith(".xml"):
+        file = lookup(COURSES, name, "course")
+        return ObstacleCourse.from_mjcf(files(__package__).joinpath("courses", file).read_text())
+    try:
+        return ObstacleCourse.from_mjcf(Path(name).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RobotError(f"The course {name} cannot be read: {error.strerror}.") from error
+
+
+def _is_plane(model: mujoco.MjModel, geom: int) -> bool:
+    return bool(model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE)
+
+
+def _box(model: mujoco.MjModel, geom: int) -> Box:
+    name = model.geom(geom).name or f"number {geom}"
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX or model.geom_bodyid[geom] != 0:
+        raise RobotError(f"Courses have boxes in their world, nothing else; geom {name} is none.")
+    if not np.allclose(np.abs(model.geom_quat[geom, 0]), 1.0, atol=1e-9):
+        raise RobotError(f"Boxes of a course lie along the axes; geom {name} is turned.")
+    center, half = model.geom_pos[geom].tolist(), model.geom_size[geom].tolist()
+    return Box(center=tuple(center), half_size=tuple(half))
+
+
+def _place(position: np.ndarray) -> Place:
+    return float(position[0]), float(position[1])
+
+
+def _listed(sites: dict[str, np.ndarray]) -> str:
+    return ", ".join(sites) or "no sites"
