@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -122,7 +122,8 @@ class WorkerPool:
         """Do every job and return what came of them.
 
         Args:
-          jobs: in order of preference; jobs of groups with free workers start first.
+          jobs: in order of preference. One whose workers are all busy is overtaken; one whose worker is
+            only starting is not.
           on_result: called here, in the driver, as soon as a job is done.
           progress: shows how far the jobs are.
           title: of the work, for people.
@@ -163,12 +164,16 @@ class WorkerPool:
 
     def _dispatch(self, turn: _Turn) -> None:
         waiting: deque[Job] = deque()
+        starting = Counter(worker.group.name for worker in self._workers if not worker.ready)
         free_cores = self._cores - sum(worker.group.threads for worker in self._busy())
         while turn.queue:
             job = turn.queue.popleft()
             idle = [w for w in self._workers if w.ready and not w.job and w.group.name == job.group]
             if not idle:
                 waiting.append(job)
+                if starting[job.group]:  # cores are kept for a job whose worker will soon be there
+                    starting[job.group] -= 1
+                    free_cores -= self._groups[job.group].threads
                 continue
             if idle[0].group.threads > free_cores:  # nobody overtakes a job that needs more cores
                 waiting.append(job)

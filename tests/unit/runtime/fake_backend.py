@@ -19,11 +19,13 @@ class FakeBackend:
       script: per job id.
       seconds: that a job takes on the fake clock.
       starts: whether workers ever come up; "die" for workers that die while starting.
+      start_seconds: that they take, by group.
     """
 
     script: dict[str, list[str]] = field(default_factory=dict)
     seconds: float = 1.0
     starts: bool | str = True
+    start_seconds: dict[str, float] = field(default_factory=dict)
     now: float = 0.0
     killed: list[int] = field(default_factory=list)
     most_busy: int = 0
@@ -33,18 +35,21 @@ class FakeBackend:
         self._numbers = count()
         self._tickets: dict[int, dict[str, Any]] = {}
         self._workers: dict[int, int | None] = {}
+        self._groups: dict[int, str] = {}
 
     def clock(self) -> float:
         return self.now
 
     def start(self, group: Group) -> int:
         worker = next(self._numbers)
-        self._workers[worker] = None
+        self._workers[worker], self._groups[worker] = None, group.name
         return worker
 
     def ready(self, worker: int) -> int:
         fate = "die" if self.starts == "die" else ("ok" if self.starts else HANG)
-        return self._ticket(fate, worker, result=None)
+        ticket = self._ticket(fate, worker, result=None)
+        self._tickets[ticket]["due"] += self.start_seconds.get(self._groups[worker], 0.0)
+        return ticket
 
     def submit(self, worker: int, job: Job) -> int:
         attempts = self.script.get(job.id, [])

@@ -100,6 +100,17 @@ def test_no_more_threads_are_busy_than_there_are_cores():
     assert backend.attempts[0] == "t" and backend.now >= 3, "the trainer had both cores alone"
 
 
+def test_a_core_is_kept_for_a_job_whose_worker_is_only_starting():
+    backend = FakeBackend(start_seconds={"trainer": 3.0})
+    slow_to_start = Group("trainer", object, count=1)
+    mixed = [*jobs("t", group="trainer"), *jobs(*"abcdef")]
+    report = pool_of(backend, SIM, slow_to_start).run(mixed)
+    assert len(report.results) == 7
+    # One core is used all the time, the other one from the third second on: not by five sims first.
+    assert backend.attempts.index("t") <= 4
+    assert backend.most_busy == 2 and backend.now == pytest.approx(5.0)
+
+
 def test_a_request_to_stop_finishes_running_jobs_and_starts_no_new_ones():
     stop = StopRequest()
     backend = FakeBackend()
