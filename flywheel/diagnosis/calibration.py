@@ -49,7 +49,7 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     """A fit with what is not known exactly fitted, too."""
     if not terms:
         return fit
-    begun = fitter.at(fit.change, fit.starts.winch, (*fit.terms, *terms))
+    begun = fitter.under(fit, (*fit.terms, *terms))
     last = range(len(fit.terms), len(begun.terms))
     free = free_values(begun.terms, Scales.of(fitter.windows.robot))
     unknown = [value for value in free if value.term in last]

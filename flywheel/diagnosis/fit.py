@@ -25,6 +25,9 @@ LEAST_DAMPING = 1e-4
 STEPS = 3  # of a fit between two linearisations
 # Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
 ENOUGH, LITTLE = 0.001, 2.0
+# A window's sensitivities are computed anew where it went otherwise than they said: by more than this
+# share of the way, and by more than this, squared [sigma^2].
+ASTRAY, UNNOTICED = 0.3, 0.3
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,28 @@ class Linear:
 
 
 @dataclass(frozen=True)
+class Held:
+    """Sensitivities that were computed somewhere on the way to a fit.
+
+    Attributes:
+      linear: they.
+      stale: (K,) windows that went otherwise than they said.
+    """
+
+    linear: Linear
+    stale: np.ndarray
+
+    @classmethod
+    def fresh(cls, linear: Linear) -> Held:
+        """Of which nothing is known against them."""
+        return cls(linear, np.zeros(len(linear.by_start), bool))
+
+    def __or__(self, stale: np.ndarray) -> Held:
+        """With further stale windows (K,)."""
+        return Held(self.linear, self.stale | stale)
+
+
+@dataclass(frozen=True)
 class Fit:
     """Windows' unknowns, and terms, that fit the measurements.
 
@@ -54,6 +79,7 @@ class Fit:
       carried: what the windows began with.
       cost: sum of squares, with priors.
       converged: the last step hardly changed the cost.
+      held: sensitivities from nearby; None where there are none.
     """
 
     starts: Starts
@@ -64,6 +90,7 @@ class Fit:
     carried: Carried
     cost: float
     converged: bool = False
+    held: Held | None = None
 
 
 class Fitter(ABC):
@@ -102,6 +129,12 @@ class Fitter(ABC):
     def rms(self, fit: Fit) -> float:
         """What a fit is off, per degree of freedom [m]."""
 
+    def renewed(self, fit: Fit) -> Held:
+        """Sensitivities around a fit, computed anew where those that it holds are stale."""
+        if fit.held is not None and not fit.held.stale.any():
+            return fit.held
+        return Held.fresh(self.linear(fit, precise=False))
+
     def elsewhere(self, fit: Fit, seed: int = 0, usual: float | None = None) -> Fit:
         """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better.
 
@@ -118,6 +151,10 @@ class Fitter(ABC):
         winch = np.zeros((len(windows.logs), len(windows.robot.winches)))
         return self.at(np.zeros((len(windows), len(self.prior))), winch, terms)
 
+    def under(self, fit: Fit, terms: Terms) -> Fit:
+        """The same unknowns with other terms, before anything is fitted to them."""
+        return replace(self.at(fit.change, fit.starts.winch, terms), held=fit.held)
+
     def mean_squares(self, fit: Fit) -> Floats:
         """(K,) mean square residual of each window [sigma^2]."""
         measured = np.isfinite(self.windows.measured).sum(axis=(1, 2, 3))
@@ -130,19 +167,22 @@ class Fitter(ABC):
     def fit(self, fit: Fit, free: Sequence[Free] = (), rounds: int = 8) -> Fit:
         """Levenberg-Marquardt from a fit, with sizes of effects free or none."""
         for _ in range(rounds):
-            after = self.refit(fit, self.linear(fit, precise=False), free, STEPS)
-            if after is fit:  # differences of one side may have misled
-                after = self.refit(fit, self.linear(fit), free, STEPS)
-            done = _hardly_fell(fit.cost, after.cost)
-            fit = after
-            if done:
-                return replace(fit, converged=True)
+            before, anew = fit.cost, fit.held is None or bool(fit.held.stale.all())
+            begun = replace(fit, held=self.renewed(fit))
+            fit = self.refit(begun, free)
+            if fit is begun and anew:  # differences of one side may have misled
+                fit = self.refit(replace(fit, held=Held.fresh(self.linear(fit))), free)
+            if _hardly_fell(before, fit.cost):
+                if anew:
+                    return replace(fit, converged=True)
+                assert fit.held is not None
+                fit = replace(fit, held=fit.held | np.ones(len(self.windows), bool))
         return fit
 
-    def refit(self, fit: Fit, linear: Linear, free: Sequence[Free], rounds: int = 3) -> Fit:
-        """Steps with the starts' sensitivities held: they are what costs time."""
+    def refit(self, fit: Fit, free: Sequence[Free], rounds: int = STEPS) -> Fit:
+        """Steps with the starts' sensitivities held, as the fit has them: they are what costs time."""
         for _ in range(rounds):
-            after = self.improved(fit, linear, free)
+            after = self.improved(fit, free)
             if after is None:
                 break
             done = _hardly_fell(fit.cost, after.cost)
@@ -164,12 +204,14 @@ class Fitter(ABC):
         flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
         return flat.swapaxes(1, 2)
 
-    def improved(self, fit: Fit, linear: Linear, free: Sequence[Free]) -> Fit | None:
+    def improved(self, fit: Fit, free: Sequence[Free]) -> Fit | None:
         """One step of all unknowns; None if none makes the cost fall.
 
         What windows share takes one common step, as little damped as will do; each window then takes
         what suits it.
         """
+        assert fit.held is not None
+        linear = fit.held.linear
         moves = [f.step_from(fit.terms) for f in free]
         varied = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
         sizes = self.columns(fit, varied) / moves if free else None
@@ -182,9 +224,12 @@ class Fitter(ABC):
             terms = fit.terms
             for f, size in zip(free, step[winches.size :], strict=True):
                 terms = f.moved(terms, size)
-            after = self.stepped(fit, linear, fit.residual - by_shared @ step, winch, terms)
+            left = fit.residual - by_shared @ step
+            after = self.stepped(fit, linear, left, winch, terms)
             if after.cost < fit.cost:
-                return after
+                own = np.einsum("kdx,kx->kd", linear.by_start, after.change - fit.change)
+                astray = _astray(fit.residual, left - own, after.residual)
+                return replace(after, held=fit.held | astray)
         return None
 
     def shared(self, linear: Linear, sizes: Floats | None) -> Floats:
@@ -225,6 +270,12 @@ class Fitter(ABC):
         whole[values, values] += known
         right[values] -= known * [f.value(fit.terms) for f in free]
         return whole, right
+
+
+def _astray(before: Floats, promised: Floats, after: Floats) -> np.ndarray:
+    """(K,) windows whose residuals (K, D) are not what was promised."""
+    off, went = ((after - x) ** 2 for x in (promised, before))
+    return np.asarray(off.sum(axis=1) > np.maximum(ASTRAY**2 * went.sum(axis=1), UNNOTICED))
 
 
 def _hardly_fell(before: float, after: float) -> bool:

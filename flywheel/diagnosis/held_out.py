@@ -50,8 +50,7 @@ class HeldOut:
         """Starts that fit under other terms."""
         if terms == before.terms:
             return before
-        fit = fitter.at(before.change, before.starts.winch, terms)
-        return settled(fitter, fit, seed=self._under_test.seed)
+        return settled(fitter, fitter.under(before, terms), seed=self._under_test.seed)
 
 
 def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:

@@ -90,7 +90,7 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
     tried = []
     for _ in range(BEGINNINGS):
         begun = _begun(fitter, step.fit, rng)  # a law that adds nothing yet changes no sensitivity
-        tried.append(fitter.refit(begun, step.linear, _weights_of(fitter, begun, "out")))
+        tried.append(fitter.refit(begun, _weights_of(fitter, begun, "out")))
     best = min(tried, key=lambda each: each.cost)
     trained = fitter.fit(best, _weights_of(fitter, best), ROUNDS)
     return Learned(trained, _likeness(fitter, trained, step.test))
@@ -102,7 +102,7 @@ def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Fit:
     scales = Scales.of(fitter.windows.robot)
     known = tuple(size.typical(scales) for size in LearnedTension.sizes)
     terms = (*fit.terms, Term(LearnedTension(), None, first, known))
-    return fitter.at(fit.change, fit.starts.winch, terms)
+    return fitter.under(fit, terms)
 
 
 def _weights_of(fitter: Fitter, fit: Fit, layer: str = "") -> list[Free]:

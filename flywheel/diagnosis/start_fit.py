@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import cycle, islice
 
 import numpy as np
 
-from flywheel.diagnosis.fit import LEAST_DAMPING, Fit, Fitter, Linear, term_cost
+from flywheel.diagnosis.fit import LEAST_DAMPING, Fit, Fitter, Held, Linear, term_cost
 from flywheel.diagnosis.prediction import Carried, Predictor, Starts
 from flywheel.dynamics.plant import unseen_axes
 from flywheel.dynamics.plant.restarted import FREE_VELOCITIES
@@ -16,7 +17,7 @@ from flywheel.records import Floats, State
 
 STEP = 2e-3  # of a finite difference of a start, in natural units
 WINCH_STEP = 1e-3  # of one of a winch's offset [L]
-DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)
+DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)  # of a window's own step, all of which are tried
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
 STUCK = 1.3  # mean square of a window, over the usual one, from which its start is doubted
@@ -58,19 +59,33 @@ class StartFitter(Fitter):
 
     def linear(self, fit: Fit, precise: bool = True) -> Linear:
         """Differences around a fit, in one batch for all windows: of both sides where precise."""
-        predictor = self.predictor
-        count, winches = len(self.windows), fit.starts.winch.shape[1]
-        everyone = np.arange(count)
-        by_start = self.by_start(fit, everyone, fit.change, None if precise else fit.points)
+        return self._linear(fit, np.arange(len(self.windows)), precise)
+
+    def renewed(self, fit: Fit) -> Held:
+        """See `Fitter`: of the stale windows only."""
+        if fit.held is None:
+            return super().renewed(fit)
+        stale = np.flatnonzero(fit.held.stale)
+        if not len(stale):
+            return fit.held
+        old, new = fit.held.linear, self._linear(fit, stale, precise=False)
+        by_start, by_winch = old.by_start.copy(), old.by_winch.copy()
+        by_start[stale], by_winch[stale] = new.by_start, new.by_winch
+        return Held.fresh(Linear(by_start, by_winch))
+
+    def _linear(self, fit: Fit, members: np.ndarray, precise: bool) -> Linear:
+        """Of windows `members` (n,)."""
+        predictor, winches = self.predictor, fit.starts.winch.shape[1]
+        here = None if precise else fit.points[members]
+        by_start = self.by_start(fit, members, fit.change[members], here)
         offset = WINCH_STEP * predictor.length
-        members = np.repeat(everyone, winches)
-        shifted = np.repeat(fit.carried.winch, winches, axis=0)
-        shifted = shifted + offset * np.tile(np.eye(winches), (count, 1))
+        rows = np.repeat(members, winches)
+        shifted = fit.carried.winch[rows] + offset * np.tile(np.eye(winches), (len(members), 1))
         after = predictor.parallel(
-            fit.starts.mechanics[members], fit.carried, fit.terms, members, shifted
+            fit.starts.mechanics[rows], fit.carried, fit.terms, rows, shifted
         )
-        after = after.reshape(count, winches, *after.shape[1:])
-        by_winch = self.slope(after - fit.points[:, None], offset, everyone)
+        after = after.reshape(len(members), winches, *after.shape[1:])
+        by_winch = self.slope(after - fit.points[members, None], offset, members)
         return Linear(by_start, by_winch)
 
     def by_start(
@@ -144,23 +159,25 @@ class StartFitter(Fitter):
 
     def _best_of_each(self, change: Floats, tries: Floats, winch: Floats, terms: Terms) -> Floats:
         """(K, X) of the steps (n, K, X), or none, what makes each window's own cost least."""
-        predictor, count = self.predictor, len(change)
-        start = predictor.moved(self.first, change)
-        carried = predictor.chained(Starts(start, winch), [terms])[1][0]
-        tried = np.concatenate([np.zeros_like(change)[None], tries]) + change
+        count, stay = len(change), self.at(change, winch, terms)
+        tried = tries + change
         members = np.tile(np.arange(count), len(tried))
-        cost = self.costs(carried, terms, members, tried.reshape(-1, change.shape[1]))
-        return tried[cost.reshape(len(tried), count).argmin(axis=0), np.arange(count)]
+        cost = self.costs(stay.carried, terms, members, tried.reshape(-1, change.shape[1]))
+        own = self._cost(stay.points, np.arange(count), change)
+        costs = np.concatenate([own[None], cost.reshape(len(tried), count)])
+        return np.concatenate([change[None], tried])[costs.argmin(axis=0), np.arange(count)]
 
     def costs(self, carried: Carried, terms: Terms, members: np.ndarray, change: Floats) -> Floats:
         """(n,) cost of each window alone, at changes (n, X)."""
         predictor = self.predictor
         states = predictor.moved(self.first[members], change)
-        points = predictor.parallel(states, carried, terms, members)
-        residual = predictor.windows.residual_of(members, points)
+        return self._cost(predictor.parallel(states, carried, terms, members), members, change)
+
+    def _cost(self, points: Floats, members: np.ndarray, change: Floats) -> Floats:
+        """(n,) of each window alone, with predicted points (n, steps + 1, P, 3)."""
+        residual = self.windows.residual_of(members, points)
         cost = (residual**2).sum(axis=-1) + self.prior_cost(change)
-        cost[~np.isfinite(points).all(axis=(1, 2, 3))] = np.inf
-        return cost
+        return np.where(np.isfinite(points).all(axis=(1, 2, 3)), cost, np.inf)
 
     def _steps(self, change: Floats, by_start: Floats, left: Floats, damping: float) -> Floats:
         """(n, X) steps of the starts towards residuals (n, D)."""
@@ -190,7 +207,10 @@ class StartFitter(Fitter):
             if value < own[k]:
                 own[k], found[k] = value, candidate
         after = self.at(found, fit.starts.winch, fit.terms)
-        return after if after.cost < fit.cost else fit
+        if after.cost >= fit.cost:
+            return fit
+        moved = (found != fit.change).any(axis=1)
+        return after if fit.held is None else replace(after, held=fit.held | moved)
 
 
 def _best_of(members: np.ndarray, cost: Floats, most: int) -> np.ndarray:

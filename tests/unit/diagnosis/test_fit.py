@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple, replace
+
 import numpy as np
 import pytest
 
 from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.fit import Fit, Held, Linear
 from flywheel.diagnosis.score import Projection, score_test
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.dynamics.plant import between, moved
@@ -42,6 +44,33 @@ def test_the_true_plant_is_fitted_down_to_the_noise(
     squares = fitter.mean_squares(fit)
     assert (squares < 1.3).all(), seed
     assert fit.cost < fitter.beginning().cost
+
+
+def test_only_stale_sensitivities_are_computed_anew(
+    fitter: StartFitter, fit: Fit, seed: int
+) -> None:
+    nothing = Linear(*(np.zeros_like(part) for part in astuple(fitter.linear(fit))))
+    stale = np.zeros(len(fit.change), bool)
+    stale[seed % len(stale)] = True
+    renewed = fitter.renewed(replace(fit, held=Held(nothing, stale)))
+    assert not renewed.stale.any()
+    now = fitter.linear(fit, precise=False)
+    for part, whole in zip(astuple(renewed.linear), astuple(now), strict=True):
+        assert np.allclose(part[stale], whole[stale], rtol=1e-6, atol=1e-6), seed
+        assert not part[~stale].any()
+
+
+def test_windows_that_go_otherwise_than_their_sensitivities_said_become_stale(
+    fitter: StartFitter, seed: int
+) -> None:
+    begun, wrong = fitter.beginning(), seed % len(fitter.windows)
+    linear = fitter.linear(begun)
+    by_start = linear.by_start.copy()
+    by_start[wrong] *= 3.0  # that window goes a third of the way that it is promised
+    held = Held.fresh(Linear(by_start, linear.by_winch))
+    after = fitter.improved(replace(begun, held=held), ())
+    assert after is not None and after.held is not None
+    assert after.held.stale[wrong], seed
 
 
 def test_a_projection_takes_out_what_starts_explain(fitter: StartFitter, fit: Fit) -> None:
