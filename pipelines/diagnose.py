@@ -117,6 +117,13 @@ def _show(out: Console, found: Diagnosis, robot: str) -> None:
     if rows:
         columns = ("answer", "effect", "at", "parameter", "#value", "#low", "#high", "unit")
         out.print(table("effects", columns, rows))
+    if found.other_form:
+        law = found.other_law
+        out.print(
+            f"another form: of what can be explained, {law.name}, which is no effect of the library, "
+            f"explains {law.share:.0%} that they do not",
+            soft_wrap=True,
+        )
     scores = [
         (s.candidate.effect.name, s.candidate.location, s.score, s.sizes[0], s.smallest)
         for s in found.ranking[:SHOWN]

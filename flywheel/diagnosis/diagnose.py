@@ -17,6 +17,8 @@ from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held_out import HeldOut, errors
 from flywheel.diagnosis.limits import Limits, verdict_of
 from flywheel.diagnosis.network_fit import NetworkFitter
+from flywheel.diagnosis.other_law import OtherLaw, other_law
+from flywheel.diagnosis.probes import PROBES
 from flywheel.diagnosis.selection import Selection, Step, places
 from flywheel.diagnosis.stand_in import stand_in
 from flywheel.diagnosis.subject import Subject
@@ -115,7 +117,8 @@ def _searched(
     around: Terms | None = None
     for _ in range(1 if under_test.model is None else PASSES):
         fitter, first = under_test.fitted(recordings, seconds, around=around)
-        selection = Selection(fitter, library, limits.threshold, progress)
+        probes = candidates(fitter.windows.robot, PROBES)
+        selection = Selection(fitter, library, limits.threshold, progress, probes)
         look, here = selection.look(calibrated(fitter, first, unsure)), limits
         if isinstance(fitter, NetworkFitter):
             here = limits.beyond(fitter.own_errors(look.test))
@@ -136,6 +139,7 @@ class _Judged:
       effects: of the last step's model, with intervals.
       answer: those of them that were asked about; none where nothing was found.
       before, after: what the first and the last model leave.
+      law: that explains the most beside the answer.
       verdict: before it is asked whether others explain the recordings as well.
     """
 
@@ -144,6 +148,7 @@ class _Judged:
     answer: Alternative
     before: Adequacy
     after: Adequacy
+    law: OtherLaw
     verdict: Verdict
 
 
@@ -165,6 +170,8 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
         held_out=judge.errors(last.fit.terms),
         before=judged.before,
         after=judged.after,
+        other_law=judged.law,
+        other_form=search.limits.other_form(judged.law),
         evidence=Evidence.of(fitter, judged.steps),
         where=whereabouts(fitter, last.test) if unexplained else None,
         stand_in=_stand_in(fitter, last, judge, under_test.seed) if unexplained else None,
@@ -178,8 +185,9 @@ def _judged(search: _Search, steps: list[Step]) -> _Judged:
     before, after = (adequacy(fitter, s.fit, s.test, s.sizes) for s in (first, last))
     effects = _effects(search.selection, last.fit, last.linear)
     answer = _asked(effects) if len(steps) > 1 else ()
-    verdict = verdict_of(search.limits, last, answer, before, after)
-    return _Judged(steps, effects, answer, before, after, verdict)
+    law = other_law(first, last)
+    verdict = verdict_of(search.limits, last, answer, before, after, law)
+    return _Judged(steps, effects, answer, before, after, law, verdict)
 
 
 def _trusted(search: _Search, judged: _Judged) -> _Judged:

@@ -10,6 +10,7 @@ import numpy as np
 from flywheel.diagnosis.adequacy import Adequacy
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.next_experiment import NextExperiment, next_experiment
+from flywheel.diagnosis.other_law import NONE, OtherLaw
 from flywheel.diagnosis.score import Score
 from flywheel.diagnosis.verdict import EXIT_CODES, Alternative, Verdict
 from flywheel.diagnosis.whereabouts import Whereabouts
@@ -95,6 +96,8 @@ class Diagnosis:
       evidence: to look at.
       seconds: it took.
       model: name of the model under test; "" for the plant itself.
+      other_law: that explains the most beside the first answer.
+      other_form: it explains so much that what was found must have another form.
       where: what no effect explains acts; None where nothing is left.
       stand_in: a learned law for it, likewise.
       calibration: what the plant was not sure of, as fitted beside the first answer.
@@ -111,6 +114,8 @@ class Diagnosis:
     evidence: Evidence
     seconds: float = 0.0
     model: str = ""
+    other_law: OtherLaw = NONE
+    other_form: bool = False
     where: Whereabouts | None = None
     stand_in: StandIn | None = None
     calibration: Alternative = ()
@@ -142,6 +147,7 @@ class Diagnosis:
                 "inconstancy": self.after.inconstancy,
                 "loudest": self.after.loudest,
             },
+            "other_law": self.other_law.summary() if self.other_form else None,
             "unexplained": None if self.where is None else self.where.summary(),
             "stand_in": None if self.stand_in is None else self.stand_in.summary(),
             "next_experiment": self.next_experiment.summary(),

@@ -8,6 +8,7 @@ import numpy as np
 
 from flywheel.diagnosis.adequacy import Adequacy
 from flywheel.diagnosis.network_fit import OwnErrors
+from flywheel.diagnosis.other_law import OtherLaw
 from flywheel.diagnosis.selection import Step
 from flywheel.diagnosis.verdict import Alternative, Verdict
 
@@ -17,6 +18,7 @@ LOUD = 1.05  # variance of what is left from which it is more than noise, were t
 SURE = 2.0  # standard deviations of the noise's own error on top
 CORRELATED = 0.05  # correlation from sample to sample, likewise
 INCONSTANT = 1.0  # differences of a size between windows, likewise
+OTHER = 0.1  # of what an answer and another law explain, that the other one does
 OUTSTANDING = 6.0  # standard deviations of noise by which one window may stand out
 
 
@@ -30,6 +32,7 @@ class Limits:
     correlated: float = CORRELATED
     inconstant: float = INCONSTANT
     outstanding: float = OUTSTANDING
+    other: float = OTHER
 
     def beyond(self, own: OwnErrors) -> Limits:
         """Where a model's own errors are not taken for more."""
@@ -48,6 +51,14 @@ class Limits:
             and left.loudest < self.outstanding
         )
 
+    def other_form(self, law: OtherLaw) -> bool:
+        """What was found has another form than the effects of the library.
+
+        An effect that is there leaves something to another law where the plant has it in a slightly
+        other form; but the law alone would not have explained more than it.
+        """
+        return law.score > self.threshold and (law.leads or law.share > self.other)
+
     def constant(self, left: Adequacy) -> bool:
         """Fitted sizes are the same everywhere."""
         return left.inconstancy < self.inconstant
@@ -59,6 +70,7 @@ def verdict_of(
     answer: Alternative,
     before: Adequacy,
     after: Adequacy,
+    law: OtherLaw,
 ) -> Verdict:
     """The answer in a word, before it is asked whether others explain the recordings as well.
 
@@ -67,11 +79,13 @@ def verdict_of(
       last: step of the selection.
       answer: of that; empty if nothing was found.
       before, after: what the first and the last model leave.
+      law: that explains the most beside the answer.
     """
     if not np.isfinite(last.fit.cost):
         return Verdict.NOT_CONVERGED
+    enough = limits.enough(after) and not limits.other_form(law)
     if not answer:
-        if limits.enough(after):
+        if enough:
             smallest = [score.smallest for score in last.scores]
             blind = all(
                 size > s.candidate.effect.sizes[0].high
@@ -82,7 +96,8 @@ def verdict_of(
     # An effect of which nobody can say that it is there, although it explains much, is not the effect.
     if not limits.constant(after) or not all(each.shown for each in answer):
         return Verdict.OUTSIDE_LIBRARY
-    if not limits.enough(after):
+    if not enough:
         explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
-        return Verdict.PARTIAL if explained > 0.5 else Verdict.OUTSIDE_LIBRARY
+        imitated = limits.other_form(law) and law.leads
+        return Verdict.PARTIAL if explained > 0.5 and not imitated else Verdict.OUTSIDE_LIBRARY
     return Verdict.EFFECT

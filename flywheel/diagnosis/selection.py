@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from flywheel.diagnosis.candidates import Candidate
-from flywheel.diagnosis.fit import Fit, Fitter, Linear
+from flywheel.diagnosis.fit import Fit, Fitter, Held, Linear
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.score import Score, ScoreTest, score_test
 from flywheel.effects import Scales, Term, Terms
@@ -35,8 +35,9 @@ class Step:
       fit: the model.
       linear: its sensitivities.
       sizes: (K, D, n) its sensitivities to its values; None without any.
-      test: of every candidate on top of it.
+      test: of every candidate and every probe on top of it.
       scores: of every candidate, best first.
+      probes: of every probe, see `probes`.
     """
 
     fit: Fit
@@ -44,6 +45,7 @@ class Step:
     sizes: Floats | None
     test: ScoreTest
     scores: tuple[Score, ...]
+    probes: tuple[Score, ...]
 
 
 class Selection:
@@ -54,6 +56,7 @@ class Selection:
       library: what may be added.
       threshold: score from which an effect counts as seen.
       progress: told what has been done.
+      probes: laws that are tested like candidates, and never added.
     """
 
     def __init__(
@@ -62,8 +65,10 @@ class Selection:
         library: Sequence[Candidate],
         threshold: float,
         progress: Callable[[str], None] = lambda note: None,
+        probes: Sequence[Candidate] = (),
     ) -> None:
         self.fitter, self.library, self.threshold = fitter, tuple(library), threshold
+        self.probes = tuple(probes)
         self.progress = progress
         self.scales = Scales.of(fitter.windows.robot)
 
@@ -113,8 +118,7 @@ class Selection:
 
     def shortened(self, fit: Fit, term: Term, target: float = np.inf) -> Fit:
         """A fit without a term, fitted anew; see `pursued` for the target."""
-        left = self.fitter.at(fit.change, fit.starts.winch, without(fit.terms, term))
-        return self.pursued(left, target)
+        return self.pursued(self.fitter.under(fit, without(fit.terms, term)), target)
 
     def _exchanged(self, steps: Sequence[Step], last: Fit, term: Term, margin: float) -> list[Fit]:
         others = without(last.terms, term)
@@ -127,8 +131,7 @@ class Selection:
             terms = (*others, score.candidate.term(score.sizes, score.shape))
             fit = self._twin(last, terms, term.values)
             if fit is None:
-                near = self.fitter.at(last.change, last.starts.winch, terms)
-                fit = self.pursued(near, self.criterion(last) + margin)
+                fit = self.pursued(self.fitter.under(last, terms), self.criterion(last) + margin)
             if self.criterion(fit) < self.criterion(last) + margin:
                 found.append(fit)
         return found
@@ -142,18 +145,20 @@ class Selection:
         if len(term.values) != len(values):
             return None
         same = Term(term.effect, term.place, values)
-        fit = self.fitter.at(last.change, last.starts.winch, (*others, same))
+        fit = self.fitter.under(last, (*others, same))
         return fit if abs(fit.cost - last.cost) < 1e-6 * last.cost else None
 
     def look(self, fit: Fit) -> Step:
-        """ScoreTest all candidates on top of a model."""
+        """Test all candidates and probes on top of a model."""
         linear = self.fitter.linear(fit)
+        fit = replace(fit, held=Held.fresh(linear))
         numbers, sizes = self.fitter.step_error(fit), self.known(fit)
         taken = numbers if sizes is None else np.concatenate([numbers, sizes], axis=2)
-        test = score_test(self.fitter, fit, self.library, taken, linear)
-        scores = sorted(test.scores(), key=lambda s: -s.score)
-        self.progress(f"scored {len(scores)} candidates on top of {len(fit.terms)} effects")
-        return Step(fit, linear, sizes, test, tuple(scores))
+        test = score_test(self.fitter, fit, (*self.library, *self.probes), taken, linear)
+        count, scores = len(self.library), test.scores()
+        ranking = sorted(scores[:count], key=lambda s: -s.score)
+        self.progress(f"scored {count} candidates on top of {len(fit.terms)} effects")
+        return Step(fit, linear, sizes, test, tuple(ranking), tuple(scores[count:]))
 
     def known(self, fit: Fit) -> Floats | None:
         """(K, D, n) sensitivities with all values of the model's terms; None without terms."""
@@ -203,11 +208,9 @@ class Selection:
 
     def with_terms(self, step: Step, terms: Terms) -> Fit:
         """The model with these terms instead, fitted from the step's starts."""
-        fitter, free, before = self.fitter, free_values(terms, self.scales), step.fit
-        fit = fitter.at(before.change, before.starts.winch, terms)
         self.progress(f"fitting {', '.join(term.effect.name for term in terms)}")
-        fit = fitter.refit(fit, step.linear, free, rounds=1)
-        return fitter.fit(fit, free, rounds=2)
+        fit = self.fitter.under(step.fit, terms)
+        return self.fitter.fit(fit, free_values(terms, self.scales), rounds=1)
 
     def pruned(self, fit: Fit) -> Fit:
         """The model without the terms that it does nearly as well without.

@@ -60,6 +60,7 @@ class CaseResult(ResultRecord):
       held_out_baseline, held_out: on the one held out [m].
       left: variance, correlation, inconstancy and loudest window of what is left, see `Adequacy`.
       left_before: the same of the model as it was.
+      other_law, other_score, other_share: see `OtherLaw`.
       seconds: of the diagnosis.
       failure: what was raised, or "".
     """
@@ -82,6 +83,9 @@ class CaseResult(ResultRecord):
     held_out: float = math.nan
     left: tuple[float, ...] = ()
     left_before: tuple[float, ...] = ()
+    other_law: str = ""
+    other_score: float = math.nan
+    other_share: float = math.nan
     seconds: float = math.nan
     failure: str = ""
 

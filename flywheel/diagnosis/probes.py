@@ -1,0 +1,81 @@
+"""Laws that no effect of the library has, as questions: never an answer.
+
+A cable whose damping grows with the square of its speed is well imitated by one that is damped in
+proportion to it: hardly anything is left, and the fit looks right. Asked directly for what the square would
+explain besides, the data say so. A probe that explains much beside the answer means that the answer has
+the wrong form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel.effects import CommandEffect, Effect, Parameter, TensionEffect
+from flywheel.effects.effect import Cables, Memory, Values
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+
+class FasterDamping(TensionEffect):
+    """Damping in proportion to the square of the speed, as in a fluid."""
+
+    name = "damping_by_speed_squared"
+    sizes = (
+        Parameter(
+            "damping", "N s^2/m^2", lambda s: 2.0 * s.weight * (s.time / s.length) ** 2, low=-20.0
+        ),
+    )
+    equation = "dT = c |V| V"
+    source = "drag"
+    shown_by = "fast strokes of all winches"
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        return values["damping"] * np.abs(cables.speed) * cables.speed, memory
+
+
+class StretchedDamping(TensionEffect):
+    """Damping in proportion to the tension."""
+
+    name = "damping_by_tension"
+    sizes = (Parameter("time", "s", lambda s: 0.02 * s.time, low=-20.0),)
+    equation = "dT = a T V / l0"
+    source = "first order in tension and speed"
+    shown_by = "fast strokes at high and low pretension"
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        return values["time"] * cables.elastic * cables.speed / cables.rest, memory
+
+
+class Tiring(TensionEffect):
+    """Cables that lose stiffness, or gain some, while a recording runs. The memory is the time."""
+
+    name = "stiffness_in_time"
+    sizes = (Parameter("rate", "1/s", lambda s: 0.02 / s.time, low=-20.0),)
+    equation = "dT = -a t T"
+    source = "first order in time"
+    shown_by = "the same motion early and late in a recording"
+    remembers = True
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        return -values["rate"] * memory * cables.elastic, memory + cables.dt
+
+
+class UnevenGain(CommandEffect):
+    """Winches whose rate is no straight line of what they are told."""
+
+    name = "gain_by_rate"
+    stage = 2
+    sizes = (Parameter("share", "-", lambda s: 0.1, low=-5.0, high=5.0),)
+    equation = "r -> (1 + g |r| / r_max) r"
+    source = "second order in the command"
+    shown_by = "strokes at different rates"
+
+    def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
+        full = np.maximum(np.abs(robot.control_low), np.abs(robot.control_high))
+        more = values["share"][:, None] * np.abs(controls) / full
+        return controls * (1.0 + more * robot.rate_driven)
+
+
+PROBES: dict[str, Effect] = {
+    probe.name: probe for probe in (FasterDamping(), StretchedDamping(), Tiring(), UnevenGain())
+}

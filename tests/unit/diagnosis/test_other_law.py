@@ -1,0 +1,75 @@
+"""An answer of the wrong form: a law that the library does not have shows beside it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis import Verdict, diagnose
+from flywheel.diagnosis.limits import Limits
+from flywheel.diagnosis.other_law import NONE, OtherLaw
+from flywheel.diagnosis.probes import PROBES
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import EFFECTS, Scales, Term
+from flywheel.reports.diagnosis_page import diagnosis_page
+from flywheel.robots import Robot, load_robot
+from tests.unit.diagnosis.conftest import recorded
+
+FEW = {name: EFFECTS[name] for name in ("cable_damping", "winch_gain")}
+LAW = "damping_by_speed_squared"
+
+
+def _of(robot: Robot, kind: str, times: float) -> Term:
+    effect = {**PROBES, **EFFECTS}[kind]
+    return Term(effect, None, (times * effect.sizes[0].typical(Scales.of(robot)),))
+
+
+def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) -> None:
+    strict = Limits(other=0.0)  # whatever is seen of another law tells
+    logs = [recorded(robot, (_of(robot, LAW, 5.0),), seed + i) for i in range(3)]
+    found = diagnose(Plant(robot), logs, (), FEW, strict, window_seconds=0.4, seed=seed)
+    assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), (seed, found.other_law)
+    law = found.summary()["other_law"]
+    assert law is not None and law["score"] > strict.threshold, (seed, found.other_law)
+    assert law["law"] in PROBES
+    assert law["law"] in diagnosis_page(found, {})
+
+
+def test_cable_damping_itself_has_the_right_form(robot: Robot, seed: int) -> None:
+    strict = Limits(other=0.0)
+    logs = [recorded(robot, (_of(robot, "cable_damping", 1.0),), seed + i) for i in range(2)]
+    found = diagnose(Plant(robot), logs, (), FEW, strict, window_seconds=0.4, seed=seed)
+    assert found.verdict is Verdict.EFFECT, (seed, found.other_law)
+    assert found.summary()["other_law"] is None
+
+
+def test_a_law_that_explains_little_beside_an_answer_is_no_other_form() -> None:
+    limits = Limits()
+    assert not limits.other_form(NONE)
+    assert limits.other_form(OtherLaw("x", limits.threshold + 1, limits.other + 0.01))
+    assert limits.other_form(OtherLaw("x", limits.threshold + 1, 0.01, leads=True))
+    assert not limits.other_form(OtherLaw("x", limits.threshold - 1, 1.0, leads=True))
+    assert not limits.other_form(OtherLaw("x", 10 * limits.threshold, limits.other - 0.01))
+
+
+@pytest.mark.parametrize("name", PROBES)
+def test_probes_are_no_effects_and_do_nothing_at_zero(robot: Robot, seed: int, name: str) -> None:
+    assert name not in EFFECTS
+    without = recorded(robot, (), seed).observations.points
+    absent = recorded(robot, (_of(robot, name, 0.0),), seed).observations.points
+    there = recorded(robot, (_of(robot, name, 5.0),), seed).observations.points
+    assert np.abs(absent - without).max() < 1e-9
+    assert np.abs(there - without).max() > 1e-4
+
+
+def test_winches_that_go_to_a_place_have_no_gain_by_rate(seed: int) -> None:
+    robot = load_robot("platform4")
+    told = np.random.default_rng(seed).uniform(
+        robot.control_low, robot.control_high, (1, 5, len(robot.winches))
+    )
+    effect = PROBES["gain_by_rate"]
+    values = {"share": np.full((1, len(robot.winches)), 0.3)}
+    after = effect.command(told, values, robot, 0.01)  # type: ignore[attr-defined]
+    same = np.broadcast_to(~robot.rate_driven, told.shape)
+    assert np.array_equal(after[same], told[same])
+    assert (np.abs(after[~same]) > np.abs(told[~same])).all()
