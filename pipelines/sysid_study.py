@@ -271,7 +271,7 @@ def main() -> None:
             print(row, flush=True)  # noqa: T201
 
 
-def kept(file: Path, result: CaseStudy) -> None:
+def kept(file: Path, result: ResultRecord) -> None:
     """Write a result, whole or not at all."""
     temporary = file.with_suffix(".tmp")
     temporary.write_text(result.model_dump_json(indent=1) + "\n")

@@ -42,7 +42,7 @@ class Examiner:
         """Make the recordings, diagnose them, and say what came of it. A failure is a result, too."""
         robot = load_robot(case.robot)
         recorded = case.record(robot)
-        truth = tuple(_truth(each) for each in recorded.held_out.effects)
+        truth = tuple(truth_of(each) for each in recorded.held_out.effects)
         empty = CaseResult(
             name=case.name,
             group=case.group,
@@ -98,6 +98,9 @@ def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:
             "held_out": held.augmented,
             "left": _left(found.after),
             "left_before": _left(found.before),
+            "other_law": found.other_law.name,
+            "other_score": found.other_law.score,
+            "other_share": found.other_law.share,
             "seconds": found.seconds,
         }
     )
@@ -119,8 +122,8 @@ def _smallest(case: CaseResult, found: Diagnosis) -> float:
     return float("nan")
 
 
-def _truth(effect: EffectTruth) -> Named:
-    """In the library's parameters."""
+def truth_of(effect: EffectTruth) -> Named:
+    """What was hidden, in the parameters of the library."""
     values = dict(effect.values)
     if effect.name == "hysteresis":
         values["force"] = values.pop("stiffness") * values["length"]

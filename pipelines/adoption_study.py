@@ -1,0 +1,264 @@
+"""From a hidden effect to a better network: the whole loop, beside what the answer itself would have given.
+
+    python -m pipelines.adoption_study OUT_FOLDER
+
+A network is trained on a plant. Another simulator hides an effect of twice the typical size; the network is
+diagnosed by its recordings, what is found is adopted, data are simulated anew, and the network is trained on.
+How much nearer it comes to further recordings, over how near it comes when it is trained on with the true
+effect, is the share of the gap that is closed. Everything that is there already is kept: networks, data,
+and one JSON file per case; the table is that of docs/results/adoption.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.diagnosis import Diagnosis, diagnose
+from flywheel.diagnosis.adoption import adoptable
+from flywheel.diagnosis.subject import Subject
+from flywheel.dynamics.gnn import LearnedDynamics, load_weights
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import WrittenTerm
+from flywheel.errors import DataError
+from flywheel.evaluation import score
+from flywheel.hidden.cases import Case, Plan, cases
+from flywheel.hidden.recording import record
+from flywheel.hidden.scripts import SCRIPTS
+from flywheel.records import Episode, Floats, Provenance
+from flywheel.registry import lookup
+from flywheel.robots import load_robot
+from flywheel.runtime.config import RunConfig, load_config
+from flywheel.runtime.examination import Named
+from flywheel.runtime.examination.worker import truth_of
+from flywheel.runtime.measures import ResultRecord
+from flywheel.runtime.plan import Effects, collection
+from flywheel.runtime.progress import Progress, console_progress
+from flywheel.runtime.recording import Recorder
+from flywheel.runtime.training_worker import SPLITS
+from flywheel.runtime.watch import Watch
+from flywheel.training import Trainer, TrainingProgress
+from pipelines.sysid_study import kept
+
+HIDDEN = ("winch_gain", "cable_friction", "torque_speed")
+SIZE = 2.0  # times the typical one
+FURTHER = 8  # recordings that the networks are judged by, of four seconds each
+SECONDS = 4.0
+HORIZON = 1.0  # of the predictions [s]
+STARTS = 20  # per recording
+NOISY = (
+    "training.noise=0.003",
+    "measurement.noise=0.003",
+    "network.velocity_window=20",
+    "network.smooth_present=true",
+)
+
+
+class AdoptionStudy(ResultRecord):
+    """One hidden effect, one seed.
+
+    Attributes:
+      name: of the case.
+      truth: what was hidden.
+      verdict: of the diagnosis of the network.
+      adopted: labels of the effects that were.
+      problem: why nothing was, or "".
+      before, after, ceiling: RMSE/L of the centre of mass over `HORIZON` on further recordings, of the
+        network as it was, trained on with what was found, and trained on with the truth [%].
+      rotation: the same three in rotation [deg].
+    """
+
+    name: str
+    truth: tuple[Named, ...]
+    verdict: str
+    adopted: tuple[str, ...]
+    problem: str
+    before: float
+    after: float
+    ceiling: float
+    rotation: tuple[float, float, float]
+
+    @property
+    def closed(self) -> float:
+        """Share of the gap between the network as it was and the one that was told the truth."""
+        return (self.before - self.after) / (self.before - self.ceiling)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where networks are trained.
+
+    Attributes:
+      config: of data, network and training.
+      folder: everything is kept here.
+      progress: shows people how far it is.
+    """
+
+    config: RunConfig
+    folder: Path
+    progress: Progress
+
+    def network(self, name: str, effects: Effects, initial: Path | None = None) -> Path:
+        """Weights of a network trained, or trained on, with data of a plant with effects."""
+        store, robot = TrajectoryStore(self.folder / f"store-{name}"), load_robot(self.config.robot)
+        if "data" not in store.snapshots():
+            store.seal("data", self._recorded(name, store, effects), parent=None)
+        cache = self.folder / f"cache-{name}"
+        snapshot = store.snapshot("data")
+        train, validation = (
+            WindowCache.build(store, snapshot, split, cache, robot) for split in SPLITS
+        )
+        training = self.config.training.model_copy(update={"seed": self.config.seed})
+        place = self.folder / f"network-{name}"
+        trainer = Trainer(training, self.config.network, robot, train, validation, place, initial)
+        with self.progress.stage(f"{name}: train", 1.0) as stage:
+
+            def shown(now: TrainingProgress) -> None:
+                stage.update(now.point.step / now.steps, f"loss {now.point.loss:.3g}")
+
+            return trainer.run(shown).weights
+
+    def subject(self, weights: Path) -> Subject:
+        """A network, to be diagnosed or scored."""
+        robot = load_robot(self.config.robot)
+        return Subject("network", LearnedDynamics(robot, load_weights(weights, robot), threads=1))
+
+    def _recorded(self, name: str, store: TrajectoryStore, effects: Effects) -> list[str]:
+        """Ids of the episodes of iteration 0 on a plant with effects."""
+        recorder = Recorder(self.config, load_robot(self.config.robot))
+        plans, there = collection(self.config, 0, "mppi", effects), store.committed()
+        with self.progress.stage(f"{name}: collect", float(len(plans))) as stage:
+            for number, plan in enumerate(plans):
+                if plan.id not in there:
+                    store.commit(plan.id, [recorder.record(plan, None, "", Watch())])
+                stage.update(number + 1.0)
+        return [plan.id for plan in plans]
+
+
+def study(bench: Bench, case: Case) -> AdoptionStudy:
+    """One case, from the first network to the last."""
+    robot, seed = load_robot(case.robot), bench.config.seed
+    recorded = case.record(robot)
+    truth = tuple(truth_of(each) for each in recorded.held_out.effects)
+    first = bench.network(f"plain-s{seed}", ())
+    found = diagnose(
+        Plant(robot, case.measurement.dt),
+        [each.trajectory for each in recorded.fit],
+        [recorded.held_out.trajectory],
+        model=bench.subject(first),
+        seed=seed,
+    )
+    effects, problem = _answer(found)
+    true = tuple(_written(each) for each in truth)
+    after = bench.network(f"{case.name}-found", effects, first) if effects else first
+    ceiling = bench.network(f"{case.name}-true", true, first)
+    further, exact = _further(case)
+    tables = [
+        score(
+            bench.subject(weights).dynamics,
+            further,
+            horizon_seconds=HORIZON,
+            starts_per_episode=STARTS,
+            seed=seed,
+            truth=lambda episode: exact[episode.id],
+        )
+        for weights in (first, after, ceiling)
+    ]
+    errors = [table.e_pos_rmse for table in tables]
+    return AdoptionStudy(
+        name=case.name,
+        truth=truth,
+        verdict=str(found.verdict),
+        adopted=tuple(effect.label for effect in effects),
+        problem=problem,
+        before=errors[0],
+        after=errors[1],
+        ceiling=errors[2],
+        rotation=(tables[0].e_rot, tables[1].e_rot, tables[2].e_rot),
+    )
+
+
+def _answer(found: Diagnosis) -> tuple[Effects, str]:
+    """What is adopted; of several answers that do as well the first, whichever it is."""
+    try:
+        return adoptable(found.summary(), None if len(found.answers) == 1 else 1), ""
+    except DataError as error:
+        return (), str(error)
+
+
+def _written(truth: Named) -> WrittenTerm:
+    return WrittenTerm(effect=truth.effect, location=truth.location, parameters=truth.values)
+
+
+def _further(case: Case) -> tuple[list[Episode], dict[str, Floats]]:
+    """Recordings of the same robot that nobody has seen, and where its points really were."""
+    robot, rng = load_robot(case.robot), np.random.default_rng(case.held_out.seed)
+    episodes, exact = [], {}
+    for number in range(FURTHER):
+        plan = Plan(list(SCRIPTS)[number % len(SCRIPTS)], int(rng.integers(2**31)), SECONDS)
+        made = record(
+            robot,
+            case.effects,
+            script_name=plan.script,
+            seconds=plan.seconds,
+            seed=plan.seed,
+            measurement=case.measurement,
+        )
+        name = f"further-{number}"
+        episodes.append(Episode(name, made.trajectory, Provenance(robot.digest), "test"))
+        exact[name] = made.true_points
+    return episodes, exact
+
+
+def row(result: AdoptionStudy) -> str:
+    """Of the table, in Markdown."""
+    truth = "; ".join(
+        f"{each.effect} {', '.join(f'{value:.3g}' for value in each.values.values())}"
+        for each in result.truth
+    )
+    return (
+        f"| {truth} | {result.name.split('.')[-1]} | {result.verdict} | "
+        f"{', '.join(result.adopted) or result.problem} | {result.before:.2f} | {result.after:.2f} | "
+        f"{result.ceiling:.2f} | {result.closed:.0%} |"
+    )
+
+
+def wanted(hidden: Sequence[str], seeds: Sequence[int]) -> list[tuple[int, Case]]:
+    """The cases, each with its seed."""
+    found = []
+    for seed in seeds:
+        known = {
+            case.effects[0].name: case
+            for case in cases(load_robot("prism3"), ["single"], [SIZE], [seed])
+        }
+        found += [(seed, lookup(known, name, "hidden effect")) for name in hidden]
+    return found
+
+
+def main() -> None:
+    """Study the cases that the folder has no result of yet, and print the table of all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--hidden", nargs="*", default=HIDDEN, help="effects to hide")
+    parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 2])
+    parser.add_argument("--set", nargs="*", default=[], help="key=value of the configuration")
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    print("| hidden | seed | verdict | adopted | before | after | told the truth | closed |")  # noqa: T201
+    print("|---|---|---|---|---|---|---|---|")  # noqa: T201
+    for seed, case in wanted(given.hidden, given.seeds):
+        file = given.folder / f"{case.name}.json"
+        if not file.exists():
+            overrides = [*NOISY, f"seed={seed}", *given.set]
+            config = load_config(Path("configs/prism3.yaml"), overrides)
+            kept(file, study(Bench(config, given.folder, console_progress()), case))
+        print(row(AdoptionStudy.model_validate_json(file.read_text())), flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()
