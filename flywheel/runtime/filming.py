@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from flywheel.dynamics.plant.render import Shot, render_episode
+from flywheel.dynamics.plant.render import render_episode, usual_shot
 from flywheel.runtime.plan import evaluation
 from flywheel.runtime.recording import Recorder
 from flywheel.runtime.results import IterationResult
@@ -13,7 +13,7 @@ from flywheel.runtime.run_state import Run
 
 FPS = 20
 SPEED = 4  # times real time
-SHOT = Shot(size=(640, 368))
+SIZE = (640, 368)
 
 
 def filmed(run: Run, result: IterationResult) -> IterationResult:
@@ -42,7 +42,7 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
             task.goal,
             FPS,
             dt=1.0 / FPS,
-            shot=replace(SHOT, goal_radius=task.tolerance),
+            shot=replace(usual_shot(task.obstacles), size=SIZE, goal_radius=task.tolerance),
         )
     except Exception as error:  # whatever a graphics driver throws
         run.progress.say(f"No video of iteration {result.iteration}: {error}")

@@ -43,6 +43,14 @@ class Shot:
 
 
 PLAIN = Shot()
+ABOVE = Shot(
+    elevation=-78.0, distance=3.6
+)  # walls twice the robot's height hide nothing from there
+
+
+def usual_shot(obstacles: Sequence[Box]) -> Shot:
+    """How a video looks where nobody says."""
+    return ABOVE if obstacles else PLAIN
 
 
 def render_episode(
@@ -55,7 +63,7 @@ def render_episode(
     ghosts: Floats | None = None,
     *,
     dt: float = 0.01,
-    shot: Shot = PLAIN,
+    shot: Shot | None = None,
 ) -> Path:
     """Write an mp4 of an episode, in real time.
 
@@ -68,7 +76,7 @@ def render_episode(
       fps: frames per second.
       ghosts: (T, P, 3) predicted points to draw over it, or None; NaN is not drawn [m].
       dt: time between the states [s].
-      shot: size and camera.
+      shot: size and camera; None for a usual one: among obstacles from above, or they would hide the robot.
 
     Returns:
       The path.
@@ -78,6 +86,7 @@ def render_episode(
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    shot = shot or usual_shot(obstacles)
     frames = render_frames(robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot)
     writer = imageio_ffmpeg.write_frames(str(path), shot.size, fps=fps, quality=8)
     writer.send(None)
@@ -98,10 +107,11 @@ def render_frames(
     ghosts: Floats | None = None,
     *,
     dt: float = 0.01,
-    shot: Shot = PLAIN,
+    shot: Shot | None = None,
 ) -> Iterator[np.ndarray]:
     """The frames (height, width, 3) uint8 that `render_episode` writes; arguments as there."""
     _check(robot, states, goal, ghosts)
+    shot = shot or usual_shot(obstacles)
     model = scene(robot, obstacles).compile()
     model.vis.global_.offwidth = max(model.vis.global_.offwidth, shot.size[0])
     model.vis.global_.offheight = max(model.vis.global_.offheight, shot.size[1])

@@ -52,6 +52,23 @@ def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> Non
         assert 0.002 < changed.mean() < 0.5, extra.keys()
 
 
+@pytest.mark.renders
+def test_walls_around_the_robot_do_not_hide_it(robot: Robot, states: State) -> None:
+    walls = tuple(
+        Box(center=(4 * x, 4 * y, 3.0), half_size=(0.5 + 4 * abs(y), 0.5 + 4 * abs(x), 3.0))
+        for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    )
+
+    def moved(shot: Shot | None) -> float:
+        first, last = (
+            next(render_frames(robot, states[[i]], walls, shot=shot)).astype(int) for i in (0, -1)
+        )
+        return float((np.abs(first - last).max(axis=-1) > 20).mean())
+
+    assert moved(None) > 0.002
+    assert moved(Shot()) < 0.001  # from the side there are only walls, and their shadows
+
+
 def test_what_does_not_fit_is_refused(robot: Robot, states: State, tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
     with pytest.raises(DataError, match=r"states \(T, 21\)"):
