@@ -12,8 +12,9 @@ and one JSON file per case; the table is that of docs/results/adoption.md.
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,6 @@ from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.evaluation import score
 from flywheel.hidden.cases import Case, Plan, cases
-from flywheel.hidden.recording import record
 from flywheel.hidden.scripts import SCRIPTS
 from flywheel.records import Episode, Floats, Provenance
 from flywheel.registry import lookup
@@ -198,17 +198,10 @@ def _written(truth: Named) -> WrittenTerm:
 def _further(case: Case) -> tuple[list[Episode], dict[str, Floats]]:
     """Recordings of the same robot that nobody has seen, and where its points really were."""
     robot, rng = load_robot(case.robot), np.random.default_rng(case.held_out.seed)
+    scripts = itertools.islice(itertools.cycle(SCRIPTS), FURTHER)
+    plans = tuple(Plan(script, int(rng.integers(2**31)), SECONDS) for script in scripts)
     episodes, exact = [], {}
-    for number in range(FURTHER):
-        plan = Plan(list(SCRIPTS)[number % len(SCRIPTS)], int(rng.integers(2**31)), SECONDS)
-        made = record(
-            robot,
-            case.effects,
-            script_name=plan.script,
-            seconds=plan.seconds,
-            seed=plan.seed,
-            measurement=case.measurement,
-        )
+    for number, made in enumerate(replace(case, fit=plans).record(robot).fit):
         name = f"further-{number}"
         episodes.append(Episode(name, made.trajectory, Provenance(robot.digest), "test"))
         exact[name] = made.true_points

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import RobotError
 from flywheel.records import Floats, State
+from flywheel.robots import Robot
 
 FREE_JOINT = 7  # position and quaternion
 HEIGHT = (0.03, 0.4)  # of the lowest cap's surface above the ground [robot lengths]
@@ -29,7 +30,7 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
     """
     robot, rest = plant.robot, plant.rest(n)
     turn = Rotation.from_quat(_unit(rng.standard_normal((n, 4))))
-    pose, center = _turned(plant, rest, turn)
+    pose, center = _turned(robot, rest, turn)
     pose[..., :3] += center
     turned = State(pose.reshape(n, -1), rest.qvel, rest.act)
     radii = np.array([point.radius for point in robot.points])
@@ -44,20 +45,19 @@ def standing(plant: Plant, state: State, place: Floats, turn: float) -> State:
     Raises:
       RobotError: it cannot be moved, for it is tied to something fixed.
     """
-    pose, center = _turned(plant, state, Rotation.from_rotvec([[0.0, 0.0, turn]]))
+    pose, center = _turned(plant.robot, state, Rotation.from_rotvec([[0.0, 0.0, turn]]))
     pose[..., :2] += place
     pose[..., 2] += center[..., 2]
     return State(pose.reshape(1, -1), np.zeros_like(state.qvel), state.act)
 
 
-def _turned(plant: Plant, state: State, turn: Rotation) -> tuple[Floats, Floats]:
+def _turned(robot: Robot, state: State, turn: Rotation) -> tuple[Floats, Floats]:
     """Poses (n, bodies, 7) turned (n,) about their centres of mass, relative to these, and the centres.
 
     Returns:
       The poses, and the centres (n, 1, 3) [m].
     """
-    robot, n = plant.robot, len(state.qpos)
-    bodies = len(robot.bodies)
+    n, bodies = len(state.qpos), len(robot.bodies)
     if any(end.body < 0 for cable in robot.cables for end in cable.ends):
         raise RobotError(
             f"{robot.name} cannot be dropped or carried: it hangs on cables from fixed points."
