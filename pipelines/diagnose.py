@@ -14,7 +14,7 @@ from flywheel.diagnosis.whereabouts import Whereabouts
 from flywheel.effects import EFFECTS, NAMED, Effect
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
-from flywheel.reports.diagnosis_page import sentence, write_diagnosis
+from flywheel.reports.diagnosis_page import other_form, sentence, write_diagnosis
 from pipelines.logs import read_logs
 from pipelines.models import open_trained
 from pipelines.plants import open_plant
@@ -117,13 +117,8 @@ def _show(out: Console, found: Diagnosis, robot: str) -> None:
     if rows:
         columns = ("answer", "effect", "at", "parameter", "#value", "#low", "#high", "unit")
         out.print(table("effects", columns, rows))
-    if found.other_form:
-        law = found.other_law
-        out.print(
-            f"another form: of what can be explained, {law.name}, which is no effect of the library, "
-            f"explains {law.share:.0%} that they do not",
-            soft_wrap=True,
-        )
+    if form := other_form(found):
+        out.print(f"another form than the effects of the library: {form}", soft_wrap=True)
     scores = [
         (s.candidate.effect.name, s.candidate.location, s.score, s.sizes[0], s.smallest)
         for s in found.ranking[:SHOWN]

@@ -18,7 +18,7 @@ from flywheel.diagnosis.held_out import HeldOut, errors
 from flywheel.diagnosis.limits import Limits, verdict_of
 from flywheel.diagnosis.network_fit import NetworkFitter
 from flywheel.diagnosis.other_law import OtherLaw, other_law
-from flywheel.diagnosis.probes import PROBES
+from flywheel.diagnosis.probes import PROBES, probed
 from flywheel.diagnosis.selection import Selection, Step, places
 from flywheel.diagnosis.stand_in import stand_in
 from flywheel.diagnosis.subject import Subject
@@ -139,7 +139,7 @@ class _Judged:
       effects: of the last step's model, with intervals.
       answer: those of them that were asked about; none where nothing was found.
       before, after: what the first and the last model leave.
-      law: that explains the most beside the answer.
+      law: what laws that are none of the library explain that it does not.
       verdict: before it is asked whether others explain the recordings as well.
     """
 
@@ -180,12 +180,13 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
     )
 
 
-def _judged(search: _Search, steps: list[Step]) -> _Judged:
+def _judged(search: _Search, steps: list[Step], instead: Sequence[Fit] = ()) -> _Judged:
+    """What steps say, and models `instead` with a law in the place of an effect."""
     fitter, first, last = search.selection.fitter, steps[0], steps[-1]
     before, after = (adequacy(fitter, s.fit, s.test, s.sizes) for s in (first, last))
     effects = _effects(search.selection, last.fit, last.linear)
     answer = _asked(effects) if len(steps) > 1 else ()
-    law = other_law(first, last)
+    law = other_law(search.selection, first, last, instead)
     verdict = verdict_of(search.limits, last, answer, before, after, law)
     return _Judged(steps, effects, answer, before, after, law, verdict)
 
@@ -217,18 +218,23 @@ def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
 
 
 def _settled(search: _Search, judged: _Judged) -> tuple[_Judged, list[Fit]]:
-    """The best of all models that explain the recordings as well, and the others."""
+    """The best of all models that explain the recordings as well, and the others.
+
+    Those with a law that is none of the library are no answer, but may say that this one is none.
+    """
     selection, last = search.selection, judged.steps[-1].fit
     if judged.verdict not in EXPLAINED:
         return judged, []
     margin = search.limits.equally_good
-    first, *others = sorted(
-        [last, *selection.others(judged.steps, margin)], key=selection.criterion
-    )
-    if first is not last:
-        judged = _judged(search, [*judged.steps[:-1], selection.look(first)])
+    others = selection.others(judged.steps, margin)
+    known = [fit for fit in others if not probed(fit.terms)]
+    first, *rivals = sorted([last, *known], key=selection.criterion)
+    instead = [fit for fit in others if probed(fit.terms)]
     limit = selection.criterion(first) + margin
-    return judged, [fit for fit in others if selection.criterion(fit) < limit]
+    if first is not last or instead:
+        steps = judged.steps if first is last else [*judged.steps[:-1], selection.look(first)]
+        judged = _judged(search, steps, instead)
+    return judged, [fit for fit in rivals if selection.criterion(fit) < limit]
 
 
 def _asked(effects: Alternative) -> Alternative:

@@ -55,9 +55,13 @@ class Limits:
         """What was found has another form than the effects of the library.
 
         An effect that is there leaves something to another law where the plant has it in a slightly
-        other form; but the law alone would not have explained more than it.
+        other form; but in its place that law would not explain more.
         """
-        return law.score > self.threshold and (law.leads or law.share > self.other)
+        return self.imitated(law) or (law.score > self.threshold and law.share > self.other)
+
+    def imitated(self, law: OtherLaw) -> bool:
+        """An effect of the answer only imitates a law that is none of the library."""
+        return law.gain > self.equally_good
 
     def constant(self, left: Adequacy) -> bool:
         """Fitted sizes are the same everywhere."""
@@ -79,7 +83,7 @@ def verdict_of(
       last: step of the selection.
       answer: of that; empty if nothing was found.
       before, after: what the first and the last model leave.
-      law: that explains the most beside the answer.
+      law: that explains more than the answer.
     """
     if not np.isfinite(last.fit.cost):
         return Verdict.NOT_CONVERGED
@@ -98,6 +102,6 @@ def verdict_of(
         return Verdict.OUTSIDE_LIBRARY
     if not enough:
         explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
-        imitated = limits.other_form(law) and law.leads
-        return Verdict.PARTIAL if explained > 0.5 and not imitated else Verdict.OUTSIDE_LIBRARY
+        partial = explained > 0.5 and not limits.imitated(law)
+        return Verdict.PARTIAL if partial else Verdict.OUTSIDE_LIBRARY
     return Verdict.EFFECT

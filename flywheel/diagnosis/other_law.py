@@ -1,44 +1,68 @@
-"""Whether an answer has the right form: what a law that is none of the library explains beside it."""
+"""Whether an answer has the right form: what laws of no library explain beside it, or in its place."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from flywheel.diagnosis.selection import Step
+import numpy as np
+
+from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.probes import probed
+from flywheel.diagnosis.selection import Selection, Step
 
 
 @dataclass(frozen=True)
 class OtherLaw:
-    """The law that explains the most beside an answer, of those in `probes`.
+    """What laws of `probes` explain that an answer does not.
 
     Attributes:
-      name: of it; "" for none.
-      score: like a candidate's.
-      share: of what both explain, what it explains beside the answer.
-      leads: alone it would have explained more than any effect.
+      name: of the law that explains the most beside it; "" for none.
+      score: of that, like a candidate's.
+      share: of what both explain, what that explains beside the answer.
+      instead: the law that, fitted in the place of an effect of the answer, explains the most; "" if none
+        comes near.
+      gain: how much better a model with that is (difference of the criteria, BIC).
     """
 
     name: str = ""
     score: float = 0.0
     share: float = 0.0
-    leads: bool = False
+    instead: str = ""
+    gain: float = -np.inf
 
     def summary(self) -> dict[str, Any]:
         """As in JSON."""
-        return {"law": self.name, "score": self.score, "share": self.share}
+        gain = self.gain if self.instead else None
+        return {
+            "law": self.name,
+            "score": self.score,
+            "share": self.share,
+            "instead": self.instead,
+            "gain": gain,
+        }
 
 
 NONE = OtherLaw()
 
 
-def other_law(first: Step, last: Step) -> OtherLaw:
-    """On top of the last step of a selection, which began with the first."""
+def other_law(
+    selection: Selection, first: Step, last: Step, instead: Sequence[Fit] = ()
+) -> OtherLaw:
+    """What laws explain that the last step of a selection, which began with the first, does not.
+
+    Args:
+      instead: models with a law in the place of an effect of the last step.
+    """
     if not last.probes:
         return NONE
     best = max(last.probes, key=lambda score: score.power)
-    name = best.candidate.effect.name
-    alone = next(s.power for s in first.probes if s.candidate == best.candidate)
     explained = max(0.0, first.fit.cost - last.fit.cost)
     share = best.power / max(explained + best.power, 1e-9)
-    return OtherLaw(name, best.score, share, leads=alone > first.scores[0].power)
+    law = OtherLaw(best.candidate.effect.name, best.score, share)
+    if not instead:
+        return law
+    better = min(instead, key=selection.criterion)
+    gain = selection.criterion(last.fit) - selection.criterion(better)
+    return replace(law, instead=probed(better.terms)[0].effect.name, gain=gain)

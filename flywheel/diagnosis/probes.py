@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.effects import CommandEffect, Effect, Parameter, TensionEffect
+from flywheel.effects import CommandEffect, Effect, Parameter, TensionEffect, Terms
 from flywheel.effects.effect import Cables, Memory, Values
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -79,3 +79,8 @@ class UnevenGain(CommandEffect):
 PROBES: dict[str, Effect] = {
     probe.name: probe for probe in (FasterDamping(), StretchedDamping(), Tiring(), UnevenGain())
 }
+
+
+def probed(terms: Terms) -> Terms:
+    """Those of them that are probes."""
+    return tuple(term for term in terms if term.effect in PROBES.values())

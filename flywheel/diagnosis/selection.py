@@ -101,12 +101,18 @@ class Selection:
     def others(self, steps: Sequence[Step], margin: float) -> list[Fit]:
         """Models that explain the data as well as the last one.
 
-        Each term of the last model is exchanged for others that scored nearly as well in its place.
+        Each term of the last model is exchanged for others, and for probes, that scored nearly as well in
+        its place.
         """
         last = steps[-1].fit
         found: list[Fit] = []
         for term in self.new(steps):
-            found += self._exchanged(steps, last, term, margin)
+            others = without(last.terms, term)
+            step = steps[0] if not others else self.look(self._dropped(last, term))
+            least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
+            for scores in (step.scores, step.probes):
+                near = [s for s in scores if s.power > least and not same_place(s, term)]
+                found += self._exchanged(last, term, near, margin)
         return found
 
     def new(self, steps: Sequence[Step]) -> Terms:
@@ -120,14 +126,14 @@ class Selection:
         """A fit without a term, fitted anew; see `pursued` for the target."""
         return self.pursued(self.fitter.under(fit, without(fit.terms, term)), target)
 
-    def _exchanged(self, steps: Sequence[Step], last: Fit, term: Term, margin: float) -> list[Fit]:
+    def _exchanged(
+        self, last: Fit, term: Term, scores: Sequence[Score], margin: float
+    ) -> list[Fit]:
         others = without(last.terms, term)
-        step = steps[0] if not others else self.look(self._dropped(last, term))
-        own = max(s.power for s in step.scores if same_place(s, term))
         found: list[Fit] = []
-        for score in step.scores:
-            if same_place(score, term) or score.power < RIVAL * own or len(found) >= SHORTLIST:
-                continue
+        for score in scores:
+            if len(found) >= SHORTLIST:
+                break
             terms = (*others, score.candidate.term(score.sizes, score.shape))
             fit = self._twin(last, terms, term.values)
             if fit is None:

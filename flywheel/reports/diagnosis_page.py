@@ -52,6 +52,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
     return template.render(
         found=found,
         sentence=sentence(found),
+        other_form=other_form(found),
         figures=_figures(found),
         about=about,
         limits=LIMITS,
@@ -77,6 +78,19 @@ def sentence(found: Diagnosis) -> str:
         others = "; or ".join(_names(answer) for answer in found.answers[1:])
         return f"{names}; or {others}: these recordings do not tell."
     return f"The {_subject(found)} lacks {names}."
+
+
+def other_form(found: Diagnosis) -> str:
+    """What says that the answer has another form than the effects of the library; "" if nothing does."""
+    law = found.other_law
+    if not found.other_form:
+        return ""
+    if law.gain > 0.0:
+        return (
+            f"{law.instead}, which is none of them, explains more in the place of what was found (by "
+            f"{law.gain:.0f}, BIC)"
+        )
+    return f"of what can be explained, {law.name}, which is none of them, explains {law.share:.0%} besides"
 
 
 def _subject(found: Diagnosis) -> str:

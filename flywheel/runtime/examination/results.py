@@ -60,7 +60,7 @@ class CaseResult(ResultRecord):
       held_out_baseline, held_out: on the one held out [m].
       left: variance, correlation, inconstancy and loudest window of what is left, see `Adequacy`.
       left_before: the same of the model as it was.
-      other_law, other_score, other_share: see `OtherLaw`.
+      other_law, other_score, other_share, other_gain: see `OtherLaw`.
       seconds: of the diagnosis.
       failure: what was raised, or "".
     """
@@ -86,6 +86,7 @@ class CaseResult(ResultRecord):
     other_law: str = ""
     other_score: float = math.nan
     other_share: float = math.nan
+    other_gain: float = math.nan
     seconds: float = math.nan
     failure: str = ""
 

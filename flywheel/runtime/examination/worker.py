@@ -101,6 +101,7 @@ def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:
             "other_law": found.other_law.name,
             "other_score": found.other_law.score,
             "other_share": found.other_law.share,
+            "other_gain": found.other_law.gain,
             "seconds": found.seconds,
         }
     )

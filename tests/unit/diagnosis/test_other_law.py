@@ -47,9 +47,15 @@ def test_a_law_that_explains_little_beside_an_answer_is_no_other_form() -> None:
     limits = Limits()
     assert not limits.other_form(NONE)
     assert limits.other_form(OtherLaw("x", limits.threshold + 1, limits.other + 0.01))
-    assert limits.other_form(OtherLaw("x", limits.threshold + 1, 0.01, leads=True))
-    assert not limits.other_form(OtherLaw("x", limits.threshold - 1, 1.0, leads=True))
+    assert not limits.other_form(OtherLaw("x", limits.threshold - 1, 1.0))
     assert not limits.other_form(OtherLaw("x", 10 * limits.threshold, limits.other - 0.01))
+
+
+def test_a_law_that_explains_more_in_the_place_of_an_effect_is_the_form() -> None:
+    limits = Limits()
+    assert limits.imitated(OtherLaw(instead="x", gain=limits.equally_good + 1.0))
+    assert limits.other_form(OtherLaw(instead="x", gain=limits.equally_good + 1.0))
+    assert not limits.other_form(OtherLaw(instead="x", gain=limits.equally_good - 1.0))
 
 
 @pytest.mark.parametrize("name", PROBES)
