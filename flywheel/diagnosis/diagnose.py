@@ -12,6 +12,7 @@ from flywheel.diagnosis.calibration import calibrated, unsure_terms
 from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.diagnosis import Diagnosis, StandIn
 from flywheel.diagnosis.evidence import Evidence
+from flywheel.diagnosis.exchange import exchanged
 from flywheel.diagnosis.fit import Fit, Fitter, Linear
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held_out import HeldOut, errors
@@ -226,9 +227,9 @@ def _settled(search: _Search, judged: _Judged) -> tuple[_Judged, list[Fit]]:
     if judged.verdict not in EXPLAINED:
         return judged, []
     margin = search.limits.equally_good
-    others = selection.others(judged.steps, margin)
+    again, others = exchanged(selection, judged.steps, margin)
     known = [fit for fit in others if not probed(fit.terms)]
-    first, *rivals = sorted([last, *known], key=selection.criterion)
+    first, *rivals = sorted([again, *known], key=selection.criterion)
     instead = [fit for fit in others if probed(fit.terms)]
     limit = selection.criterion(first) + margin
     if first is not last or instead:

@@ -22,6 +22,7 @@ from flywheel.records import Floats
 
 SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
 LEAST_DAMPING = 1e-4
+OWN_DAMPING = 0.1  # of a window's own first step
 STEPS = 3  # of a fit between two linearisations
 # Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
 ENOUGH, LITTLE = 0.001, 2.0
@@ -45,24 +46,33 @@ class Linear:
 
 @dataclass(frozen=True)
 class Held:
-    """Sensitivities that were computed somewhere on the way to a fit.
+    """Sensitivities that were computed somewhere on the way to a fit, and how far they were followed.
 
     Attributes:
       linear: they.
       stale: (K,) windows that went otherwise than they said.
+      own: (K,) damping that suited each window's last step.
+      common: index of the damping that suited the last step of what windows share.
+      number: how often they were computed anew.
     """
 
     linear: Linear
     stale: np.ndarray
+    own: Floats
+    common: int = 0
+    number: int = 0
 
     @classmethod
-    def fresh(cls, linear: Linear) -> Held:
-        """Of which nothing is known against them."""
-        return cls(linear, np.zeros(len(linear.by_start), bool))
+    def fresh(cls, linear: Linear, before: Held | None = None) -> Held:
+        """Of which nothing is known against them; dampings as `before`."""
+        fresh = np.zeros(len(linear.by_start), bool)
+        if before is None:
+            return cls(linear, fresh, np.full(len(fresh), OWN_DAMPING))
+        return cls(linear, fresh, before.own, before.common, before.number + 1)
 
     def __or__(self, stale: np.ndarray) -> Held:
         """With further stale windows (K,)."""
-        return Held(self.linear, self.stale | stale)
+        return replace(self, stale=self.stale | stale)
 
 
 @dataclass(frozen=True)
@@ -122,7 +132,7 @@ class Fitter(ABC):
         """(K, D, n) how the prediction changes with smaller time steps: numbers, not physics."""
 
     @abstractmethod
-    def stepped(self, fit: Fit, linear: Linear, left: Floats, winch: Floats, terms: Terms) -> Fit:
+    def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
         """A fit with other offsets and terms, its windows' own unknowns moved towards `left` (K, D)."""
 
     @abstractmethod
@@ -133,7 +143,7 @@ class Fitter(ABC):
         """Sensitivities around a fit, computed anew where those that it holds are stale."""
         if fit.held is not None and not fit.held.stale.any():
             return fit.held
-        return Held.fresh(self.linear(fit, precise=False))
+        return Held.fresh(self.linear(fit, precise=False), fit.held)
 
     def elsewhere(self, fit: Fit, seed: int = 0, usual: float | None = None) -> Fit:
         """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better.
@@ -144,6 +154,10 @@ class Fitter(ABC):
         """
         del seed, usual
         return fit
+
+    def best_of(self, fit: Fit, other: Fit) -> Fit:
+        """The better of two fits of one model; or the first with what is better in the second."""
+        return min(fit, other, key=lambda each: each.cost)
 
     def beginning(self, terms: Terms = ()) -> Fit:
         """The first estimates as they are."""
@@ -171,7 +185,7 @@ class Fitter(ABC):
             begun = replace(fit, held=self.renewed(fit))
             fit = self.refit(begun, free)
             if fit is begun and anew:  # differences of one side may have misled
-                fit = self.refit(replace(fit, held=Held.fresh(self.linear(fit))), free)
+                fit = self.refit(replace(fit, held=Held.fresh(self.linear(fit), fit.held)), free)
             if _hardly_fell(before, fit.cost):
                 if anew:
                     return replace(fit, converged=True)
@@ -211,25 +225,27 @@ class Fitter(ABC):
         what suits it.
         """
         assert fit.held is not None
-        linear = fit.held.linear
+        held, linear = fit.held, fit.held.linear
         moves = [f.step_from(fit.terms) for f in free]
         varied = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
         sizes = self.columns(fit, varied) / moves if free else None
         by_shared = self.shared(linear, sizes)
         winches = fit.starts.winch
         matrix, pull = self._shared_normal(fit, linear, by_shared, free)
-        for damping in SHARED_DAMPING:
-            step = _damped_step(matrix, pull, damping)
+        for index in range(max(0, held.common - 1), len(SHARED_DAMPING)):
+            step = _damped_step(matrix, pull, SHARED_DAMPING[index])
             winch = winches + step[: winches.size].reshape(winches.shape)
             terms = fit.terms
             for f, size in zip(free, step[winches.size :], strict=True):
                 terms = f.moved(terms, size)
             left = fit.residual - by_shared @ step
-            after = self.stepped(fit, linear, left, winch, terms)
+            after = self.stepped(fit, held, left, winch, terms)
+            assert after.held is not None
+            held = replace(held, own=after.held.own)
             if after.cost < fit.cost:
                 own = np.einsum("kdx,kx->kd", linear.by_start, after.change - fit.change)
                 astray = _astray(fit.residual, left - own, after.residual)
-                return replace(after, held=fit.held | astray)
+                return replace(after, held=replace(held, common=index) | astray)
         return None
 
     def shared(self, linear: Linear, sizes: Floats | None) -> Floats:
@@ -242,13 +258,14 @@ class Fitter(ABC):
         return own if sizes is None else np.concatenate([own, sizes], axis=2)
 
     def normal(
-        self, change: Floats, by_start: Floats, left: Floats, damping: float
+        self, change: Floats, by_start: Floats, left: Floats, damping: float | Floats
     ) -> tuple[Floats, Floats]:
-        """Normal equations of what is unknown about windows: (n, X, X) and (n, X)."""
+        """Normal equations of what is unknown about windows: (n, X, X) and (n, X); one damping or (n,)."""
         prior = 1.0 / self.prior**2
         local = by_start.swapaxes(1, 2) @ by_start + np.diag(prior)
         diagonal = np.einsum("kxx->kx", local)
-        local = local + damping * diagonal[..., None] * np.eye(len(prior))
+        damped = np.multiply(np.reshape(damping, (-1, 1)), diagonal)
+        local = local + damped[..., None] * np.eye(len(prior))
         return local, np.einsum("kdx,kd->kx", by_start, left) - prior * change
 
     def _shared_normal(

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.adequacy import sample_correlation
-from flywheel.diagnosis.fit import Fit, Fitter, Linear, term_cost
+from flywheel.diagnosis.fit import Fit, Fitter, Held, Linear, term_cost
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.starts import nominal_winch
@@ -134,9 +134,9 @@ class NetworkFitter(Fitter):
         """See `Fitter`: a network has no time step."""
         return np.zeros((*self._modes.shape[:2], 1))
 
-    def stepped(self, fit: Fit, linear: Linear, left: Floats, winch: Floats, terms: Terms) -> Fit:
+    def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
         """See `Fitter`."""
-        return self.at(fit.change, winch, terms)
+        return replace(self.at(fit.change, winch, terms), held=held)
 
     def rms(self, fit: Fit) -> float:
         """See `Fitter`: its own errors included, as it is used."""

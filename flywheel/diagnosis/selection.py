@@ -24,7 +24,6 @@ TURNS = 6  # of the selection, at most
 MOST = 3  # effects found together
 ROUNDS = 10  # of a fit
 HOPE = 4.0  # further rounds like the last one, after which a model must have reached its target
-RIVAL = 0.8  # share of an effect's power from which another is tried in its place
 
 
 @dataclass(frozen=True)
@@ -98,23 +97,6 @@ class Selection:
         moved = first.fit.cost - fit.cost > sum(self._worth(term) for term in had)
         return fit if moved else None
 
-    def others(self, steps: Sequence[Step], margin: float) -> list[Fit]:
-        """Models that explain the data as well as the last one.
-
-        Each term of the last model is exchanged for others, and for probes, that scored nearly as well in
-        its place.
-        """
-        last = steps[-1].fit
-        found: list[Fit] = []
-        for term in self.new(steps):
-            others = without(last.terms, term)
-            step = steps[0] if not others else self.look(self._dropped(last, term))
-            least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
-            for scores in (step.scores, step.probes):
-                near = [s for s in scores if s.power > least and not same_place(s, term)]
-                found += self._exchanged(last, term, near, margin)
-        return found
-
     def new(self, steps: Sequence[Step]) -> Terms:
         """Terms of the last step that the first does not have."""
         before = places(steps[0].fit)
@@ -125,34 +107,6 @@ class Selection:
     def shortened(self, fit: Fit, term: Term, target: float = np.inf) -> Fit:
         """A fit without a term, fitted anew; see `pursued` for the target."""
         return self.pursued(self.fitter.under(fit, without(fit.terms, term)), target)
-
-    def _exchanged(
-        self, last: Fit, term: Term, scores: Sequence[Score], margin: float
-    ) -> list[Fit]:
-        others = without(last.terms, term)
-        found: list[Fit] = []
-        for score in scores:
-            if len(found) >= SHORTLIST:
-                break
-            terms = (*others, score.candidate.term(score.sizes, score.shape))
-            fit = self._twin(last, terms, term.values)
-            if fit is None:
-                fit = self.pursued(self.fitter.under(last, terms), self.criterion(last) + margin)
-            if self.criterion(fit) < self.criterion(last) + margin:
-                found.append(fit)
-        return found
-
-    def _twin(self, last: Fit, terms: Terms, values: tuple[float, ...]) -> Fit | None:
-        """The model with the values of the term that the last one replaced, if that predicts the same.
-
-        Two fits of one model differ by more than a margin may be; twins need none.
-        """
-        *others, term = terms
-        if len(term.values) != len(values):
-            return None
-        same = Term(term.effect, term.place, values)
-        fit = self.fitter.under(last, (*others, same))
-        return fit if abs(fit.cost - last.cost) < 1e-6 * last.cost else None
 
     def look(self, fit: Fit) -> Step:
         """Test all candidates and probes on top of a model."""
@@ -225,7 +179,7 @@ class Selection:
         effect. What a term explains, fitted, must be as much as the score asks for.
         """
         while terms := asked(fit.terms):
-            shorter = [self._dropped(fit, term) for term in terms]
+            shorter = [self.dropped(fit, term) for term in terms]
             shares = [self._share(fit, less, t) for less, t in zip(shorter, terms, strict=True)]
             least = int(np.argmin(shares))
             if shares[least] > 1.0:
@@ -241,7 +195,8 @@ class Selection:
         """What a term has to explain to be seen."""
         return self.threshold * len(term.effect.sizes)
 
-    def _dropped(self, fit: Fit, term: Term) -> Fit:
+    def dropped(self, fit: Fit, term: Term) -> Fit:
+        """A fit without a term, as far as that may be as good."""
         return self.shortened(fit, term, self.criterion(fit) + self._worth(term))
 
     def criterion(self, fit: Fit) -> float:

@@ -17,7 +17,9 @@ from flywheel.records import Floats, State
 
 STEP = 2e-3  # of a finite difference of a start, in natural units
 WINCH_STEP = 1e-3  # of one of a winch's offset [L]
-DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)  # of a window's own step, all of which are tried
+DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)  # of a window's own step in a search
+NEAR = (0.1, 1.0, 10.0)  # times what suited a window's last step, all of which are tried
+MOST_DAMPING = 1e4
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
 STUCK = 1.3  # mean square of a window, over the usual one, from which its start is doubted
@@ -58,7 +60,10 @@ class StartFitter(Fitter):
         return Fit(starts, terms, change, points[0], residual, carried[0], cost)
 
     def linear(self, fit: Fit, precise: bool = True) -> Linear:
-        """Differences around a fit, in one batch for all windows: of both sides where precise."""
+        """Differences around a fit, in one batch for all windows: of both sides where precise.
+
+        Else of one side, with steps that are other ones than the last time.
+        """
         return self._linear(fit, np.arange(len(self.windows)), precise)
 
     def renewed(self, fit: Fit) -> Held:
@@ -71,13 +76,15 @@ class StartFitter(Fitter):
         old, new = fit.held.linear, self._linear(fit, stale, precise=False)
         by_start, by_winch = old.by_start.copy(), old.by_winch.copy()
         by_start[stale], by_winch[stale] = new.by_start, new.by_winch
-        return Held.fresh(Linear(by_start, by_winch))
+        return Held.fresh(Linear(by_start, by_winch), fit.held)
 
     def _linear(self, fit: Fit, members: np.ndarray, precise: bool) -> Linear:
         """Of windows `members` (n,)."""
         predictor, winches = self.predictor, fit.starts.winch.shape[1]
         here = None if precise else fit.points[members]
-        by_start = self.by_start(fit, members, fit.change[members], here)
+        turn = 0 if precise or fit.held is None else fit.held.number + 1
+        step = SCALES[turn % len(SCALES)]
+        by_start = self.by_start(fit, members, fit.change[members], here, step)
         offset = WINCH_STEP * predictor.length
         rows = np.repeat(members, winches)
         shifted = fit.carried.winch[rows] + offset * np.tile(np.eye(winches), (len(members), 1))
@@ -127,10 +134,17 @@ class StartFitter(Fitter):
         freedom = np.isfinite(self.windows.measured).sum() - fit.change.size
         return float(np.sqrt((fit.residual**2).sum() / max(1, freedom))) * self.windows.sigma
 
-    def stepped(self, fit: Fit, linear: Linear, left: Floats, winch: Floats, terms: Terms) -> Fit:
-        """See `Fitter`: each window takes the damping that suits it."""
-        tries = np.stack([self._steps(fit.change, linear.by_start, left, d) for d in DAMPING])
-        return self.at(self._best_of_each(fit.change, tries, winch, terms), winch, terms)
+    def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
+        """See `Fitter`: each window takes the damping that suits it, or stays where it is."""
+        tried = np.clip(np.multiply.outer(NEAR, held.own), LEAST_DAMPING, MOST_DAMPING)
+        by_start = held.linear.by_start
+        steps = np.stack([self._steps(fit.change, by_start, left, each) for each in tried])
+        steps = np.concatenate([np.zeros_like(fit.change)[None], steps])
+        best = self._best_of_each(fit.change, steps, winch, terms)
+        own = np.concatenate([tried[-1:], tried])
+        windows = np.arange(len(best))
+        after = self.at(fit.change + steps[best, windows], winch, terms)
+        return replace(after, held=replace(held, own=own[best, windows]))
 
     def elsewhere(self, fit: Fit, seed: int = 0, usual: float | None = None) -> Fit:
         """See `Fitter`.
@@ -149,6 +163,19 @@ class StartFitter(Fitter):
         tried = np.concatenate([here, np.zeros_like(here), turned])
         return self.searched(fit, np.concatenate([stuck, stuck, np.repeat(stuck, TRIES)]), tried)
 
+    def best_of(self, fit: Fit, other: Fit) -> Fit:
+        """See `Fitter`: each window begins where it fits better."""
+        members = np.arange(len(fit.change))
+        own, its = (
+            self.costs(fit.carried, fit.terms, members, each.change) for each in (fit, other)
+        )
+        moved = its < own
+        change = np.where(moved[:, None], other.change, fit.change)
+        mixed = self.at(change, fit.starts.winch, fit.terms)
+        if mixed.cost >= fit.cost:
+            return fit
+        return mixed if fit.held is None else replace(mixed, held=fit.held | moved)
+
     def _turned(self, change: Floats, seed: int) -> Floats:
         """Changes (n, X) with random turns of the bodies about their unseen axes added."""
         rng, change = np.random.default_rng(seed), change.copy()
@@ -157,15 +184,16 @@ class StartFitter(Fitter):
             change[:, turn] += rng.normal(0.0, TURN, (len(change), 1)) * axis
         return change
 
-    def _best_of_each(self, change: Floats, tries: Floats, winch: Floats, terms: Terms) -> Floats:
-        """(K, X) of the steps (n, K, X), or none, what makes each window's own cost least."""
+    def _best_of_each(
+        self, change: Floats, steps: Floats, winch: Floats, terms: Terms
+    ) -> np.ndarray:
+        """(K,) which of the steps (n, K, X), the first of which is none, makes a window's cost least."""
         count, stay = len(change), self.at(change, winch, terms)
-        tried = tries + change
+        tried = steps[1:] + change
         members = np.tile(np.arange(count), len(tried))
         cost = self.costs(stay.carried, terms, members, tried.reshape(-1, change.shape[1]))
         own = self._cost(stay.points, np.arange(count), change)
-        costs = np.concatenate([own[None], cost.reshape(len(tried), count)])
-        return np.concatenate([change[None], tried])[costs.argmin(axis=0), np.arange(count)]
+        return np.concatenate([own[None], cost.reshape(len(tried), count)]).argmin(axis=0)
 
     def costs(self, carried: Carried, terms: Terms, members: np.ndarray, change: Floats) -> Floats:
         """(n,) cost of each window alone, at changes (n, X)."""
@@ -179,7 +207,9 @@ class StartFitter(Fitter):
         cost = (residual**2).sum(axis=-1) + self.prior_cost(change)
         return np.where(np.isfinite(points).all(axis=(1, 2, 3)), cost, np.inf)
 
-    def _steps(self, change: Floats, by_start: Floats, left: Floats, damping: float) -> Floats:
+    def _steps(
+        self, change: Floats, by_start: Floats, left: Floats, damping: float | Floats
+    ) -> Floats:
         """(n, X) steps of the starts towards residuals (n, D)."""
         local, pull = self.normal(change, by_start, left, damping)
         return np.linalg.solve(local, pull[..., None])[..., 0]

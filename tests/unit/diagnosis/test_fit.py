@@ -52,7 +52,7 @@ def test_only_stale_sensitivities_are_computed_anew(
     nothing = Linear(*(np.zeros_like(part) for part in astuple(fitter.linear(fit))))
     stale = np.zeros(len(fit.change), bool)
     stale[seed % len(stale)] = True
-    renewed = fitter.renewed(replace(fit, held=Held(nothing, stale)))
+    renewed = fitter.renewed(replace(fit, held=Held(nothing, stale, np.ones(len(stale)))))
     assert not renewed.stale.any()
     now = fitter.linear(fit, precise=False)
     for part, whole in zip(astuple(renewed.linear), astuple(now), strict=True):

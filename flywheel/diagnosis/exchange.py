@@ -1,0 +1,76 @@
+"""Other models that explain the data as well: effects and laws in the place of those that were found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.score import Score
+from flywheel.diagnosis.selection import SHORTLIST, Selection, Step, same_place, without
+from flywheel.effects import Term, Terms
+
+RIVAL = 0.8  # share of an effect's power from which another is tried in its place
+
+
+def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tuple[Fit, list[Fit]]:
+    """The last model of a selection, and those that explain the data as well.
+
+    Each of its effects is exchanged for others, and for probes, that scored nearly as well in its place.
+    A model that is better may have found better starts only: the last one is then fitted from them, too.
+
+    Args:
+      selection: that made the steps.
+      steps: the last one's model is meant.
+      margin: difference of the criteria up to which a model is as good.
+    """
+    last, found = steps[-1].fit, []
+    for term in selection.new(steps):
+        others = without(last.terms, term)
+        step = steps[0] if not others else selection.look(selection.dropped(last, term))
+        least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
+        for scores in (step.scores, step.probes):
+            near = [s for s in scores if s.power > least and not same_place(s, term)]
+            found += _in_place(selection, last, term, near, margin)
+    for fit in found:
+        if selection.criterion(fit) < selection.criterion(last):
+            last = _from_its_starts(selection, last, fit)
+    return last, found
+
+
+def _in_place(
+    selection: Selection, last: Fit, term: Term, scores: Sequence[Score], margin: float
+) -> list[Fit]:
+    """Models with a candidate in the place of a term that are as good."""
+    others, limit = without(last.terms, term), selection.criterion(last) + margin
+    found: list[Fit] = []
+    for score in scores:
+        if len(found) >= SHORTLIST:
+            break
+        terms = (*others, score.candidate.term(score.sizes, score.shape))
+        fit = _twin(selection, last, terms, term.values)
+        if fit is None:
+            fit = selection.pursued(selection.fitter.under(last, terms), limit)
+        if selection.criterion(fit) < limit:
+            found.append(fit)
+    return found
+
+
+def _twin(selection: Selection, last: Fit, terms: Terms, values: tuple[float, ...]) -> Fit | None:
+    """The model with the values of the term that the last one replaced, if that predicts the same.
+
+    Two fits of one model differ by more than a margin may be; twins need none.
+    """
+    *others, term = terms
+    if len(term.values) != len(values):
+        return None
+    same = Term(term.effect, term.place, values)
+    fit = selection.fitter.under(last, (*others, same))
+    return fit if abs(fit.cost - last.cost) < 1e-6 * last.cost else None
+
+
+def _from_its_starts(selection: Selection, fit: Fit, other: Fit) -> Fit:
+    """A fit, where another model's starts suit its windows better, begun from those."""
+    fitter = selection.fitter
+    again = selection.pursued(fitter.under(other, fit.terms), selection.criterion(fit))
+    better, worse = sorted((fit, again), key=selection.criterion)
+    return selection.pursued(fitter.best_of(better, worse))
