@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -52,9 +53,10 @@ def test_only_stale_sensitivities_are_computed_anew(
     nothing = Linear(*(np.zeros_like(part) for part in astuple(fitter.linear(fit))))
     stale = np.zeros(len(fit.change), bool)
     stale[seed % len(stale)] = True
-    renewed = fitter.renewed(replace(fit, held=Held(nothing, stale, np.ones(len(stale)))))
+    begun = replace(fit, held=Held(nothing, stale, np.ones(len(stale))))
+    renewed = fitter.renewed(begun)
     assert not renewed.stale.any()
-    now = fitter.linear(fit, precise=False)
+    now = fitter.linear(begun, precise=False)
     for part, whole in zip(astuple(renewed.linear), astuple(now), strict=True):
         assert np.allclose(part[stale], whole[stale], rtol=1e-6, atol=1e-6), seed
         assert not part[~stale].any()
@@ -71,6 +73,49 @@ def test_windows_that_go_otherwise_than_their_sensitivities_said_become_stale(
     after = fitter.improved(replace(begun, held=held), ())
     assert after is not None and after.held is not None
     assert after.held.stale[wrong], seed
+
+
+def test_differences_are_taken_with_other_steps_the_next_time(
+    fitter: StartFitter, fit: Fit
+) -> None:
+    stale = np.ones(len(fit.change), bool)
+    held = Held.fresh(fitter.linear(fit))
+    found = []
+    for _ in range(4):
+        held = fitter.renewed(replace(fit, held=held | stale))
+        found.append(held.linear.by_start)
+    assert not any(np.array_equal(a, b) for a, b in pairwise(found))
+    assert np.array_equal(found[0], found[3])  # and then the same ones again
+
+
+def test_a_window_that_does_not_move_is_damped_more(fitter: StartFitter, seed: int) -> None:
+    begun, wrong = fitter.beginning(), seed % len(fitter.windows)
+    linear = fitter.linear(begun)
+    by_start = linear.by_start.copy()
+    by_start[wrong] *= -1.0
+    held = Held.fresh(Linear(by_start, linear.by_winch))
+    after = fitter.stepped(begun, held, begun.residual, begun.starts.winch, ())
+    assert after.held is not None
+    assert np.array_equal(after.change[wrong], begun.change[wrong]), seed
+    assert after.held.own[wrong] > held.own[wrong]
+    assert (after.change != begun.change).any(axis=1).sum() >= len(begun.change) - 1
+    assert after.cost < begun.cost
+
+
+def test_of_two_fits_each_window_takes_the_better_start(
+    fitter: StartFitter, fit: Fit, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    off = rng.normal(0.0, 0.05, fit.change.shape)
+    half = rng.permutation(len(off)) % 2 == 0
+    first, second = (
+        fitter.at(fit.change + off * worse[:, None], fit.starts.winch, ())
+        for worse in (half, ~half)
+    )
+    mixed = fitter.best_of(first, second)
+    assert np.isclose(mixed.cost, fit.cost, rtol=1e-3), seed
+    assert mixed.cost < min(first.cost, second.cost)
+    assert fitter.best_of(fit, first) is fit
 
 
 def test_a_projection_takes_out_what_starts_explain(fitter: StartFitter, fit: Fit) -> None:
