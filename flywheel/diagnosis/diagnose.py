@@ -33,6 +33,7 @@ from flywheel.errors import ModelError
 from flywheel.records import Trajectory
 
 PASSES = 2  # for a model: where the plant starts depends on what it lacks
+SUSPECT = 1.1  # mean square of a window from which its start is doubted before anything is said to be left
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
 UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
@@ -157,7 +158,8 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
     """What a search says."""
     selection = search.selection
     judged = _trusted(search, _judged(search, search.steps))
-    judged, others = _settled(search, _doubted(search, judged, under_test.seed))
+    judged = _trusted(search, _doubted(search, judged, under_test.seed))
+    judged, others = _settled(search, judged)
     fitter, last = selection.fitter, judged.steps[-1]
     judge = HeldOut(under_test, held_out, fitter.windows)
     unexplained = judged.verdict in UNEXPLAINED
@@ -211,7 +213,7 @@ def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
     selection, last = search.selection, judged.steps[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    begun = selection.fitter.elsewhere(last.fit, seed + 1, usual=1.0)
+    begun = selection.fitter.elsewhere(last.fit, seed + 1, SUSPECT, usual=1.0)
     if begun is last.fit:
         return judged
     fit = selection.pursued(replace(begun, converged=False))
@@ -235,6 +237,9 @@ def _settled(search: _Search, judged: _Judged) -> tuple[_Judged, list[Fit]]:
     if first is not last or instead:
         steps = judged.steps if first is last else [*judged.steps[:-1], selection.look(first)]
         judged = _judged(search, steps, instead)
+        shorter = _trusted(search, judged)
+        if shorter is not judged:
+            return _settled(search, shorter)
     return judged, [fit for fit in rivals if selection.criterion(fit) < limit]
 
 

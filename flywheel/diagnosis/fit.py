@@ -21,8 +21,8 @@ from flywheel.effects import Terms
 from flywheel.records import Floats
 
 SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
-LEAST_DAMPING = 1e-4
-OWN_DAMPING = 0.1  # of a window's own first step
+LEAST_DAMPING, OWN_DAMPING = 1e-4, 0.1  # of a window's own steps, and of its first one
+STUCK = 1.3  # mean square of a window, over the usual one, at which its start is doubted
 STEPS = 3  # of a fit between two linearisations
 # Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
 ENOUGH, LITTLE = 0.001, 2.0
@@ -145,14 +145,17 @@ class Fitter(ABC):
             return fit.held
         return Held.fresh(self.linear(fit, precise=False), fit.held)
 
-    def elsewhere(self, fit: Fit, seed: int = 0, usual: float | None = None) -> Fit:
+    def elsewhere(
+        self, fit: Fit, seed: int = 0, stuck: float = STUCK, usual: float | None = None
+    ) -> Fit:
         """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better.
 
         Args:
           seed: of other beginnings.
+          stuck: mean square of a window, over the usual one, from which it may have got stuck.
           usual: mean square of a window that is not stuck [sigma^2]; None for the median one.
         """
-        del seed, usual
+        del seed, stuck, usual
         return fit
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:

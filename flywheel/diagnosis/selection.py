@@ -140,20 +140,22 @@ class Selection:
         if len(step.fit.terms) + 2 <= most:
             proposals += self._pairs(step)
         begun = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
-        return self.pruned(self.winner(begun))
+        first, *others = self.race(begun)
+        return self.pruned(first, others)
 
-    def winner(self, begun: Sequence[Fit]) -> Fit:
-        """The best of several models, each fitted on for as long as it may become the best.
+    def race(self, begun: Sequence[Fit]) -> list[Fit]:
+        """Several models, each fitted on for as long as it may become the best; the best one first.
 
         Starts that had to make up for a wrong model find back slowly: after a few rounds the wrong one
         of two may be ahead.
         """
         first, *others = sorted(begun, key=self.criterion)
-        best = self.pursued(first)
+        ended = [self.pursued(first)]
         for fit in others:
-            best = min(best, self.pursued(fit, self.criterion(best)), key=self.criterion)
+            ended.append(self.pursued(fit, min(map(self.criterion, ended))))
+        best, *beaten = sorted(ended, key=self.criterion)
         elsewhere = self.fitter.elsewhere(best)
-        return best if elsewhere is best else self.pursued(elsewhere)
+        return [best if elsewhere is best else self.pursued(elsewhere), *beaten]
 
     def pursued(self, fit: Fit, target: float = np.inf) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target."""
@@ -172,14 +174,18 @@ class Selection:
         fit = self.fitter.under(step.fit, terms)
         return self.fitter.fit(fit, free_values(terms, self.scales), rounds=1)
 
-    def pruned(self, fit: Fit) -> Fit:
+    def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
         """The model without the terms that it does nearly as well without.
 
         That may be all of them: starts that found a better place on the way are no evidence for an
         effect. What a term explains, fitted, must be as much as the score asks for.
+
+        Args:
+          fit: with all terms.
+          others: further models; one of them may be what is left.
         """
         while terms := asked(fit.terms):
-            shorter = [self.dropped(fit, term) for term in terms]
+            shorter = [self.dropped(fit, term, others) for term in terms]
             shares = [self._share(fit, less, t) for less, t in zip(shorter, terms, strict=True)]
             least = int(np.argmin(shares))
             if shares[least] > 1.0:
@@ -195,9 +201,15 @@ class Selection:
         """What a term has to explain to be seen."""
         return self.threshold * len(term.effect.sizes)
 
-    def dropped(self, fit: Fit, term: Term) -> Fit:
-        """A fit without a term, as far as that may be as good."""
-        return self.shortened(fit, term, self.criterion(fit) + self._worth(term))
+    def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
+        """A fit without a term, as far as that may be as good; `others` may know better starts."""
+        limit = self.criterion(fit) + self._worth(term)
+        less = self.shortened(fit, term, limit)
+        for other in others:
+            if places(other) == places(less):
+                better, worse = sorted((less, other), key=self.criterion)
+                less = self.pursued(self.fitter.best_of(better, worse), limit)
+        return less
 
     def criterion(self, fit: Fit) -> float:
         """Cost with what every fitted value costs (BIC)."""

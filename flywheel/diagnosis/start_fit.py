@@ -8,7 +8,7 @@ from itertools import cycle, islice
 
 import numpy as np
 
-from flywheel.diagnosis.fit import LEAST_DAMPING, Fit, Fitter, Held, Linear, term_cost
+from flywheel.diagnosis.fit import LEAST_DAMPING, STUCK, Fit, Fitter, Held, Linear, term_cost
 from flywheel.diagnosis.prediction import Carried, Predictor, Starts
 from flywheel.dynamics.plant import unseen_axes
 from flywheel.dynamics.plant.restarted import FREE_VELOCITIES
@@ -22,7 +22,6 @@ NEAR = (0.1, 1.0, 10.0)  # times what suited a window's last step, all of which 
 MOST_DAMPING = 1e4
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
-STUCK = 1.3  # mean square of a window, over the usual one, from which its start is doubted
 TRIES = 4  # of such a window with its bodies turned
 TURN = 0.4  # standard deviation of their turns about axes that no point shows [rad]
 SCALES = (
@@ -146,7 +145,9 @@ class StartFitter(Fitter):
         after = self.at(fit.change + steps[best, windows], winch, terms)
         return replace(after, held=replace(held, own=own[best, windows]))
 
-    def elsewhere(self, fit: Fit, seed: int = 0, usual: float | None = None) -> Fit:
+    def elsewhere(
+        self, fit: Fit, seed: int = 0, stuck: float = STUCK, usual: float | None = None
+    ) -> Fit:
         """See `Fitter`.
 
         Windows that fit much worse than the others may have begun in a wrong place, or have been led
@@ -155,13 +156,15 @@ class StartFitter(Fitter):
         """
         square = self.mean_squares(fit)
         usual = float(np.median(square)) if usual is None else usual
-        stuck = np.flatnonzero(square > STUCK * max(1.0, usual))
-        if not len(stuck):
+        doubted = np.flatnonzero(square > stuck * max(1.0, usual))
+        if not len(doubted):
             return fit
-        here = fit.change[stuck]
+        here = fit.change[doubted]
         turned = self._turned(np.repeat(here, TRIES, axis=0), seed)
         tried = np.concatenate([here, np.zeros_like(here), turned])
-        return self.searched(fit, np.concatenate([stuck, stuck, np.repeat(stuck, TRIES)]), tried)
+        return self.searched(
+            fit, np.concatenate([doubted, doubted, np.repeat(doubted, TRIES)]), tried
+        )
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
         """See `Fitter`: each window begins where it fits better."""
