@@ -6,17 +6,22 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
 from flywheel.errors import ConfigError
 from flywheel.evaluation.intervals import Interval
 from flywheel.hidden.cases import GROUPS, Case, cases
 from flywheel.hidden.cases import Group as CaseGroup
 from flywheel.robots import load_robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.examination import CaseResult, Examiner, Line, summary
+from flywheel.runtime.examination import CaseResult, Examiner, Line, publish_examination, summary
 from flywheel.runtime.interrupts import StopRequest
 from flywheel.runtime.jobs import Group, Job
 from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import console_progress
+from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.trained import TrainedModel
 from pipelines.models import open_trained
 from pipelines.show import console, table
@@ -34,7 +39,9 @@ def examine(
     model: str | None,
     address: str | None,
 ) -> None:
-    """Examine the cases that the folder has no result of yet, and print the table of all.
+    """Examine the cases that the folder has no result of yet, and show the table of all.
+
+    It is printed, written to `table.md`, and logged to the MLflow database of the folder.
 
     Args:
       folder: one JSON file per case.
@@ -52,7 +59,12 @@ def examine(
     _kept(folder, wanted, tested)
     if missing:
         _examine(folder, missing, tested, address)
-    show(_kept(folder, wanted, tested))
+    lines = summary(_kept(folder, wanted, tested))
+    show(lines)
+    written = write_table(lines, folder / "table.md")
+    tracker = open_tracker(folder, f"diagnose-bench-{robot}", robot)
+    publish_examination(tracker, lines, [written])
+    tracker.close()
 
 
 def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> list[CaseResult]:
@@ -110,26 +122,45 @@ def _checked(names: Sequence[str]) -> list[CaseGroup]:
 
 
 COLUMNS = (
-    "hidden", "#cases", "#first right", "#place aside", "#truth among answers", "#too small", "#answers",
+    "hidden", "#cases", "#right", "#first right", "#place aside", "#truth among answers", "#too small",
+    "#said outside", "#answers",
     "size error", "#in interval", "held out / noise before", "after", "#explained", "[s]", "verdicts",
 )  # fmt: skip
 
 
-def show(results: Sequence[CaseResult]) -> None:
-    """The table."""
+def show(lines: Sequence[Line]) -> None:
+    """Print the table."""
     out = console()
-    out.width = max(out.width, 200)
-    out.print(table("hidden effects", COLUMNS, [_row(line) for line in summary(results)]))
+    out.width = max(out.width, 220)
+    out.print(_table(lines))
+
+
+def write_table(lines: Sequence[Line], path: Path) -> Path:
+    """Write the table as Markdown."""
+    made = _table(lines)
+    made.box, made.title = box.MARKDOWN, None
+    with path.open("w", encoding="utf-8") as file:
+        Console(file=file, width=1000).print(made)
+    path.write_text(
+        "".join(f"{row.strip()}\n" for row in path.read_text().splitlines() if row.strip())
+    )
+    return path
+
+
+def _table(lines: Sequence[Line]) -> Table:
+    return table("hidden effects", COLUMNS, [_row(line) for line in lines])
 
 
 def _row(line: Line) -> tuple[object, ...]:
     return (
         line.what,
         line.cases,
+        _share(line.right),
         _share(line.first),
         _share(line.family),
         _share(line.contained),
         line.unseen,
+        _share(line.outside),
         line.answers,
         line.size_error,
         _share(line.coverage),

@@ -106,6 +106,11 @@ class CaseResult(ResultRecord):
         return same(self.best, self.truth)
 
     @property
+    def right(self) -> bool:
+        """The best answer is the truth, or the effect was rightly said to be too small."""
+        return self.first_is_right or self.said_unseen
+
+    @property
     def contains_truth(self) -> bool:
         """One of the answers is."""
         return any(same(answer, self.truth) for answer in self.answers)
@@ -117,8 +122,17 @@ class CaseResult(ResultRecord):
 
     @property
     def said_unseen(self) -> bool:
-        """It said that nothing can be seen, and that it could not have seen an effect this small."""
-        return self.verdict in ("NOISE_ONLY", "DATA_INSUFFICIENT") and self.smallest > 1.0
+        """It said that nothing can be seen, and that it could not have seen an effect this small.
+
+        The other simulator agrees: the effect changes what is measured by less than the noise.
+        """
+        nothing = self.verdict in ("NOISE_ONLY", "DATA_INSUFFICIENT")
+        return nothing and self.smallest > 1.0 and self.visible < 1.0
+
+    @property
+    def said_outside(self) -> bool:
+        """It said that something is missing that is none of the library's effects."""
+        return self.verdict in ("OUTSIDE_LIBRARY", "PARTIAL")
 
     @property
     def size_error(self) -> float:

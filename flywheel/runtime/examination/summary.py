@@ -20,10 +20,12 @@ class Line:
     Attributes:
       what: the hidden effects, or a name for all of them.
       cases: how many.
+      right: best answer right, or rightly said to be too small.
       first: best answer right.
       family: right but for the place.
       contained: truth among the answers.
-      unseen: said, rightly by its own account, to be too small.
+      unseen: said to be too small, and the other simulator agrees.
+      outside: said that something is missing that is none of the library's effects.
       answers: mean number of alternatives.
       size_error: median [-].
       coverage: of the intervals.
@@ -35,10 +37,12 @@ class Line:
 
     what: str
     cases: int
+    right: Interval
     first: Interval
     family: Interval
     contained: Interval
     unseen: int
+    outside: Interval
     answers: float
     size_error: float
     coverage: Interval
@@ -73,10 +77,12 @@ def _line(what: str, results: Sequence[CaseResult]) -> Line:
     return Line(
         what=what,
         cases=len(results),
+        right=share(lambda r: r.right),
         first=share(lambda r: r.first_is_right),
         family=share(lambda r: r.family_is_right),
         contained=share(lambda r: r.contains_truth),
         unseen=sum(r.said_unseen for r in results),
+        outside=share(lambda r: r.said_outside),
         answers=float(np.mean([len(r.answers) for r in results])),
         size_error=_median([r.size_error for r in hits]),
         coverage=success_interval(sum(covered), len(covered), method="exact"),

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from mlflow import MlflowClient
 
 from flywheel.errors import ConfigError
 from flywheel.hidden.cases import cases
 from flywheel.robots import load_robot
+from flywheel.runtime.dashboard import DATABASE
 from flywheel.runtime.examination import CaseResult
 from pipelines.diagnose_bench import examine
 
@@ -37,3 +39,10 @@ def test_results_that_are_there_are_shown_and_not_made_again(
     (tmp_path / f"{case.name}.json").write_text(done.model_dump_json())
     examine(tmp_path, "prism3", ["none"], [1.0], [0], "", None, None)
     assert "NOISE_ONLY 1" in capsys.readouterr().out
+    head, rule, row = (tmp_path / "table.md").read_text().splitlines()
+    assert head.startswith("| hidden") and set(rule) == set("|-") and "NOISE_ONLY 1" in row
+    client = MlflowClient(tracking_uri=f"sqlite:///{tmp_path / DATABASE}")
+    (experiment,) = client.search_experiments(filter_string="name != 'Default'")
+    (run,) = client.search_runs([experiment.experiment_id])
+    assert run.data.metrics["all: none/right"] == 1.0
+    assert [file.path for file in client.list_artifacts(run.info.run_id)] == ["table.md"]

@@ -60,8 +60,11 @@ def test_nothing_hidden_and_nothing_found_is_right() -> None:
 
 
 def test_too_small_has_to_be_said_and_known() -> None:
-    assert case((friction(1.0),), (), verdict="NOISE_ONLY", smallest=3.0).said_unseen
-    assert not case((friction(1.0),), (), verdict="NOISE_ONLY", smallest=0.3).said_unseen
+    said = {"verdict": "NOISE_ONLY", "smallest": 3.0, "visible": 0.1}
+    assert case((friction(1.0),), (), **said).said_unseen
+    assert case((friction(1.0),), (), **said).right
+    assert not case((friction(1.0),), (), **said | {"smallest": 0.3}).said_unseen
+    assert not case((friction(1.0),), (), **said | {"visible": 2.0}).said_unseen
 
 
 def test_lines_count_per_kind_and_in_all() -> None:
