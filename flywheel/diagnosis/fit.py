@@ -21,13 +21,13 @@ from flywheel.effects import Terms
 from flywheel.records import Floats
 
 SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
-LEAST_DAMPING, OWN_DAMPING = 1e-4, 0.1  # of a window's own steps, and of its first one
+# Of a window's own steps: the least, the first one, and at most after new sensitivities.
+LEAST_DAMPING, OWN_DAMPING, FRESH_DAMPING = 1e-4, 0.1, 1.0
 STUCK = 1.3  # mean square of a window, over the usual one, at which its start is doubted
 STEPS = 3  # of a fit between two linearisations
 # Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
 ENOUGH, LITTLE = 0.001, 2.0
-# A window's sensitivities are computed anew where it went otherwise than they said: by more than this
-# share of the way, and by more than this, squared [sigma^2].
+# Where a window went otherwise than its sensitivities said: share of the way, and square [sigma^2].
 ASTRAY, UNNOTICED = 0.3, 0.3
 
 
@@ -64,11 +64,11 @@ class Held:
 
     @classmethod
     def fresh(cls, linear: Linear, before: Held | None = None) -> Held:
-        """Of which nothing is known against them; dampings as `before`."""
+        """Of which nothing is known against them; windows that were damped less `before` still are."""
         fresh = np.zeros(len(linear.by_start), bool)
         if before is None:
             return cls(linear, fresh, np.full(len(fresh), OWN_DAMPING))
-        return cls(linear, fresh, before.own, before.common, before.number + 1)
+        return cls(linear, fresh, np.minimum(before.own, FRESH_DAMPING), number=before.number + 1)
 
     def __or__(self, stale: np.ndarray) -> Held:
         """With further stale windows (K,)."""
