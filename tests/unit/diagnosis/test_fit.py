@@ -42,7 +42,10 @@ def test_what_was_moved_is_what_lies_between(fitter: StartFitter, seed: int) -> 
 def test_the_true_plant_is_fitted_down_to_the_noise(
     fitter: StartFitter, fit: Fit, seed: int
 ) -> None:
-    squares = fitter.mean_squares(fit)
+    true = (
+        0.001 * fitter.windows.robot.length
+    )  # what is estimated from so little may be a sixth off
+    squares = fitter.mean_squares(fit) * (fitter.windows.sigma / true) ** 2
     assert (squares < 1.3).all(), seed
     assert fit.cost < fitter.beginning().cost
 
