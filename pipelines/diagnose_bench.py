@@ -139,11 +139,11 @@ def write_table(lines: Sequence[Line], path: Path) -> Path:
     """Write the table as Markdown."""
     made = _table(lines)
     made.box, made.title = box.MARKDOWN, None
-    with path.open("w", encoding="utf-8") as file:
-        Console(file=file, width=1000).print(made)
-    path.write_text(
-        "".join(f"{row.strip()}\n" for row in path.read_text().splitlines() if row.strip())
-    )
+    out = Console(width=1000)
+    with out.capture() as printed:
+        out.print(made)
+    rows = [row.strip() for row in printed.get().splitlines() if row.strip()]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     return path
 
 

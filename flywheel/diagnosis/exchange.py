@@ -70,7 +70,5 @@ def _twin(selection: Selection, last: Fit, terms: Terms, values: tuple[float, ..
 
 def _from_its_starts(selection: Selection, fit: Fit, other: Fit) -> Fit:
     """A fit, where another model's starts suit its windows better, begun from those."""
-    fitter = selection.fitter
-    again = selection.pursued(fitter.under(other, fit.terms), selection.criterion(fit))
-    better, worse = sorted((fit, again), key=selection.criterion)
-    return selection.pursued(fitter.best_of(better, worse))
+    begun = selection.fitter.under(other, fit.terms)
+    return selection.combined(fit, selection.pursued(begun, selection.criterion(fit)))

@@ -207,9 +207,13 @@ class Selection:
         less = self.shortened(fit, term, limit)
         for other in others:
             if places(other) == places(less):
-                better, worse = sorted((less, other), key=self.criterion)
-                less = self.pursued(self.fitter.best_of(better, worse), limit)
+                less = self.combined(less, other, limit)
         return less
+
+    def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
+        """The better of two fits of one model, with the starts that are better in the other, fitted on."""
+        better, worse = sorted((fit, other), key=self.criterion)
+        return self.pursued(self.fitter.best_of(better, worse), target)
 
     def criterion(self, fit: Fit) -> float:
         """Cost with what every fitted value costs (BIC)."""

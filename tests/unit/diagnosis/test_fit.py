@@ -42,9 +42,8 @@ def test_what_was_moved_is_what_lies_between(fitter: StartFitter, seed: int) -> 
 def test_the_true_plant_is_fitted_down_to_the_noise(
     fitter: StartFitter, fit: Fit, seed: int
 ) -> None:
-    true = (
-        0.001 * fitter.windows.robot.length
-    )  # what is estimated from so little may be a sixth off
+    # What is estimated from so short a log may be a sixth off.
+    true = 0.001 * fitter.windows.robot.length
     squares = fitter.mean_squares(fit) * (fitter.windows.sigma / true) ** 2
     assert (squares < 1.3).all(), seed
     assert fit.cost < fitter.beginning().cost
@@ -89,6 +88,14 @@ def test_differences_are_taken_with_other_steps_the_next_time(
         found.append(held.linear.by_start)
     assert not any(np.array_equal(a, b) for a, b in pairwise(found))
     assert np.array_equal(found[0], found[3])  # and then the same ones again
+
+
+def test_new_sensitivities_begin_with_bold_steps(fitter: StartFitter, fit: Fit) -> None:
+    count = len(fit.change)
+    timid = Held(fitter.linear(fit), np.ones(count, bool), np.full(count, 1e3), common=5)
+    renewed = fitter.renewed(replace(fit, held=timid))
+    assert renewed.common == 0
+    assert (renewed.own < timid.own).all()
 
 
 def test_a_window_that_does_not_move_is_damped_more(fitter: StartFitter, seed: int) -> None:
