@@ -16,7 +16,7 @@ class TaskConfig(BaseModel):
 
     Attributes:
       name: kind of task, as in `TASKS`.
-      goal: (x, y) where it is given [m]; None to draw it.
+      goal: (x, y) where it is given [m]; None to draw it. For the reaching tasks only.
       radius: (least, most) distance of a drawn goal from the start [L]; its bearing is uniform.
       tolerance: distance at which the goal counts as reached [L]. 0.17 L is the 0.5 m of published
         planners, for rods of 2.95 m.
@@ -61,6 +61,16 @@ class TaskConfig(BaseModel):
     clearance: float = Field(default=0.5, ge=0)
     cell: float = Field(default=0.1, gt=0)
     moves: Literal["diagonal", "manhattan"] = "diagonal"
+
+    @model_validator(mode="after")
+    def _has_one_source_of_goals(self) -> Self:
+        if self.goal is not None and self.name in ("obstacle_course", "tour"):
+            own = "its course's" if self.name == "obstacle_course" else "drawn"
+            raise ValueError(
+                f"the goals of the task {self.name!r} are {own}, but goal={self.goal} is given; leave it "
+                "out, or ask for 'reach' or 'reach_among_boxes'"
+            )
+        return self
 
     @model_validator(mode="after")
     def _ranges_rise_from_zero(self) -> Self:

@@ -120,3 +120,9 @@ def test_a_tour_goes_from_goal_to_goal(robot: Robot, points: np.ndarray) -> None
     legs = np.linalg.norm(np.diff(goals, axis=0), axis=1) / robot.length
     assert len(legs) == 4
     assert (legs > 1.0).all() and (legs < 2.0).all(), seed
+
+
+@pytest.mark.parametrize("name", ["tour", "obstacle_course"])
+def test_a_goal_is_refused_where_the_task_has_its_own(name: str) -> None:
+    with pytest.raises(ValueError, match=f"the goals of the task '{name}'"):
+        TaskConfig.model_validate({"name": name, "goal": (1.0, 2.0)})
