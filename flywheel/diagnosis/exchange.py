@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.probes import probed
 from flywheel.diagnosis.score import Score
-from flywheel.diagnosis.selection import SHORTLIST, Selection, Step, same_place, without
+from flywheel.diagnosis.selection import HOPE, SHORTLIST, Selection, Step, same_place, without
 from flywheel.effects import Term, Terms
 
 RIVAL = 0.8  # share of an effect's power from which another is tried in its place
+PATIENCE = 40.0  # `HOPE` for a law: one that is given up too early is an effect wrongly named
 
 
 def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tuple[Fit, list[Fit]]:
@@ -49,7 +51,8 @@ def _in_place(
         terms = (*others, score.candidate.term(score.sizes, score.shape))
         fit = _twin(selection, last, terms, term.values)
         if fit is None:
-            fit = selection.pursued(selection.fitter.under(last, terms), limit)
+            begun = selection.fitter.under(last, terms)
+            fit = selection.pursued(begun, limit, PATIENCE if probed(terms) else HOPE)
         if selection.criterion(fit) < limit:
             found.append(fit)
     return found

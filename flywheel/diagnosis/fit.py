@@ -303,15 +303,6 @@ def _hardly_fell(before: float, after: float) -> bool:
     return bool(np.isfinite(before)) and before - after < min(ENOUGH * before, LITTLE)
 
 
-def term_cost(terms: Terms) -> float:
-    """What is known of values before, as squares."""
-    return sum(
-        (value / deviation) ** 2
-        for term in terms
-        for value, deviation in zip(term.values, term.known, strict=False)
-    )
-
-
 def _damped_step(matrix: Floats, pull: Floats, damping: float) -> Floats:
     """(S,) step of Marquardt's with normal equations (S, S), (S,)."""
     if np.isinf(damping):

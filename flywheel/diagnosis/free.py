@@ -67,3 +67,12 @@ def _free(term: int, index: int, parameter: Parameter, deviation: float, scales:
     typical = parameter.typical(scales)
     low, high = parameter.low * typical, parameter.high * typical
     return Free(term, index, typical, low, high, prior=deviation / typical)
+
+
+def term_cost(terms: Terms) -> float:
+    """What is known of values before, as squares."""
+    return sum(
+        (value / deviation) ** 2
+        for term in terms
+        for value, deviation in zip(term.values, term.known, strict=False)
+    )

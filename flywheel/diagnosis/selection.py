@@ -157,14 +157,14 @@ class Selection:
         elsewhere = self.fitter.elsewhere(best)
         return [best if elsewhere is best else self.pursued(elsewhere), *beaten]
 
-    def pursued(self, fit: Fit, target: float = np.inf) -> Fit:
+    def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target."""
         free = free_values(fit.terms, self.scales)
         for _ in range(ROUNDS):
             if fit.converged:
                 break
             before, fit = fit, self.fitter.fit(fit, free, rounds=1)
-            if self.criterion(fit) - target > HOPE * (before.cost - fit.cost):
+            if self.criterion(fit) - target > hope * (before.cost - fit.cost):
                 break
         return fit
 

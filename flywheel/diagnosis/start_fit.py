@@ -8,7 +8,8 @@ from itertools import cycle, islice
 
 import numpy as np
 
-from flywheel.diagnosis.fit import LEAST_DAMPING, STUCK, Fit, Fitter, Held, Linear, term_cost
+from flywheel.diagnosis.fit import LEAST_DAMPING, STUCK, Fit, Fitter, Held, Linear
+from flywheel.diagnosis.free import term_cost
 from flywheel.diagnosis.prediction import Carried, Predictor, Starts
 from flywheel.dynamics.plant import unseen_axes
 from flywheel.dynamics.plant.restarted import FREE_VELOCITIES

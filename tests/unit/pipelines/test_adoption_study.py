@@ -35,7 +35,9 @@ def test_a_network_is_trained_diagnosed_and_trained_on(
     config = load_config(Path("configs/smoke.yaml"), [*TINY, f"seed={seed}"])
     bench = Bench(config, tmp_path, Quiet())
     result = study(bench, short)
-    assert np.isfinite([result.before, result.after, result.ceiling, *result.rotation]).all()
+    assert np.isfinite(
+        [result.before, result.after, result.ceiling, *result.longer, *result.rotation]
+    ).all()
     assert result.truth[0].effect == "winch_gain"
     assert bool(result.adopted) != bool(result.problem)
     assert result.before != result.ceiling
@@ -56,6 +58,7 @@ def test_the_share_of_a_gap_is_one_where_the_answer_is_as_good_as_the_truth() ->
         before=5.0,
         after=3.0,
         ceiling=1.0,
+        longer=(6.0, 5.0, 4.0),
         rotation=(3.0, 2.0, 1.0),
     )
     assert kept.closed == pytest.approx(0.5)
