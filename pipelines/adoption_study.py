@@ -45,15 +45,17 @@ from flywheel.runtime.watch import Watch
 from flywheel.training import Trainer, TrainingProgress
 from pipelines.sysid_study import kept
 
-# What a network of this size notices: of other effects the change drowns in its own errors.
-HIDDEN = ("command_delay", "actuator_lag", "slope", "weak_cable")
+# What a network of this size notices: of most others the change drowns in its own errors. Those that act on
+# the commands are left out: where winches are not measured, networks take them to be where the MJCF alone
+# would have wound them.
+HIDDEN = ("slope", "weak_cable", "cable_friction")
 SIZE = 2.0  # times the typical one
 FURTHER = 8  # recordings that the networks are judged by, of four seconds each
 SECONDS = 4.0
-HORIZONS = (0.5, 1.0)  # of the predictions [s]; the first one counts
+HORIZONS = (1.0, 0.5)  # of the predictions [s]; the first one counts
 STARTS = 20  # per recording
 HEADER = (
-    "| hidden | seed | verdict | adopted | before | after | told the truth | closed | over 1 s |\n"
+    "| hidden | seed | verdict | adopted | before | after | told the truth | closed | over 0.5 s |\n"
     "|---|---|---|---|---|---|---|---|---|"
 )
 NOISY = (
@@ -75,7 +77,7 @@ class AdoptionStudy(ResultRecord):
       problem: why nothing was, or "".
       before, after, ceiling: RMSE/L of the centre of mass over the first horizon on further recordings, of
         the network as it was, trained on with what was found, and trained on with the truth [%].
-      longer: the same three over the second horizon [%].
+      shorter: the same three over the second horizon [%].
       rotation: the same three in rotation, over the first horizon [deg].
     """
 
@@ -87,13 +89,17 @@ class AdoptionStudy(ResultRecord):
     before: float
     after: float
     ceiling: float
-    longer: tuple[float, float, float]
+    shorter: tuple[float, float, float]
     rotation: tuple[float, float, float]
 
     @property
     def closed(self) -> float:
-        """Share of the gap between the network as it was and the one that was told the truth."""
-        return (self.before - self.after) / (self.before - self.ceiling)
+        """Share of the gap between the network as it was and the one that was told the truth.
+
+        Not a number where there is none: being told the truth made the network no better.
+        """
+        gap = self.before - self.ceiling
+        return (self.before - self.after) / gap if gap > 0 else float("nan")
 
 
 @dataclass(frozen=True)
@@ -165,7 +171,7 @@ def study(bench: Bench, case: Case) -> AdoptionStudy:
     after = bench.network(f"{case.name}-found", effects, first) if effects else first
     ceiling = bench.network(f"{case.name}-true", true, first)
     further, exact = _further(case)
-    short, longer = (
+    first_tables, second_tables = (
         [
             score(
                 bench.subject(weights).dynamics,
@@ -179,7 +185,8 @@ def study(bench: Bench, case: Case) -> AdoptionStudy:
         ]
         for horizon in HORIZONS
     )
-    errors = [table.e_pos_rmse for table in short]
+    errors = [table.e_pos_rmse for table in first_tables]
+    shorter = [table.e_pos_rmse for table in second_tables]
     return AdoptionStudy(
         name=case.name,
         truth=truth,
@@ -189,8 +196,8 @@ def study(bench: Bench, case: Case) -> AdoptionStudy:
         before=errors[0],
         after=errors[1],
         ceiling=errors[2],
-        longer=(longer[0].e_pos_rmse, longer[1].e_pos_rmse, longer[2].e_pos_rmse),
-        rotation=(short[0].e_rot, short[1].e_rot, short[2].e_rot),
+        shorter=(shorter[0], shorter[1], shorter[2]),
+        rotation=(first_tables[0].e_rot, first_tables[1].e_rot, first_tables[2].e_rot),
     )
 
 
@@ -228,7 +235,7 @@ def row(result: AdoptionStudy) -> str:
     return (
         f"| {truth} | {result.name.split('.')[-1]} | {result.verdict} | "
         f"{', '.join(result.adopted) or result.problem} | {result.before:.2f} | {result.after:.2f} | "
-        f"{result.ceiling:.2f} | {result.closed:.0%} | {', '.join(f'{e:.2f}' for e in result.longer)} |"
+        f"{result.ceiling:.2f} | {result.closed:.0%} | {', '.join(f'{e:.2f}' for e in result.shorter)} |"
     )
 
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from mujoco.rollout import Rollout as MujocoRollout
 
-from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped
+from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped, has_laws
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.plant import DISABLED, Plant, no_warning_file
 from flywheel.dynamics.plant.world import scene
@@ -21,6 +22,7 @@ from flywheel.robots import Robot
 TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
 )
+WORTH_A_THREAD = 8  # simulations: with fewer, threads wait for each other
 EDITED = 256  # models with effects that are kept
 KEPT = 8  # batches of different sizes
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -63,6 +65,11 @@ class AugmentedPlant:
         self._scales = Scales.of(plant.robot)
         self._model, self._movable = _with_pulls(plant, False), _with_pulls(plant, True)
         self._cables = Geometry.of(self._model, plant.robot, _parameters(plant))
+        self._engine = MujocoRollout(nthread=self.threads if self.threads > 1 else 0)
+        self._data = {
+            id(model): [mujoco.MjData(model) for _ in range(self.threads)]
+            for model in (self._model, self._movable)
+        }
         self._edited: dict[tuple[object, ...], mujoco.MjModel] = {}
         self._batches: dict[tuple[bool, int], Batch] = {}
 
@@ -128,6 +135,8 @@ class AugmentedPlant:
         terms: Sequence[Terms],
         memory: Memories,
     ) -> Motion:
+        if not has_laws(terms):
+            return self._rolled_out(base, start, told, terms, memory)
         plant, steps = self.plant, told.shape[1]
         batch = self._batch(base, terms)
         nq, nv = start.qpos.shape[1], start.qvel.shape[1]
@@ -138,21 +147,27 @@ class AugmentedPlant:
         laws = Laws(self._cables, batch, terms, memory, self.robot.timestep, self._scales.slow)
         sensors = batch.bind("sensordata")
         ctrl = batch.bind("ctrl")
-        drive = plant._drive
+        driven = plant._drive.shape[1]
+        ctrl[:] = 0.0
         states = np.empty((len(terms), steps + 1, nq + nv + start.act.shape[1]))
         points = np.empty((len(terms), steps + 1, *plant._points.shape))
         batch.forward(stage=CURRENT)
         alive = np.ones(len(terms), bool)
+        commands = plant.commands(told)
         for step in range(steps + 1):
             states[:, step] = np.concatenate(fields, axis=1)
             points[:, step] = sensors[:, plant._points]
             if step == steps:
                 break
+            ctrl[:, :driven] = commands[:, step]
             for _ in range(plant.substeps):
-                rate = laws.rate(told[:, step]) if laws.active else told[:, step]
-                ctrl[:, : drive.shape[1]] = (rate * plant._speed[:, 0]) @ drive + plant._drive_shift
-                if laws.active:
-                    ctrl[:, drive.shape[1] :] = -laws.tension()
+                cables = laws.cables()
+                if laws.on_rates:
+                    ctrl[:, :driven] = plant.commands(laws.rate(told[:, step], cables)[:, None])[
+                        :, 0
+                    ]
+                if laws.on_tensions:
+                    ctrl[:, driven:] = -laws.tension(cables)
                 batch.step(stage=CURRENT)
             expected = (step + 1) * self.dt
             alive &= np.abs(batch.bind("time").reshape(-1) - expected) < self.robot.timestep / 2
@@ -160,12 +175,37 @@ class AugmentedPlant:
         state = State(*np.split(states, [nq, nq + nv], axis=-1))
         return Motion(points, state, alive, laws.memory)
 
+    def _rolled_out(
+        self,
+        base: mujoco.MjModel,
+        start: State,
+        told: Floats,
+        terms: Sequence[Terms],
+        memory: Memories,
+    ) -> Motion:
+        """All steps in one call into MuJoCo: nothing acts between them."""
+        plant, steps = self.plant, told.shape[1]
+        commands = np.zeros((len(told), plant.substeps * steps + 1, base.nu))
+        driven = np.repeat(plant.commands(told), plant.substeps, axis=1)
+        commands[:, :-1, : driven.shape[2]] = driven
+        models = [self._compiled(base, each) for each in terms]
+        data, begun = self._data[id(base)], plant.packed(start)
+        after, before = self._engine.rollout(models, data, begun, commands)
+        points = before[:, :: plant.substeps][..., plant._points]
+        full = after[:, plant.substeps - 1 : -1 : plant.substeps]
+        expected = self.dt * np.arange(1, steps + 1)
+        alive = (np.abs(full[..., 0] - expected) < self.robot.timestep / 2).all(axis=1)
+        states = np.concatenate([begun[:, None], full], axis=1)
+        _hold_diverged(states, points, alive)
+        return Motion(points, plant.unpacked(states), alive, memory)
+
     def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
         """A batch of the right size, each simulation on the model that its terms ask for."""
         key = (base is self._movable, len(terms))
         batch = self._batches.pop(key, None)
         if batch is None:
-            batch = Batch(base, len(terms), self.threads, persistent=True)
+            threads = max(1, min(self.threads, len(terms) // WORTH_A_THREAD))
+            batch = Batch(base, len(terms), threads, persistent=True)
         self._batches[key] = batch  # last, as the one used last
         if len(self._batches) > KEPT:
             del self._batches[next(iter(self._batches))]
@@ -208,7 +248,7 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
     Args:
       movable: without MuJoCo's short cut for bodies whose centre of mass never moves.
     """
-    spec = scene(plant.robot, plant.obstacles)
+    spec = scene(plant.robot, plant.obstacles, plant.terrain)
     _undressed(spec)
     for tendon in list(spec.tendons):
         pull = spec.add_actuator(name=f"effects on {tendon.name}", target=tendon.name)

@@ -15,6 +15,7 @@ from flywheel.effects import ModelEffect, Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.robots import Box, Robot
+from flywheel.terrain import Terrain
 
 
 class EffectivePlant(Plant):
@@ -25,7 +26,7 @@ class EffectivePlant(Plant):
 
     Args:
       terms: the effects with their values.
-      robot, dt, obstacles, threads: see `Plant`.
+      robot, dt, obstacles, threads, terrain: see `Plant`.
       parameters: one set for all simulations.
 
     Raises:
@@ -40,16 +41,16 @@ class EffectivePlant(Plant):
         parameters: PlantParameters | Sequence[PlantParameters] = NOMINAL,
         obstacles: Sequence[Box] = (),
         threads: int = 1,
+        terrain: Terrain | None = None,
     ) -> None:
         if not isinstance(parameters, PlantParameters):
             raise ModelError("A plant with effects has one set of parameters for all simulations.")
         self.terms = terms
-        super().__init__(robot, dt, parameters, obstacles, threads)
-        self._augmented = AugmentedPlant(Plant(robot, dt, parameters, obstacles, threads))
+        super().__init__(robot, dt, parameters, obstacles, threads, terrain)
+        self._augmented = AugmentedPlant(Plant(robot, *self.arguments()))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = (self.robot, self.terms, self.dt, self.parameters, self.obstacles, self.threads)
-        return (EffectivePlant, arguments)
+        return (EffectivePlant, (self.robot, self.terms, *self.arguments()))
 
     def _compile(self) -> None:
         super()._compile()
@@ -96,8 +97,7 @@ def with_effects(plant: Plant, terms: Terms) -> Plant:
     if not terms:
         return plant
     together = (*plant.terms, *terms)
-    rest = (plant.dt, plant.parameters, plant.obstacles, plant.threads)
-    return EffectivePlant(plant.robot, together, *rest)
+    return EffectivePlant(plant.robot, together, *plant.arguments())
 
 
 class _EffectiveCourse:

@@ -17,7 +17,8 @@ from flywheel.robots import Robot
 
 Memories = dict[str, Floats]
 E = TypeVar("E", CommandEffect, TensionEffect, WinchEffect)
-Group = tuple[E, np.ndarray, dict[str, Floats]]
+Rows = np.ndarray | slice
+Group = tuple[E, Rows, dict[str, Floats]]
 
 
 @dataclass(frozen=True)
@@ -78,39 +79,45 @@ class Laws:
         cables, winches = len(geometry.rest), len(geometry.loads)
         self._tensions = grouped(terms, TensionEffect, cables)  # type: ignore[type-abstract]
         self._rates = grouped(terms, WinchEffect, winches)  # type: ignore[type-abstract]
-        self.active = bool(self._tensions or self._rates)
         self.memory = memory
-        self._geometry, self._batch = geometry, batch
+        self._geometry = geometry
         self._dt, self._slow = dt, slow
-        if self.active:
-            names = ("ten_length", "ten_velocity", "act")
-            self._length, self._speed, self._act = (batch.bind(name) for name in names)
-            self._none = np.zeros((len(terms), cables))
+        names = ("ten_length", "ten_velocity", "act")
+        self._length, self._speed, self._act = (batch.bind(name) for name in names)
+        self._none = np.zeros((len(terms), cables))
+        self._winched = np.flatnonzero(geometry.activation >= 0)
+        self._spools = geometry.activation[self._winched]
+        self._stiffness = np.broadcast_to(geometry.stiffness, self._none.shape)
+
+    @property
+    def on_rates(self) -> bool:
+        """Something changes the rates of winches."""
+        return bool(self._rates)
+
+    @property
+    def on_tensions(self) -> bool:
+        """Something changes the tensions of cables."""
+        return bool(self._tensions)
 
     def cables(self) -> Cables:
         """All cables as they are now."""
-        geometry = self._geometry
-        held = self._act[:, geometry.activation]
-        rest = np.where(geometry.activation >= 0, held, geometry.rest)
-        stiffness = np.broadcast_to(geometry.stiffness, rest.shape)
-        elastic = stiffness * np.maximum(self._length - rest, 0.0)
+        rest = np.repeat(self._geometry.rest[None], len(self._none), axis=0)
+        rest[:, self._winched] = self._act[:, self._spools]
+        elastic = self._stiffness * np.maximum(self._length - rest, 0.0)
+        stiffness = self._stiffness
         return Cables(self._length, self._speed, rest, stiffness, elastic, self._dt, self._slow)
 
-    def rate(self, told: Floats) -> Floats:
+    def rate(self, told: Floats, cables: Cables) -> Floats:
         """Rates (n, W) of winches that are told (n, W), under their load."""
-        if not self._rates:
-            return told
-        elastic = self.cables().elastic[:, None] * self._geometry.loads
+        elastic = cables.elastic[:, None] * self._geometry.loads
         load, told = elastic.max(axis=-1), told.copy()
         for effect, rows, values in self._rates:
             told[rows] = effect.rate(told[rows], load[rows], values)
         return told
 
-    def tension(self) -> Floats:
+    def tension(self, cables: Cables) -> Floats:
         """(n, C) extra tension [N]: on taut cables only, and never pushing."""
-        if not self._tensions:
-            return self._none
-        extra, cables = np.zeros_like(self._none), self.cables()
+        extra = np.zeros_like(self._none)
         for effect, rows, values in self._tensions:
             held = self.memory[effect.name][rows] if effect.remembers else self._none[rows]
             added, after = effect.tension(cables[rows], held, values)
@@ -119,6 +126,15 @@ class Laws:
                 self.memory[effect.name][rows] = after
         pull = np.maximum(cables.elastic + self._geometry.damping * cables.speed, 0.0)
         return np.where(cables.taut, np.maximum(extra, -pull), 0.0)
+
+
+def has_laws(terms: Sequence[Terms]) -> bool:
+    """Whether something acts from step to step."""
+    return any(
+        isinstance(term.effect, TensionEffect | WinchEffect) and not term.absent
+        for each in terms
+        for term in each
+    )
 
 
 def grouped(terms: Sequence[Terms], kind: type[E], width: int) -> list[Group[E]]:
@@ -138,5 +154,7 @@ def grouped(terms: Sequence[Terms], kind: type[E], width: int) -> list[Group[E]]
                 where = slice(None) if term.place is None else term.place
                 for name, value in term.named.items():
                     values[name][index, where] = value
-        groups.append((effect, np.array(list(by_row)), values))
+        everywhere = len(by_row) == len(terms)  # a slice copies nothing
+        rows = slice(None) if everywhere else np.array(list(by_row))
+        groups.append((effect, rows, values))
     return groups

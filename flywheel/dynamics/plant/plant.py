@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Self, cast
 
 import mujoco
 import numpy as np
@@ -17,6 +17,7 @@ from flywheel.effects import Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.robots import Box, Robot
+from flywheel.terrain import Terrain
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 NOMINAL = PlantParameters()
@@ -40,12 +41,13 @@ class Plant:
       parameters: one set for all simulations, or one for each of the batch.
       obstacles: boxes to collide with.
       threads: simulations stepped at the same time.
+      terrain: in the place of the robot's ground plane.
 
     Attributes:
       terms: effects that are always there; see `EffectivePlant`.
 
     Raises:
-      ModelError: dt is not a multiple of the robot's timestep.
+      ModelError: dt is not a multiple of the robot's timestep; a terrain for a robot without a ground.
     """
 
     terms: Terms = ()
@@ -57,10 +59,11 @@ class Plant:
         parameters: PlantParameters | Sequence[PlantParameters] = NOMINAL,
         obstacles: Sequence[Box] = (),
         threads: int = 1,
+        terrain: Terrain | None = None,
     ) -> None:
         self.robot, self.dt, self.threads = robot, dt, threads
         self.parameters = parameters
-        self.obstacles = tuple(obstacles)
+        self.obstacles, self.terrain = tuple(obstacles), terrain
         self.substeps = round(dt / robot.timestep)
         if self.substeps < 1 or not np.isclose(self.substeps * robot.timestep, dt, rtol=1e-9):
             raise ModelError(
@@ -69,12 +72,22 @@ class Plant:
         self._compile()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        arguments = (self.robot, self.dt, self.parameters, self.obstacles, self.threads)
-        return (Plant, arguments)
+        return (Plant, (self.robot, *self.arguments()))
+
+    def arguments(self) -> tuple[Any, ...]:
+        """Arguments of `Plant` after the robot."""
+        return self.dt, self.parameters, self.obstacles, self.threads, self.terrain
+
+    def on(self, terrain: Terrain | None) -> Self:
+        """The same plant on another ground; itself where that is its own."""
+        if terrain == self.terrain:
+            return self
+        made, arguments = self.__reduce__()
+        return cast(Self, made(*arguments[:-1], terrain))
 
     def _compile(self) -> None:
         robot = self.robot
-        base = scene(robot, self.obstacles).compile()
+        base = scene(robot, self.obstacles, self.terrain).compile()
         base.opt.disableflags |= DISABLED
         every = self.parameters
         sets = [every] if isinstance(every, PlantParameters) else list(every)
@@ -98,6 +111,11 @@ class Plant:
         self._spool = np.zeros((len(first), base.na))
         for index, winch in enumerate(robot.winches):
             self._spool[index, base.actuator_actadr[list(winch.actuators)]] = 1.0
+
+    @property
+    def winch_speed(self) -> Floats:
+        """(W,) rate of each winch of the (first) simulation, over what it is told [-]."""
+        return np.asarray(self._speed[0, 0])
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -166,7 +184,7 @@ class Plant:
             self._refuse_divergence(after, start)
             states[:, start + 1 : stop + 1] = after[:, self.substeps - 1 :: self.substeps]
             points[:, start:stop] = before[:, :: self.substeps][..., self._points]
-        full = self._unpack(states)
+        full = self.unpacked(states)
         points[:, -1] = self.observe(full[:, -1]).points
         seen = Observation(points, self.winch(full))
         return Trajectory(seen, controls, self.dt, full)
@@ -234,7 +252,8 @@ class Plant:
                 "smaller timestep in the MJCF, help."
             )
 
-    def _unpack(self, packed: Floats) -> State:
+    def unpacked(self, packed: Floats) -> State:
+        """States (...) of MuJoCo's state vectors (..., 1 + nq + nv + na)."""
         nq, nv = len(self.robot.keyframe.qpos), len(self.robot.keyframe.qvel)
         qpos, qvel, act = np.split(packed[..., 1:], [nq, nq + nv], axis=-1)
         return State(qpos, qvel, act)

@@ -13,4 +13,4 @@ def refined(plant: Plant, times: int = 2) -> Plant:
     spec = mujoco.MjSpec.from_string(plant.robot.xml)
     spec.option.timestep = plant.robot.timestep / times
     robot = Robot.from_mjcf(spec.to_xml())
-    return Plant(robot, plant.dt, plant.parameters, plant.obstacles, plant.threads)
+    return Plant(robot, *plant.arguments())

@@ -160,3 +160,31 @@ def test_a_one_sided_effect_cannot_explain_its_opposite(
     assert library[0].effect.sizes[0].one_sided
     column = test.columns[:, test.slices[0][0]][:, 0]
     assert test.scores(-column)[0].power == 0.0
+
+
+def test_windows_beside_each_other_are_those_one_after_the_other(
+    fitter: StartFitter, fit: Fit, library: tuple[Candidate, ...], seed: int
+) -> None:
+    """Where nothing but the winches goes on from window to window."""
+    predictor, rng = fitter.predictor, np.random.default_rng(seed)
+    starts = replace(fit.starts, winch=rng.normal(0, 0.01, fit.starts.winch.shape))
+    terms = [(), *((c.term(c.typical, 0),) for c in library)]
+    points, carried = predictor.chained(starts, terms)
+    expected, began = predictor._one_after_the_other(starts, terms)
+    off = np.abs(points - expected)
+    assert np.quantile(off, 0.8) < 1e-9, seed  # contacts may magnify rounding
+    assert off.max() < 0.01, seed
+    for one, other in zip(carried, began, strict=True):
+        np.testing.assert_allclose(one.winch, other.winch, atol=1e-12)
+
+
+def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(
+    fitter: StartFitter, fit: Fit, robot: Robot
+) -> None:
+    names = ("torque_speed", "creep", "cable_damping")
+    library = candidates(robot, {name: EFFECTS[name] for name in names})
+    terms = [(c.term(c.typical, 0),) for c in library]
+    _, (slower, creeping, damped) = fitter.predictor.chained(fit.starts, terms)
+    assert creeping.memory["creep"][1:].any()
+    assert not damped.memory
+    assert np.abs(slower.winch - damped.winch).max() > 1e-9

@@ -36,7 +36,7 @@ def test_a_network_is_trained_diagnosed_and_trained_on(
     bench = Bench(config, tmp_path, Quiet())
     result = study(bench, short)
     assert np.isfinite(
-        [result.before, result.after, result.ceiling, *result.longer, *result.rotation]
+        [result.before, result.after, result.ceiling, *result.shorter, *result.rotation]
     ).all()
     assert result.truth[0].effect == "winch_gain"
     assert bool(result.adopted) != bool(result.problem)
@@ -58,7 +58,8 @@ def test_the_share_of_a_gap_is_one_where_the_answer_is_as_good_as_the_truth() ->
         before=5.0,
         after=3.0,
         ceiling=1.0,
-        longer=(6.0, 5.0, 4.0),
+        shorter=(4.0, 2.5, 0.5),
         rotation=(3.0, 2.0, 1.0),
     )
     assert kept.closed == pytest.approx(0.5)
+    assert np.isnan(kept.model_copy(update={"ceiling": 5.0}).closed)
