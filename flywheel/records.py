@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.errors import DataError
+from flywheel.terrain import Terrain
 
 Floats = NDArray[np.floating]
 
@@ -160,6 +161,7 @@ class Episode:
       split: "train", "validation" or "test"; fixed at commit.
       outcome: of the task, if there was one.
       timing: side numbers that no digest covers, e.g. {"plan_seconds": (plans,)}.
+      terrain: that the robot stood on; None for the plane z = 0.
     """
 
     id: str
@@ -168,6 +170,7 @@ class Episode:
     split: Split
     outcome: Outcome | None = None
     timing: dict[str, Floats] = field(default_factory=dict)
+    terrain: Terrain | None = None
 
 
 @dataclass(frozen=True)
@@ -181,6 +184,7 @@ class Past:
         else dead-reckoned from the commands by the robot's nominal winch [m].
       dataset: index of the data set (the network's one-hot).
       state: (B,) the plant's full state at the present. Only the oracle may look at it.
+      terrains: under each of B, or one for all; None is the plane z = 0.
     """
 
     observations: Observation
@@ -188,6 +192,14 @@ class Past:
     winch: Floats
     dataset: int = 0
     state: State | None = None
+    terrains: tuple[Terrain | None, ...] = (None,)
+
+    def __post_init__(self) -> None:
+        if len(self.terrains) not in (1, len(self.observations.points)):
+            raise DataError(
+                f"A past of {len(self.observations.points)} has as many terrains, or one for all; got "
+                f"{len(self.terrains)}."
+            )
 
     @property
     def history(self) -> int:

@@ -85,6 +85,7 @@ class Log:
             controls=self._controls[:, : self.done],
             winch=np.where(measured, seen, self._reckoned[:, : self.done + 1]),
             state=self.state,
+            terrains=(self._plant.terrain,),
         )
 
     def trajectory(self) -> Trajectory:
@@ -120,8 +121,8 @@ def record_episode(
 ) -> Episode:
     """Let a controller drive the plant until the goal is reached or the time is over.
 
-    It sees measurements only, except for `Past.state`, which is for the oracle. Whether the goal is
-    reached is judged at every step on the true points.
+    It sees measurements and the ground only; `Past.state` is for the oracle. Whether the goal is reached
+    is judged at every step on the true points.
 
     Args:
       plant: one simulation is stepped, with the plant's (first) parameters.
@@ -156,14 +157,10 @@ def record_episode(
         log.append(simulated)
         if on_step:
             on_step(log.done)
-    return Episode(
-        id=episode_id,
-        trajectory=log.trajectory(),
-        provenance=provenance,
-        split=split,
-        outcome=None if task is None else _outcome(plant, log, task, reached),
-        timing={"plan_seconds": np.array(plan_seconds)},
-    )
+    outcome = None if task is None else _outcome(plant, log, task, reached)
+    timing = {"plan_seconds": np.array(plan_seconds)}
+    track = log.trajectory()
+    return Episode(episode_id, track, provenance, split, outcome, timing, plant.terrain)
 
 
 def record_batch(
@@ -209,7 +206,7 @@ def record_batch(
         rng = np.random.default_rng(streams[i][1])
         seen = measurement.apply(simulated.observations[i], plant.robot, rng)
         one = Trajectory(seen, simulated.controls[i], plant.dt, simulated.states[i])
-        episodes.append(Episode(name, one, provenances[i], splits[i]))
+        episodes.append(Episode(name, one, provenances[i], splits[i], terrain=plant.terrain))
     return episodes
 
 

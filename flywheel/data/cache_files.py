@@ -1,7 +1,7 @@
 """The files behind a window cache: flat arrays in a folder, made at once and checked when opened.
 
-<folder>/<snapshot>-<split>-v1/about.json     what it is of, and the sha256 of every file
-<folder>/<snapshot>-<split>-v1/<array>.npy
+<folder>/<snapshot>-<split>-v2/about.json     what it is of, and the sha256 of every file
+<folder>/<snapshot>-<split>-v2/<array>.npy
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.catalogue import EpisodeSummary, Snapshot, seal_text, unseal_text
+from flywheel.data.packing import TERRAINS, packed_terrains
 from flywheel.data.places import full_disk_told, new_workspace, sweep_workspaces
 from flywheel.data.store import TrajectoryStore
 from flywheel.errors import DataError
 from flywheel.records import Episode, Floats, Split
 from flywheel.robots import Robot
+from flywheel.terrain import Terrain
 
-VERSION = 1  # of what the arrays mean
+VERSION = 2  # of what the arrays mean
 ROWS = ("points", "winch", "winch_truth", "controls", "valid")  # one row per observation
 EPISODES = ("lengths", "dataset")
 _ABOUT = "about.json"
@@ -61,6 +63,7 @@ def _opened(target: Path, snapshot: Snapshot, split: Split) -> Arrays | None:
         if any(_sha256(target / name) != sha256 for name, sha256 in about["files"].items()):
             return None
         arrays = {n: np.load(target / f"{n}.npy", mmap_mode="r") for n in ROWS + EPISODES}
+        arrays |= {n: np.load(target / f"{n}.npy") for n in TERRAINS}
     except (OSError, ValueError, DataError):
         return None
     if (about["snapshot"], about["split"]) != (snapshot.digest, split):
@@ -81,7 +84,9 @@ def _fill(
     rows = sum(e.steps + 1 for e in wanted.values())
     with ExitStack() as stack:
         files: dict[str, BinaryIO] = {}
+        terrains: list[Terrain | None] = []
         for episode in _episodes(store, snapshot, wanted):
+            terrains.append(episode.terrain)
             for name, values in _columns(episode, robot).items():
                 if name not in files:
                     files[name] = stack.enter_context((work / f"{name}.npy").open("wb"))
@@ -91,6 +96,8 @@ def _fill(
     np.save(work / "lengths.npy", np.array([e.steps for e in order], np.int64))
     index = [snapshot.datasets.index(e.dataset) for e in order]
     np.save(work / "dataset.npy", np.array(index, np.int64))
+    for name, values in packed_terrains(terrains).items():
+        np.save(work / f"{name}.npy", values)
     about = {
         "snapshot": snapshot.digest,
         "split": split,

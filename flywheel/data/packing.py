@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from flywheel.errors import DataError
 from flywheel.records import Episode, Observation, Outcome, Provenance, Split, State, Trajectory
+from flywheel.terrain import Terrain
 
-SCHEMA = 1
+SCHEMA, WITH_TERRAIN = 1, 2
 _STATE = ("qpos", "qvel", "act")
+TERRAINS = ("terrain", "terrain_grid", "terrain_heights")  # arrays
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -52,17 +54,22 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
         values = np.concatenate(parts).astype("<f8")
         values[np.isnan(values)] = np.nan  # there are many NaNs
         arrays[name] = values
-    return arrays, {"schema": SCHEMA, "episodes": [_describe(e) for e in episodes]}
+    schema = SCHEMA
+    if any(e.terrain is not None for e in episodes):
+        arrays |= packed_terrains([e.terrain for e in episodes])
+        schema = WITH_TERRAIN
+    return arrays, {"schema": schema, "episodes": [_describe(e) for e in episodes]}
 
 
 def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
     """The episodes that `pack` packed, without their timing."""
-    if attributes.get("schema") != SCHEMA:
+    if attributes.get("schema") not in (SCHEMA, WITH_TERRAIN):
         raise DataError(
             f"A segment of schema {attributes.get('schema')!r} cannot be read; this version reads "
-            f"schema {SCHEMA}."
+            f"schemas {SCHEMA} and {WITH_TERRAIN}."
         )
     steps = arrays["lengths"]
+    terrains = unpacked_terrains(arrays) if "terrain" in arrays else [None] * len(steps)
     rows = np.concatenate([[0], np.cumsum(steps + 1)])
     episodes = []
     for i, about in enumerate(attributes["episodes"]):
@@ -81,9 +88,39 @@ def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
                 provenance=Provenance(**about["provenance"]),
                 split=about["split"],
                 outcome=Outcome(**about["outcome"]) if about["outcome"] else None,
+                terrain=terrains[i],
             )
         )
     return episodes
+
+
+def packed_terrains(terrains: Sequence[Terrain | None]) -> Arrays:
+    """Of each of E episodes: which terrain, and all terrains that occur, each once.
+
+    Returns:
+      "terrain" (E,) their number, -1 for the plane; "terrain_grid" (G, 5) cells' corners along x and y, the
+      side of a cell, and x and y of the first corner [m]; "terrain_heights" of all of them, end to end [m].
+    """
+    distinct = [terrain for terrain in dict.fromkeys(terrains) if terrain is not None]
+    number = {terrain: index for index, terrain in enumerate(distinct)}
+    grids = [[*t.heights.shape, t.cell, *t.origin] for t in distinct]
+    return {
+        "terrain": np.array([-1 if t is None else number[t] for t in terrains], "<i8"),
+        "terrain_grid": np.array(grids, "<f8").reshape(-1, 5),
+        "terrain_heights": np.concatenate([np.zeros(0), *(t.heights.ravel() for t in distinct)]),
+    }
+
+
+def unpacked_terrains(arrays: Arrays) -> list[Terrain | None]:
+    """What `packed_terrains` packed."""
+    grids, heights = arrays["terrain_grid"], arrays["terrain_heights"]
+    shapes = grids[:, :2].astype(int)
+    ends = np.cumsum(shapes.prod(axis=1))
+    distinct = [
+        Terrain(heights[end - shape.prod() : end].reshape(shape), float(cell), (float(x), float(y)))
+        for shape, end, (cell, x, y) in zip(shapes, ends, grids[:, 2:], strict=True)
+    ]
+    return [None if i < 0 else distinct[i] for i in arrays["terrain"].tolist()]
 
 
 def _describe(episode: Episode) -> dict[str, Any]:

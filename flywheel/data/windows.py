@@ -6,7 +6,7 @@ operating system keeps in memory. A cache is a copy: it may be deleted at any ti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from flywheel.data.cache_files import cached_arrays
 from flywheel.data.catalogue import Snapshot
+from flywheel.data.packing import TERRAINS, unpacked_terrains
 from flywheel.data.store import TrajectoryStore
 from flywheel.errors import DataError
 from flywheel.records import Floats, Split
 from flywheel.robots import Robot
+from flywheel.terrain import Terrain
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class WindowBatch:
       winch: (B, L + 1, W) best knowledge of the winch positions: measured, else dead-reckoned [m].
       winch_truth: (B, L + 1, W) the plant's, or as measured; NaN where neither is known [m].
       dataset: (B,) index into the snapshot's data sets.
+      terrains: under each of B, or one for all; None is the plane z = 0.
+      angle: (B,) or (1,) by which they were turned about the vertical [rad].
     """
 
     points: Floats
@@ -38,6 +42,8 @@ class WindowBatch:
     winch: Floats
     winch_truth: Floats
     dataset: NDArray[np.int64]
+    terrains: tuple[Terrain | None, ...] = (None,)
+    angle: Floats = field(default_factory=lambda: np.zeros(1))
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,7 @@ class WindowCache:
       valid: (N, P) which points were measured.
       lengths: (E,) control steps of each episode.
       dataset: (E,) index of its data set.
+      terrains: of each episode; None is the plane z = 0.
       datasets: names by index.
       split: of all its episodes.
       digest: of the snapshot.
@@ -62,6 +69,7 @@ class WindowCache:
     valid: NDArray[np.bool_]
     lengths: NDArray[np.int64]
     dataset: NDArray[np.int64]
+    terrains: tuple[Terrain | None, ...]
     datasets: tuple[str, ...]
     split: Split
     digest: str
@@ -89,7 +97,15 @@ class WindowCache:
                 f"({robot.digest[:12]})."
             )
         arrays = cached_arrays(store, snapshot, split, Path(folder), robot)
-        return cls(**arrays, datasets=snapshot.datasets, split=split, digest=snapshot.digest)
+        terrains = tuple(unpacked_terrains(arrays))
+        own = {name: values for name, values in arrays.items() if name not in TERRAINS}
+        return cls(
+            **own,
+            terrains=terrains,
+            datasets=snapshot.datasets,
+            split=split,
+            digest=snapshot.digest,
+        )
 
     def starts(
         self, length: int, stride: int = 1, complete: bool = False, past: int | None = None
@@ -141,6 +157,7 @@ class WindowCache:
             winch=_runs(self.winch, starts, length + 1),
             winch_truth=_runs(self.winch_truth, starts, length + 1),
             dataset=self.dataset[episode],
+            terrains=tuple(self.terrains[e] for e in episode) if any(self.terrains) else (None,),
         )
 
     def _first_rows(self) -> NDArray[np.int64]:

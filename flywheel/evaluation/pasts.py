@@ -33,6 +33,7 @@ def past_at(
         winch=winch[seen][None],
         dataset=dataset,
         state=None if states is None else states[start : start + 1],
+        terrains=(episode.terrain,),
     )
     return past.latest(history, robot.holding(winch[first])[None])
 
@@ -49,6 +50,7 @@ def stacked(pasts: Sequence[Past]) -> Past:
         winch=np.concatenate([past.winch for past in pasts]),
         dataset=pasts[0].dataset,
         state=_stacked_states(states) if len(states) == len(pasts) else None,
+        terrains=tuple(t for past in pasts for t in past.terrains),
     )
 
 

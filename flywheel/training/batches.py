@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from flywheel.data import WindowBatch, WindowCache
+from flywheel.dynamics.gnn import Ground, View, ground_of
 from flywheel.errors import ConfigError, DataError
 from flywheel.records import Floats
+from flywheel.terrain import Terrain
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class Batch:
       points: (B, S + 1, P, 3) measured at the present and at those steps [m]; NaN where missing.
       winch: (B, S, W) the plant's, or as measured, at those steps [m]; NaN where neither is known.
       dataset: (B,) index of the data set, int64.
+      terrains: under each of B, or one for all.
+      view: axes in which the windows are seen.
     """
 
     past_points: Tensor
@@ -38,10 +42,29 @@ class Batch:
     points: Tensor
     winch: Tensor
     dataset: Tensor
+    terrains: tuple[Terrain | None, ...]
+    view: View
 
     def __getitem__(self, rows: slice) -> Batch:
         """Some of the windows."""
-        return Batch(*(getattr(self, field.name)[rows] for field in dataclasses.fields(self)))
+        parts = {name: part[rows] for name, part in self._tensors().items()}
+        terrains = self.terrains if len(self.terrains) == 1 else self.terrains[rows]
+        return Batch(**parts, terrains=terrains, view=self.view[rows])
+
+    def to(self, device: str) -> Batch:
+        """The same on a device."""
+        parts = {name: part.to(device) for name, part in self._tensors().items()}
+        view = View(self.view.angle.to(device), self.view.shift.to(device))
+        return Batch(**parts, terrains=self.terrains, view=view)
+
+    @property
+    def ground(self) -> Ground:
+        """Below the windows' robots."""
+        return ground_of(self.terrains, self.controls.device, self.view)
+
+    def _tensors(self) -> dict[str, Tensor]:
+        parts = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return {name: part for name, part in parts.items() if isinstance(part, Tensor)}
 
 
 def generator(seed: int, step: int, purpose: int) -> np.random.Generator:
@@ -85,7 +108,9 @@ class Draw:
 
 def to_batch(windows: WindowBatch, history: int, device: str = "cpu") -> Batch:
     """Split windows at their present and shift each so that its robot stands above the origin."""
-    points = windows.points - _ground_center(windows.points[:, history])[:, None, None]
+    shift = _ground_center(windows.points[:, history])
+    points = windows.points - shift[:, None, None]
+    angle = np.broadcast_to(windows.angle, len(points))
     return Batch(
         past_points=_tensor(points[:, : history + 1], device),
         past_controls=_tensor(windows.controls[:, :history], device),
@@ -94,6 +119,8 @@ def to_batch(windows: WindowBatch, history: int, device: str = "cpu") -> Batch:
         points=_tensor(points[:, history:], device),
         winch=_tensor(windows.winch_truth[:, history + 1 :], device),
         dataset=torch.as_tensor(np.asarray(windows.dataset), dtype=torch.int64, device=device),
+        terrains=windows.terrains,
+        view=View(_tensor(angle, device), _tensor(shift[:, :2].T, device)),
     )
 
 
@@ -105,7 +132,8 @@ def turned(windows: WindowBatch, rng: np.random.Generator) -> WindowBatch:
     turn[:, 1, 0] = np.sin(angle)
     turn[:, 0, 1] = -turn[:, 1, 0]
     turn[:, 2, 2] = 1.0
-    return _with_points(windows, np.einsum("bij,btpj->btpi", turn, windows.points))
+    points = np.einsum("bij,btpj->btpi", turn, windows.points)
+    return dataclasses.replace(windows, points=points, angle=windows.angle + angle)
 
 
 def noisy(
@@ -115,10 +143,6 @@ def noisy(
     points = np.array(windows.points)
     past = points[:, : history + 1]
     past += deviation * rng.standard_normal(past.shape)
-    return _with_points(windows, points)
-
-
-def _with_points(windows: WindowBatch, points: Floats) -> WindowBatch:
     return dataclasses.replace(windows, points=points)
 
 

@@ -76,6 +76,7 @@ class Objective:
             batch.past_winch,
             batch.controls,
             batch.dataset,
+            batch.ground,
         )
         nodes = self._simulator.node_positions(batch.points)
         truth = Truth(nodes[:, 1:], nodes.diff(dim=1) / self._simulator.dt, batch.winch)

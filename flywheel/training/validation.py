@@ -113,18 +113,19 @@ class Validation:
         self, simulator: Simulator, network: ChunkNetwork, device: str, rows: slice
     ) -> tuple[Floats, Floats]:
         """True and predicted points (B, T, P, 3) of some windows [m]."""
-        batch = self._batch
-        controls = batch.controls[rows]
+        batch = self._batch[rows].to(device)
+        controls = batch.controls
         missing = self._chunks * self._chunk - self._steps
         controls = torch.cat([controls, controls[:, -1:].repeat(1, missing, 1)], dim=1)
         unrolled = simulator.unroll(
             network,
-            batch.past_points[rows].to(device),
-            batch.past_controls[rows].to(device),
-            batch.past_winch[rows].to(device),
-            controls.to(device),
-            batch.dataset[rows].to(device),
+            batch.past_points,
+            batch.past_controls,
+            batch.past_winch,
+            controls,
+            batch.dataset,
+            batch.ground,
         )
         predicted = unrolled.points[:, : self._steps].double().cpu().numpy()
         predicted = np.clip(np.nan_to_num(predicted, nan=_FAR), -_FAR, _FAR)
-        return batch.points[rows, 1:].double().numpy(), predicted
+        return batch.points[:, 1:].double().cpu().numpy(), predicted

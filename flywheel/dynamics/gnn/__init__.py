@@ -1,6 +1,7 @@
 """The graph network as a dynamics model: configuration, weights, differentiable simulator."""
 
 from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.ground import Ground, View, ground_of
 from flywheel.dynamics.gnn.learned import LearnedDynamics
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.normalisation import fit_normalisation
@@ -9,11 +10,14 @@ from flywheel.dynamics.gnn.weights import load_weights, save_weights, weights_di
 
 __all__ = [
     "ChunkNetwork",
+    "Ground",
     "LearnedDynamics",
     "NetworkConfig",
     "Simulator",
     "Unrolled",
+    "View",
     "fit_normalisation",
+    "ground_of",
     "load_weights",
     "save_weights",
     "weights_digest",

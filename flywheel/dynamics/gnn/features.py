@@ -7,7 +7,6 @@ they are shown in axes that turn with the robot's heading, and so are invariant 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -16,17 +15,9 @@ from torch import Tensor
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.graph import GRAVITY, RobotGraph
+from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.robots import Robot
-
-Ground = Callable[[Tensor], tuple[Tensor, Tensor]]
-"""Terrain: horizontal positions (2, N, K) [m] -> height of the ground there, broadcastable to (N, K)
-[m], and its unit normal, broadcastable to (3, N, K)."""
-
-
-def flat_ground(places: Tensor) -> tuple[Tensor, Tensor]:
-    """The plane z = 0."""
-    return places.new_zeros(1, 1), places.new_tensor([0.0, 0.0, 1.0]).view(3, 1, 1)
 
 
 @dataclass(frozen=True)
@@ -154,7 +145,6 @@ class FeatureBuilder:
       graph: the robot's graph.
       frames: layout of its rigid frames.
       attachments: of its cables; used for states with sides.
-      ground: the terrain.
     """
 
     def __init__(
@@ -162,9 +152,8 @@ class FeatureBuilder:
         graph: RobotGraph,
         frames: Frames,
         attachments: Attachments,
-        ground: Ground = flat_ground,
     ) -> None:
-        self._graph, self._config, self._ground = graph, graph.config, ground
+        self._graph, self._config = graph, graph.config
         self._length, self._count = graph.robot.length, graph.body_count
         self._first, self._second = graph.designated
         self._maps = torch.cat([frames.to_nodes, frames.to_arms, frames.to_axes])
@@ -194,9 +183,11 @@ class FeatureBuilder:
             size > 1e-3 * self._length, way / size, east
         )  # a vertical robot has none
 
-    def memory_features(self, state: MechanicalState, origin: Tensor) -> Tensor:
+    def memory_features(
+        self, state: MechanicalState, origin: Tensor, ground: Ground = flat_ground
+    ) -> Tensor:
         """Features of the body nodes alone, (F, N, K): all that the LSTM sees of a measured past."""
-        return self._node_features(self._view(state, origin, self.heading(state)))
+        return self._node_features(self._view(state, origin, self.heading(state), ground))
 
     def __call__(
         self,
@@ -205,6 +196,7 @@ class FeatureBuilder:
         heading: Tensor | None,
         controls: Tensor,
         dataset: Tensor,
+        ground: Ground = flat_ground,
     ) -> GraphFeatures:
         """All features of one call.
 
@@ -214,8 +206,9 @@ class FeatureBuilder:
           heading: of the state.
           controls: (W, K, h + n) in units of their range.
           dataset: (K,) or (1,) index of the data set.
+          ground: below the robot.
         """
-        view = self._view(state, origin, heading)
+        view = self._view(state, origin, heading, ground)
         nodes = {"body_node": self._node_features(view)}
         if view.anchors.shape[1]:
             place = view.anchors - view.nodes[:, self._first, None]
@@ -233,10 +226,12 @@ class FeatureBuilder:
         )
         return GraphFeatures(nodes, edges, controls, touching, dataset)
 
-    def _view(self, state: MechanicalState, origin: Tensor, heading: Tensor | None) -> _View:
+    def _view(
+        self, state: MechanicalState, origin: Tensor, heading: Tensor | None, ground: Ground
+    ) -> _View:
         vectors = torch.matmul(self._maps, state.frames)
         nodes = vectors[:, : self._count]
-        clearance, normal = self._clearance(nodes, origin)
+        clearance, normal = self._clearance(nodes, origin, ground)
         anchors = self._graph.anchors_from(origin, nodes.shape[-1])
         velocities, ends = state.velocities, None
         if state.sides is not None:
@@ -253,12 +248,12 @@ class FeatureBuilder:
         nodes, arms, axes = vectors.split(self._count, dim=1)
         return _View(nodes, arms, axes, velocities, anchors, clearance, normal, ends)
 
-    def _clearance(self, nodes: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
+    def _clearance(self, nodes: Tensor, origin: Tensor, ground: Ground) -> tuple[Tensor, Tensor]:
         """(N, K) distance from each node's surface to the ground, and the ground's normal there."""
         if not self._graph.robot.grounded:
             none = torch.zeros_like(nodes[2])
             return none, none.expand(3, -1, -1)
-        height, normal = self._ground(nodes[:2] + origin[:, None])
+        height, normal = ground(nodes[:2] + origin[:, None])
         clearance = (nodes[2] - height) * normal[2] - self._graph.radius
         return clearance, normal.expand(3, -1, nodes.shape[-1])
 

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from flywheel.dynamics.gnn.features import GraphFeatures
 from flywheel.dynamics.gnn.fused import FusedForward
+from flywheel.dynamics.gnn.ground import ground_of
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction
 from flywheel.dynamics.gnn.simulator import Simulator, Start
@@ -95,6 +96,7 @@ class LearnedDynamics:
             _tensor(past.observations.points[rows]),
             _tensor(past.controls[rows]),
             _tensor(past.winch[rows]),
+            ground_of(past.terrains if len(past.terrains) == 1 else past.terrains[rows]),
         )
 
     @torch.inference_mode()

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from flywheel.dynamics.gnn.features import GraphFeatures
+from flywheel.dynamics.gnn.ground import Ground
 from flywheel.dynamics.gnn.network import ChunkNetwork, natural_scales
 from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.errors import DataError, ModelError
@@ -27,6 +28,7 @@ class Windows(Protocol):
       points: (B, S + 1, P, 3) from the present on [m]; NaN where missing.
       winch: (B, S, W) at the steps to come [m]; NaN where unknown.
       dataset: (B,) index of the data set.
+      ground: below the robots.
     """
 
     @property
@@ -43,6 +45,8 @@ class Windows(Protocol):
     def winch(self) -> Tensor: ...
     @property
     def dataset(self) -> Tensor: ...
+    @property
+    def ground(self) -> Ground: ...
 
 
 class _Moments:
@@ -115,13 +119,13 @@ def fit_normalisation(
 
 def _features(simulator: Simulator, batch: Windows) -> GraphFeatures:
     parts, config = simulator.parts(batch.controls.device), simulator.config
-    start = simulator.start(batch.past_points, batch.past_controls, batch.past_winch)
+    start = simulator.start(batch.past_points, batch.past_controls, batch.past_winch, batch.ground)
     state = start.states[-1]
     controls = batch.controls.new_zeros(
         len(simulator.robot.winches), len(batch.controls), config.control_history + config.chunk
     )  # controls are in units of their range already
     heading = parts.builder.heading(state)
-    return parts.builder(state, start.origin, heading, controls, batch.dataset)
+    return parts.builder(state, start.origin, heading, controls, batch.dataset, start.ground)
 
 
 def _velocity_changes(simulator: Simulator, batch: Windows) -> Tensor:

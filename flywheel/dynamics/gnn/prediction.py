@@ -10,6 +10,7 @@ from torch import Tensor
 
 from flywheel.dynamics.gnn.features import GraphFeatures, MechanicalState
 from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.network import ChunkNetwork
 
 Memory = tuple[Tensor, Tensor]
@@ -71,11 +72,13 @@ class Start:
       origin: (2, K) horizontal position of the states' origin in the world [m].
       states: to warm up on, oldest first, and last the present one.
       controls: (h, W, K) past commands, within the winches' range.
+      ground: below the robot.
     """
 
     origin: Tensor
     states: list[MechanicalState]
     controls: Tensor
+    ground: Ground = flat_ground
 
 
 def expanded(

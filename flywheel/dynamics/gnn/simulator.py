@@ -17,15 +17,10 @@ from torch import Tensor
 
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.features import (
-    FeatureBuilder,
-    Ground,
-    MechanicalState,
-    flat_ground,
-    turn_back,
-)
+from flywheel.dynamics.gnn.features import FeatureBuilder, MechanicalState, turn_back
 from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.past import PastReader
 from flywheel.dynamics.gnn.prediction import (
@@ -48,13 +43,11 @@ Array = Tensor | NDArray[np.floating]
 class _Parts:
     """What is derived from robot and configuration, on one device."""
 
-    def __init__(
-        self, robot: Robot, config: NetworkConfig, device: torch.device, ground: Ground
-    ) -> None:
+    def __init__(self, robot: Robot, config: NetworkConfig, device: torch.device) -> None:
         self.graph = RobotGraph(robot, config, device)
         self.frames = Frames(robot, self.graph.nodes, device)
         self.attachments = Attachments(self.graph, self.frames)
-        self.builder = FeatureBuilder(self.graph, self.frames, self.attachments, ground)
+        self.builder = FeatureBuilder(self.graph, self.frames, self.attachments)
         self.past = PastReader(robot, config, self.frames)
         self.winches = Winches(robot, config.dt, device)
         self.integrate = config.dt * torch.ones(config.chunk, config.chunk, device=device).tril()
@@ -66,7 +59,6 @@ class Simulator:
     Args:
       robot: the robot.
       config: the network's.
-      ground: terrain; flat unless given.
       prepare: how the network is computed; `PlainForward` is the readable way.
     """
 
@@ -74,18 +66,17 @@ class Simulator:
         self,
         robot: Robot,
         config: NetworkConfig,
-        ground: Ground = flat_ground,
         prepare: Prepare = FusedForward,
     ) -> None:
         self.robot, self.config, self.dt = robot, config, config.dt
-        self._ground, self._prepare = ground, prepare
+        self._prepare = prepare
         self._parts: dict[torch.device, _Parts] = {}
 
     def parts(self, device: torch.device | str = "cpu") -> _Parts:
         """Graph, frames, features and winches on a device."""
         device = torch.device(device)
         if device not in self._parts:
-            self._parts[device] = _Parts(self.robot, self.config, device, self._ground)
+            self._parts[device] = _Parts(self.robot, self.config, device)
         return self._parts[device]
 
     def node_positions(self, points: Tensor) -> Tensor:
@@ -125,6 +116,7 @@ class Simulator:
         past_winch: Tensor,
         controls: Tensor,
         dataset: Tensor,
+        ground: Ground = flat_ground,
     ) -> Unrolled:
         """Predict T steps from the present, the past's last entry. h is `config.history`.
 
@@ -135,6 +127,7 @@ class Simulator:
           past_winch: (B, h + 1, W) winch positions [m]; NaN where unknown.
           controls: (B, T, W) commands to come; T need not be a multiple of the chunk.
           dataset: (B,) int64 index of the data set.
+          ground: below the robot.
 
         The past may have batch size 1, to start all B from the same present; so may `dataset`.
 
@@ -143,10 +136,16 @@ class Simulator:
         """
         self.check(past_points, past_controls, past_winch, controls)
         forward = self.prepare(network, controls.device)
-        start = self.start(past_points, past_controls, past_winch)
+        start = self.start(past_points, past_controls, past_winch, ground)
         return self.roll(forward, start, controls, dataset)
 
-    def start(self, past_points: Tensor, past_controls: Tensor, past_winch: Tensor) -> Start:
+    def start(
+        self,
+        past_points: Tensor,
+        past_controls: Tensor,
+        past_winch: Tensor,
+        ground: Ground = flat_ground,
+    ) -> Start:
         """Read states off a measured past; arguments as of `unroll`."""
         parts = self.parts(past_controls.device)
         present = past_points[:, -1, :, :2]
@@ -161,7 +160,7 @@ class Simulator:
         if self.config.cable_ends == "attachments":
             sides = parts.attachments.find(states[-1].frames, place, winch)
             states[-1] = dataclasses.replace(states[-1], sides=sides)
-        return Start(place, states, controls)
+        return Start(place, states, controls, ground)
 
     def roll(self, forward: Forward, start: Start, controls: Tensor, dataset: Tensor) -> Unrolled:
         """Predict from a start; see `unroll`."""
@@ -181,7 +180,7 @@ class Simulator:
         for t in range(0, steps, config.chunk):
             heading = parts.builder.heading(state)
             window = shown[..., first + t : first + t + width]
-            features = parts.builder(state, origin, heading, window, dataset)
+            features = parts.builder(state, origin, heading, window, dataset, start.ground)
             said = forward(features, memory)
             state, outcome = self._advance(
                 parts, state, origin, said, heading, commands[t : t + config.chunk]
@@ -196,7 +195,7 @@ class Simulator:
     ) -> Memory | None:
         memory: Memory | None = None
         for state in start.states[:-1]:
-            shown = parts.builder.memory_features(state, start.origin)
+            shown = parts.builder.memory_features(state, start.origin, start.ground)
             memory = forward.remember(shown, dataset, memory)
         return memory
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from flywheel.dynamics.plant.grounds import observed_on
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout
@@ -15,7 +16,7 @@ class PlantDynamics:
     """MuJoCo started from the plant's own full state.
 
     Attributes:
-      plant: which parameters, obstacles and threads to predict with.
+      plant: which parameters, obstacles and threads to predict with; the past says on which terrain.
     """
 
     plant: Plant
@@ -43,5 +44,5 @@ class PlantDynamics:
                 "The oracle needs the plant's full state, which this past does not have; "
                 "RestartedPlant predicts from observations."
             )
-        seen = self.plant.simulate(past.state, controls).observations
+        seen = observed_on(past.terrains, self.plant, past.state, controls)
         return Rollout(seen.points, seen.winch)

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from flywheel.dynamics.plant.grounds import observed_on
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.twist import ON_A_LINE, line_of, relaxed, unseen_axes
 from flywheel.errors import ModelError
@@ -39,7 +40,8 @@ class RestartedPlant:
     it is taken to be; the turning rate is zero.
 
     Attributes:
-      plant: which parameters, obstacles and threads to predict with. All bodies must be free.
+      plant: which parameters, obstacles and threads to predict with; the past says on which terrain. All
+        bodies must be free.
       window: past steps that the fit looks back; 1 is the finite difference. More resists noise and
         missing points: where too few are known, a point is taken to rest where it was last seen.
       degree: of the polynomial: 1 or 2.
@@ -87,7 +89,7 @@ class RestartedPlant:
         Raises:
           ModelError: a point was never seen, shapes do not fit, or the simulation diverged.
         """
-        seen = self.plant.simulate(self.estimate(past), controls).observations
+        seen = observed_on(past.terrains, self.plant, self.estimate(past), controls)
         return Rollout(seen.points, seen.winch)
 
     def estimate(self, past: Past) -> State:

@@ -212,15 +212,17 @@ def test_a_slope_enters_as_height_and_normal(robots, make_window, seed):
     def slope(places):
         return 0.75 * places[:1].squeeze(0), normal
 
-    simulator = Simulator(robot, NetworkConfig.lean(width=16, ground_clamp=1e3), ground=slope)
+    simulator = Simulator(robot, NetworkConfig.lean(width=16, ground_clamp=1e3))
     shown, distances = simulator.parts(), []
     for east in (0.0, -1.0):
         points = window.past_points + torch.tensor([east, 0.0, 0.0])
         start = simulator.start(points, window.past_controls, window.past_winch)
-        distances.append(shown.builder.memory_features(start.states[-1], start.origin)[3])
+        distances.append(shown.builder.memory_features(start.states[-1], start.origin, slope)[3])
     torch.testing.assert_close(distances[1] - distances[0], torch.full_like(distances[0], 0.6))
     network = ChunkNetwork(robot, simulator.config)
-    assert torch.isfinite(simulator.unroll(network, *window.arguments()).points).all()
+    flat = simulator.unroll(network, *window.arguments()).points
+    uphill = simulator.unroll(network, *window.arguments(), slope).points
+    assert torch.isfinite(uphill).all() and not torch.equal(flat, uphill)
 
 
 def test_the_data_sets_number_matters(robots, make_network, make_window, seed):

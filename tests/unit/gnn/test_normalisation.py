@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, Simulator, fit_normalisation
+from flywheel.dynamics.gnn.ground import flat_ground
 from flywheel.errors import DataError
 
 
@@ -19,6 +20,7 @@ def split(window, rows=slice(None)):
         past_winch=window.past_winch[rows],
         controls=window.controls[rows],
         points=torch.cat([window.past_points[rows, -1:], window.points[rows]], dim=1),
+        ground=flat_ground,
         winch=torch.full_like(window.controls[rows], torch.nan),
         dataset=window.dataset[rows],
     )

@@ -1,8 +1,11 @@
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 
 from flywheel.errors import ConfigError, DataError
+from flywheel.terrain import Terrain
 from flywheel.training.batches import Draw, generator, noisy, to_batch, turned
 
 
@@ -77,3 +80,20 @@ def test_a_mix_with_an_unknown_data_set_is_refused(train):
 def test_episodes_shorter_than_a_window_are_refused(train):
     with pytest.raises(DataError, match="window of 201 steps"):
         Draw(train, 201, 8, {})
+
+
+def test_turned_and_shifted_windows_stand_on_the_same_ground(train):
+    rng = np.random.default_rng()
+    terrain = Terrain(rng.uniform(-0.2, 0.2, (30, 30)), 0.5, (-7.0, -7.5))
+    windows = train.gather(train.starts(20)[::9], 20)
+    windows = dataclasses.replace(windows, terrains=(terrain,) * len(windows.points))
+    batch = to_batch(turned(windows, rng), 8)
+    places = batch.points[:, :, :, :2].permute(3, 1, 2, 0).flatten(1, 2)  # (2, N, B)
+    heights, _ = batch.ground(places)
+    expected, _ = terrain.at(windows.points[:, 8:, :, :2])
+    expected = np.moveaxis(expected, 0, -1).reshape(heights.shape)
+    assert np.quantile(np.abs(heights.numpy() - expected), 0.95) < 1e-4
+    piece = batch[2:5]
+    assert len(piece.terrains) == 3
+    part, _ = piece.ground(places[..., 2:5])
+    torch.testing.assert_close(part, heights[..., 2:5])
