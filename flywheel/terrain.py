@@ -31,7 +31,7 @@ class Terrain:
       DataError: not a grid of finite heights.
     """
 
-    heights: NDArray[np.float64]
+    heights: NDArray[np.floating]
     cell: float
     origin: tuple[float, float]
     digest: str = field(init=False, repr=False)

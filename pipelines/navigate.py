@@ -107,4 +107,11 @@ def _ending(episode: Episode) -> str:
 def _film(recorder: Recorder, plan: EpisodePlan, episode: Episode, path: Path) -> None:
     task, states = recorder.task(plan), episode.trajectory.states
     assert task is not None and states is not None, "a planned episode on a plant has both"
-    render_episode(recorder.robot, states, path, obstacles=task.obstacles, goal=task.goal)
+    render_episode(
+        recorder.robot,
+        states,
+        path,
+        obstacles=task.obstacles,
+        goal=task.goal,
+        terrain=episode.terrain,
+    )

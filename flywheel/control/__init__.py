@@ -6,7 +6,7 @@ from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
 from flywheel.control.open_loop import Hold, OpenLoop, RandomConfig, RandomControls
 from flywheel.control.protocol import Command, Controller
-from flywheel.control.starts import random_drop, standing
+from flywheel.control.starts import above_ground, random_drop, standing
 
 CONTROLLERS = {
     "hold": Hold,
@@ -26,6 +26,7 @@ __all__ = [
     "OpenLoop",
     "RandomConfig",
     "RandomControls",
+    "above_ground",
     "random_drop",
     "record_batch",
     "record_episode",

@@ -36,7 +36,19 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
     radii = np.array([point.radius for point in robot.points])
     lowest = (plant.observe(turned).points[..., 2] - radii).min(axis=1)
     pose[..., 2] += (rng.uniform(*HEIGHT, n) * robot.length - lowest)[:, None]
-    return State(pose.reshape(n, -1), rest.qvel, rest.act)
+    return above_ground(plant, State(pose.reshape(n, -1), rest.qvel, rest.act))
+
+
+def above_ground(plant: Plant, state: State) -> State:
+    """Robots (n,) that stand or hang over the plane, as far above the highest ground below them."""
+    if plant.terrain is None:
+        return state
+    robot, points = plant.robot, plant.observe(state).points
+    reach = max(point.radius for point in robot.points)
+    pose = state.qpos.reshape(len(points), len(robot.bodies), FREE_JOINT).copy()
+    for row, places in enumerate(points[..., :2]):
+        pose[row, :, 2] += plant.terrain.highest(places.min(0) - reach, places.max(0) + reach)
+    return State(pose.reshape(len(points), -1), state.qvel, state.act)
 
 
 def standing(plant: Plant, state: State, place: Floats, turn: float) -> State:

@@ -25,6 +25,7 @@ BINS: dict[str, Callable[[Episode], str]] = {
     "dataset": lambda episode: episode.provenance.dataset,
     "iteration": lambda episode: str(episode.provenance.iteration),
     "source": lambda episode: episode.provenance.source,
+    "ground": lambda episode: "plane" if episode.terrain is None else "terrain",
 }
 
 

@@ -3,6 +3,7 @@
 from importlib.resources import files
 
 from flywheel.registry import lookup
+from flywheel.robots.drawn_terrain import TerrainConfig, draw_terrain
 from flywheel.robots.obstacle_course import COURSES, ObstacleCourse, load_course
 from flywheel.robots.robot import (
     Attachment,
@@ -45,8 +46,10 @@ __all__ = [
     "ObstacleCourse",
     "Primitive",
     "Robot",
+    "TerrainConfig",
     "TrackedPoint",
     "Winch",
+    "draw_terrain",
     "load_course",
     "load_robot",
 ]

@@ -24,7 +24,7 @@ from flywheel.dynamics.plant import MeasurementModel, PlantParameters
 from flywheel.effects import NAMED, AdoptedPlant, WrittenTerm
 from flywheel.errors import DataError, FlywheelError, UnknownNameError
 from flywheel.registry import lookup
-from flywheel.robots import load_robot
+from flywheel.robots import TerrainConfig, load_robot
 from flywheel.runtime.config_files import read_config
 from flywheel.runtime.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
@@ -220,6 +220,7 @@ class RunConfig(_Frozen):
         effects are then taken over.
       datasets: variations of the plant; MPPI collects and is judged on the first.
       measurement: between the plant and everything that learns or plans.
+      terrain: that episodes are recorded on.
       collect, task, mppi, network, training, evaluate, diagnose, gate: see each.
       sim_threads: of each sim worker.
       workers, tracking: see each; change no result.
@@ -234,6 +235,7 @@ class RunConfig(_Frozen):
     effects: tuple[WrittenTerm, ...] = ()
     datasets: tuple[DataSet, ...] = Field(default=(DataSet(),), min_length=1)
     measurement: MeasurementModel = MeasurementModel()
+    terrain: TerrainConfig = TerrainConfig()
     collect: CollectConfig = CollectConfig()
     task: TaskConfig = TaskConfig()
     mppi: MppiConfig = MppiConfig()

@@ -29,7 +29,8 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
         return result
     name = f"videos/{name_of(result.iteration, result.arm)}.mp4"
     recorder = Recorder(run.config, run.robot)
-    task, trajectory = recorder.task(plan), run.store.read(plan.id).trajectory
+    task, episode = recorder.task(plan), run.store.read(plan.id)
+    trajectory = episode.trajectory
     if task is None or trajectory.states is None:
         return result
     stride = max(1, round(SPEED / FPS / trajectory.dt))
@@ -43,6 +44,7 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
             FPS,
             dt=1.0 / FPS,
             shot=replace(usual_shot(task.obstacles), size=SIZE, goal_radius=task.tolerance),
+            terrain=episode.terrain,
         )
     except Exception as error:  # whatever a graphics driver throws
         run.progress.say(f"No video of iteration {result.iteration}: {error}")

@@ -10,6 +10,7 @@ from flywheel.control import (
     Hold,
     Mppi,
     RandomControls,
+    above_ground,
     random_drop,
     record_episode,
     standing,
@@ -19,15 +20,17 @@ from flywheel.dynamics.plant import Plant, PlantDynamics, with_effects
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import NAMED, WrittenTerm
 from flywheel.records import Episode, Provenance, State
-from flywheel.robots import Robot
+from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config import RunConfig, config_digest
 from flywheel.runtime.measures import Walk
 from flywheel.runtime.plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.watch import Watch
 from flywheel.tasks import Task, sample_task
+from flywheel.terrain import Terrain
 
 WALK_SECONDS = 0.5  # between two points of a walk
 SETTLE_SECONDS = 2.0
+GROUND = 1  # beside a seed: purpose of random numbers
 
 
 class Recorder:
@@ -43,14 +46,27 @@ class Recorder:
         self._digest = config_digest(config)
         self._settled: dict[tuple[int, Effects], State] = {}
 
-    def plant(self, dataset: int, effects: Effects = (), task: Task | None = None) -> Plant:
-        """The plant of a data set, with effects and the obstacles of a task."""
+    def terrain(self, plan: EpisodePlan) -> Terrain | None:
+        """The ground of a planned episode: of its task, so that all models meet the same, or its own."""
+        seed = plan.seed if plan.task_seed is None else plan.task_seed
+        rng = np.random.default_rng([seed, GROUND])
+        return draw_terrain(self.config.terrain, self.robot.length, rng)
+
+    def plant(
+        self,
+        dataset: int,
+        effects: Effects = (),
+        task: Task | None = None,
+        terrain: Terrain | None = None,
+    ) -> Plant:
+        """The plant of a data set, with effects, the obstacles of a task, and a ground."""
         plant = Plant(
             self.robot,
             self.config.network.dt,
             parameters=self.config.datasets[dataset].plant,
             obstacles=() if task is None else task.obstacles,
             threads=self.config.sim_threads,
+            terrain=terrain,
         )
         return with_effects(plant, tuple(e.term(self.robot, NAMED) for e in effects))
 
@@ -78,7 +94,7 @@ class Recorder:
           ModelError: the plant diverged, or the model did.
         """
         task = self.task(plan)
-        plant = self.plant(plan.dataset, plan.effects, task)
+        plant = self.plant(plan.dataset, plan.effects, task, self.terrain(plan))
         if plan.controller == ORACLE:
             dynamics = PlantDynamics(plant)
         return record_episode(
@@ -135,10 +151,12 @@ class Recorder:
         if kind in ("drop", "gait"):
             dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
             return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)
-        settled = self._settled_state(plan.dataset, plan.effects)
-        if task is None or task.begin is None:
-            return settled
-        return standing(plant, settled, task.begin.place, task.begin.turn)
+        state = self._settled_state(plan.dataset, plan.effects)
+        if task is not None and task.begin is not None:
+            state = standing(plant, state, task.begin.place, task.begin.turn)
+        if plant.terrain is None:
+            return state
+        return plant.settle(SETTLE_SECONDS, start=above_ground(plant, state))
 
     def _settled_state(self, dataset: int, effects: Effects) -> State:
         key = (dataset, effects)

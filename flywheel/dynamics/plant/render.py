@@ -15,6 +15,7 @@ from flywheel.dynamics.plant.world import scene
 from flywheel.errors import DataError
 from flywheel.records import Floats, State
 from flywheel.robots import Box, Robot
+from flywheel.terrain import Terrain
 
 GHOST = np.array([0.98, 0.55, 0.10, 0.55])
 GOAL = np.array([0.10, 0.65, 0.35, 0.85])
@@ -64,6 +65,7 @@ def render_episode(
     *,
     dt: float = 0.01,
     shot: Shot | None = None,
+    terrain: Terrain | None = None,
 ) -> Path:
     """Write an mp4 of an episode, in real time.
 
@@ -77,6 +79,7 @@ def render_episode(
       ghosts: (T, P, 3) predicted points to draw over it, or None; NaN is not drawn [m].
       dt: time between the states [s].
       shot: size and camera; None for a usual one: among obstacles from above, or they would hide the robot.
+      terrain: that it stands on; None for the MJCF's ground.
 
     Returns:
       The path.
@@ -87,7 +90,9 @@ def render_episode(
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     shot = shot or usual_shot(obstacles)
-    frames = render_frames(robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot)
+    frames = render_frames(
+        robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot, terrain=terrain
+    )
     writer = imageio_ffmpeg.write_frames(str(path), shot.size, fps=fps, quality=8)
     writer.send(None)
     try:
@@ -108,11 +113,12 @@ def render_frames(
     *,
     dt: float = 0.01,
     shot: Shot | None = None,
+    terrain: Terrain | None = None,
 ) -> Iterator[np.ndarray]:
     """The frames (height, width, 3) uint8 that `render_episode` writes; arguments as there."""
     _check(robot, states, goal, ghosts)
     shot = shot or usual_shot(obstacles)
-    model = scene(robot, obstacles).compile()
+    model = scene(robot, obstacles, terrain).compile()
     model.vis.global_.offwidth = max(model.vis.global_.offwidth, shot.size[0])
     model.vis.global_.offheight = max(model.vis.global_.offheight, shot.size[1])
     data = mujoco.MjData(model)
@@ -128,9 +134,10 @@ def render_frames(
             data.light_xpos[:, :2] += views[number, :2]  # the lights move with the robot
             camera = _camera(model, views[number], shot)
             renderer.update_scene(data, camera)
-            _draw_trail(renderer.scene, centers[: number + 1 : every])
+            _draw_trail(renderer.scene, centers[: number + 1 : every], terrain)
             if goal is not None:
-                _draw_goal(renderer.scene, robot, goal, shot.goal_radius or robot.length / 2)
+                at = _on_ground(goal, terrain)
+                _draw_goal(renderer.scene, robot, at, shot.goal_radius or robot.length / 2)
             if ghosts is not None:
                 _draw_ghosts(renderer.scene, robot, ghosts[step])
             yield renderer.render()
@@ -199,14 +206,14 @@ def _add(
 
 
 def _draw_goal(scene: mujoco.MjvScene, robot: Robot, goal: Floats, radius: float) -> None:
-    """A disc on the ground and a pole with a ball."""
-    x, y = goal
+    """A disc on the ground at (3,) and a pole with a ball."""
+    x, y, z = goal
     height = 0.9 * robot.length
     cylinder, sphere = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_SPHERE
     disc = GOAL * [1, 1, 1, 0.4]
-    _add(scene, cylinder, [radius, 0.01, 0], [x, y, 0.011], disc)
-    _add(scene, cylinder, [0.008 * robot.length, height / 2, 0], [x, y, height / 2], GOAL)
-    _add(scene, sphere, [0.04 * robot.length, 0, 0], [x, y, height], GOAL)
+    _add(scene, cylinder, [radius, 0.01, 0], [x, y, z + 0.011], disc)
+    _add(scene, cylinder, [0.008 * robot.length, height / 2, 0], [x, y, z + height / 2], GOAL)
+    _add(scene, sphere, [0.04 * robot.length, 0, 0], [x, y, z + height], GOAL)
 
 
 def _draw_ghosts(scene: mujoco.MjvScene, robot: Robot, points: Floats) -> None:
@@ -221,10 +228,15 @@ def _draw_ghosts(scene: mujoco.MjvScene, robot: Robot, points: Floats) -> None:
             _draw_line(scene, points[i], points[j], least / 3, GHOST)
 
 
-def _draw_trail(scene: mujoco.MjvScene, centers: Floats) -> None:
+def _on_ground(places: Floats, terrain: Terrain | None) -> Floats:
+    """(..., 3) of places (..., 2) [m]."""
+    heights = np.zeros(places.shape[:-1]) if terrain is None else terrain.at(places)[0]
+    return np.concatenate([places, heights[..., None]], axis=-1)
+
+
+def _draw_trail(scene: mujoco.MjvScene, centers: Floats, terrain: Terrain | None) -> None:
     """The way gone, on the ground."""
-    on_ground = np.concatenate([centers[:, :2], np.full((len(centers), 1), 0.012)], axis=1)
-    for a, b in pairwise(on_ground):
+    for a, b in pairwise(_on_ground(centers[:, :2], terrain) + [0.0, 0.0, 0.012]):
         _draw_line(scene, a, b, 0.012, TRAIL)
 
 

@@ -6,7 +6,7 @@ import pytest
 from flywheel.dynamics.plant import PlantDynamics
 from flywheel.effects import WrittenTerm
 from flywheel.records import Floats, Past, Rollout
-from flywheel.robots import load_course, load_robot
+from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config import CollectConfig, DataSet, RunConfig
 from flywheel.runtime.plan import EpisodePlan, collection
 from flywheel.runtime.recording import Recorder
@@ -94,3 +94,31 @@ def test_an_obstacle_course_begins_at_its_start_among_its_walls() -> None:
         seed
     )  # it stands there, it does not fall
     assert np.linalg.norm(task.place(points[0]) - load_course("maze").start) < 0.6 * 2.95
+
+
+@pytest.mark.parametrize("kind", ["slope", "bumps", "steps"])
+@pytest.mark.parametrize("controller", ["random", "drop", "gait:roll"])
+def test_episodes_begin_and_stay_on_their_own_ground(kind: str, controller: str) -> None:
+    seed = int(np.random.default_rng().integers(2**31))
+    config = RunConfig(terrain=TerrainConfig(kinds=(kind,)))
+    recorder = Recorder(config, load_robot(config.robot))
+    plan = EpisodePlan("one", controller, 0, "train", 0, 4.0, seed=seed)
+    episode = recorder.record(plan, None, "", NobodyWatches())
+    assert episode.terrain is not None and episode.terrain == recorder.terrain(plan)
+    points = episode.trajectory.observations.points
+    heights, normals = episode.terrain.at(points[..., :2])
+    radii = np.array([point.radius for point in recorder.robot.points])
+    gaps = (points[..., 2] - heights) * normals[..., 2] - radii
+    lowest = gaps.min(axis=1)
+    assert lowest.min() > -0.1, seed  # caps sink into an edge that they lie across
+    assert lowest[-1] < 0.1, seed
+
+
+def test_a_task_has_the_same_ground_whoever_plans_for_it() -> None:
+    config = RunConfig(terrain=TerrainConfig(kinds=("bumps",)))
+    recorder = Recorder(config, load_robot(config.robot))
+    first, second = (
+        EpisodePlan(name, "mppi", 1, "test", 0, 4.0, seed=seed, task_seed=7)
+        for name, seed in (("a", 1), ("b", 2))
+    )
+    assert recorder.terrain(first) == recorder.terrain(second) is not None
