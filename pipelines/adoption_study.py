@@ -2,8 +2,9 @@
 
     python -m pipelines.adoption_study OUT_FOLDER
 
-A network is trained on a plant. Another simulator hides an effect of twice the typical size; the network is
-diagnosed by its recordings, what is found is adopted, data are simulated anew, and the network is trained on.
+A network is trained on a plant. Another simulator hides an effect of twice the typical size; the plant is
+diagnosed by its recordings, as in a run of the flywheel, what is found is adopted, data are simulated anew,
+and the network is trained on.
 How much nearer it comes to further recordings, over how near it comes when it is trained on with the true
 effect, is the share of the gap that is closed. Everything that is there already is kept: networks, data,
 and one JSON file per case; the table is that of docs/results/adoption.md.
@@ -72,7 +73,7 @@ class AdoptionStudy(ResultRecord):
     Attributes:
       name: of the case.
       truth: what was hidden.
-      verdict: of the diagnosis of the network.
+      verdict: of the diagnosis.
       adopted: labels of the effects that were.
       problem: why nothing was, or "".
       before, after, ceiling: RMSE/L of the centre of mass over the first horizon on further recordings, of
@@ -163,7 +164,6 @@ def study(bench: Bench, case: Case) -> AdoptionStudy:
         Plant(robot, case.measurement.dt),
         [each.trajectory for each in recorded.fit],
         [recorded.held_out.trajectory],
-        model=bench.subject(first),
         seed=seed,
     )
     effects, problem = _answer(found)

@@ -163,6 +163,7 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
     fitter, last = selection.fitter, judged.steps[-1]
     judge = HeldOut(under_test, held_out, fitter.windows)
     unexplained = judged.verdict in UNEXPLAINED
+    left = unexplained and not search.limits.nothing_left(judged.after)
     ambiguous = others and judged.verdict is Verdict.EFFECT
     return Diagnosis(
         verdict=Verdict.AMBIGUOUS if ambiguous else judged.verdict,
@@ -176,8 +177,8 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
         other_law=judged.law,
         other_form=search.limits.other_form(judged.law),
         evidence=Evidence.of(fitter, judged.steps),
-        where=whereabouts(fitter, last.test) if unexplained else None,
-        stand_in=_stand_in(fitter, last, judge, under_test.seed) if unexplained else None,
+        where=whereabouts(fitter, last.test) if left else None,
+        stand_in=_stand_in(fitter, last, judge, under_test.seed) if left else None,
         model="" if under_test.model is None else under_test.model.name,
         calibration=tuple(each for each in judged.effects if each.term.known),
     )

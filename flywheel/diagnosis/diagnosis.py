@@ -123,7 +123,9 @@ class Diagnosis:
     @property
     def next_experiment(self) -> NextExperiment:
         """What to record next."""
-        return next_experiment(self.verdict, self.answers, self.ranking, self.evidence)
+        law = self.other_law.instead or self.other_law.name
+        other = law if self.other_form and self.where is None else ""
+        return next_experiment(self.verdict, self.answers, self.ranking, self.evidence, other)
 
     @property
     def exit_code(self) -> int:

@@ -51,6 +51,10 @@ class Limits:
             and left.loudest < self.outstanding
         )
 
+    def nothing_left(self, left: Adequacy) -> bool:
+        """Nothing but noise, by effects that are the same everywhere: there is no place to look for more."""
+        return self.enough(left) and self.constant(left)
+
     def other_form(self, law: OtherLaw) -> bool:
         """What was found has another form than the effects of the library.
 

@@ -9,6 +9,7 @@ from typing import Any
 from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.equivalence import SAME
 from flywheel.diagnosis.evidence import Evidence
+from flywheel.diagnosis.probes import PROBES
 from flywheel.diagnosis.score import Score
 from flywheel.diagnosis.verdict import Alternative, Verdict
 
@@ -59,6 +60,7 @@ def next_experiment(
     answers: Sequence[Alternative],
     ranking: Sequence[Score],
     evidence: Evidence,
+    other_law: str = "",
 ) -> NextExperiment:
     """The experiment that the verdict asks for.
 
@@ -66,15 +68,24 @@ def next_experiment(
       verdict, answers: what was found.
       ranking: of all candidates on top of the model as it was.
       evidence: who is easily taken for whom.
+      other_law: of `probes`, whose form an answer has that leaves nothing else; "" for none.
     """
     if verdict is Verdict.NOT_CONVERGED:
         return NextExperiment(REST)
     if verdict in (Verdict.PARTIAL, Verdict.OUTSIDE_LIBRARY):
-        return NextExperiment(AGAIN)
+        return _form(other_law) if other_law else NextExperiment(AGAIN)
     if verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT):
         return _unseen(ranking)
     named = [_candidates(answer, ranking) for answer in answers]
     return _confirming(named[0], evidence) if len(named) == 1 else _deciding(named, evidence)
+
+
+def _form(law: str) -> NextExperiment:
+    """Learn the form of what was found."""
+    return NextExperiment(
+        f"To learn its form, what shows {law} best: {PROBES[law].shown_by}. An effect of that form can be "
+        "added to the library (docs/effects.md)."
+    )
 
 
 def _deciding(answers: Sequence[Sequence[Candidate]], evidence: Evidence) -> NextExperiment:

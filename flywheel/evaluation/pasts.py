@@ -41,6 +41,7 @@ def past_at(
 def stacked(pasts: Sequence[Past]) -> Past:
     """One batch of pasts of equal history and data set."""
     states = [past.state for past in pasts if past.state is not None]
+    terrains = tuple(terrain for past in pasts for terrain in past.terrains)
     return Past(
         observations=Observation(
             np.concatenate([past.observations.points for past in pasts]),
@@ -50,7 +51,7 @@ def stacked(pasts: Sequence[Past]) -> Past:
         winch=np.concatenate([past.winch for past in pasts]),
         dataset=pasts[0].dataset,
         state=_stacked_states(states) if len(states) == len(pasts) else None,
-        terrains=tuple(t for past in pasts for t in past.terrains),
+        terrains=terrains if len(set(terrains)) > 1 else terrains[:1],
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flywheel.diagnosis import Diagnosis, Verdict
+from flywheel.diagnosis.limits import EQUALLY_GOOD
 from flywheel.diagnosis.verdict import Alternative
 from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.page import Shown, data_uri
@@ -85,7 +86,7 @@ def other_form(found: Diagnosis) -> str:
     law = found.other_law
     if not found.other_form:
         return ""
-    if law.gain > 0.0:
+    if law.gain > EQUALLY_GOOD:
         return (
             f"{law.instead}, which is none of them, explains more in the place of what was found (by "
             f"{law.gain:.0f}, BIC)"

@@ -199,4 +199,5 @@ def _repeated(past: Past, count: int) -> Past:
         observations=Observation(many(seen.points), many(seen.winch)),
         controls=many(past.controls),
         winch=many(past.winch),
+        terrains=past.terrains if len(past.terrains) == 1 else past.terrains * count,
     )
