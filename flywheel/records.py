@@ -206,6 +206,10 @@ class Past:
         """h, the number of past control steps."""
         return self.controls.shape[-2]
 
+    def terrains_at(self, rows: slice) -> tuple[Terrain | None, ...]:
+        """Under some of the batch; one for all stays one for all."""
+        return self.terrains if len(self.terrains) == 1 else self.terrains[rows]
+
     def latest(self, history: int, hold: Floats) -> Past:
         """The same present with exactly the last `history` steps.
 

@@ -73,7 +73,7 @@ def _rows(past: Past, rows: slice) -> Past:
         observations=past.observations[rows],
         controls=past.controls[rows],
         winch=past.winch[rows],
-        terrains=past.terrains if len(past.terrains) == 1 else past.terrains[rows],
+        terrains=past.terrains_at(rows),
     )
 
 

@@ -96,7 +96,7 @@ class LearnedDynamics:
             _tensor(past.observations.points[rows]),
             _tensor(past.controls[rows]),
             _tensor(past.winch[rows]),
-            ground_of(past.terrains if len(past.terrains) == 1 else past.terrains[rows]),
+            ground_of(past.terrains_at(rows)),
         )
 
     @torch.inference_mode()
