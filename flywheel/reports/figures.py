@@ -61,8 +61,9 @@ FIGURES: dict[str, Picture] = {
     "walks": Picture(
         goal_figures.walks,
         "Where the robot went",
-        "Every evaluation episode from above, moved to a common start (+). Blue, solid: reached "
-        "its goal (circle, drawn to its tolerance). Orange, dashed: did not.",
+        "Every evaluation episode from above, on a course among its obstacles, elsewhere moved to a "
+        "common start (+). Blue, solid: reached its goal (circle, drawn to its tolerance). Orange, "
+        "dashed: did not.",
     ),
     "times": Picture(
         goal_figures.times_to_goal,

@@ -7,9 +7,11 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Rectangle
 
+from flywheel.records import Floats
 from flywheel.reports import style
+from flywheel.robots import Box
 from flywheel.runtime.results import Navigation, RunResult
 
 Series = list[tuple[str, str, Navigation]]
@@ -73,10 +75,14 @@ def times_to_goal(run: RunResult) -> Figure | None:
 
 
 def walks(run: RunResult) -> Figure | None:
-    """Paths of all evaluation episodes from above, all begun at one point, with their goals."""
+    """Paths of all evaluation episodes from above, with their goals.
+
+    On a course as they were, among its obstacles; elsewhere all begun at one point.
+    """
     series = [(n, c, v) for n, c, v in _series(run) if any(walk.path for walk in v.walks)]
     if not series:
         return None
+    course = _course(series)
     columns = min(len(series), 4 if len(series) in (4, 7, 8) else 3)
     rows = math.ceil(len(series) / columns)
     figure = Figure(figsize=(9.6, (9.6 / columns + 0.35) * rows))
@@ -84,16 +90,19 @@ def walks(run: RunResult) -> Figure | None:
     for place, axes in enumerate(grid.flat):
         axes.set_visible(place < len(series))
         if place + columns >= len(series):  # nothing below it
-            axes.set_xlabel("x - start [m]")
+            axes.set_xlabel("x [m]" if course else "x - start [m]")
             axes.tick_params(labelbottom=True)
-    reach = 1.08 * max(_reach(navigation) for _, _, navigation in series)
+    middle, reach = _frame(series, course)
     for axes, (name, _, navigation) in zip(grid.flat, series, strict=False):
-        _paths(axes, navigation)
-        axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+        _obstacles(axes, course)
+        _paths(axes, navigation, bool(course))
+        axes.set(aspect="equal")
+        axes.set_xlim(middle[0] - reach, middle[0] + reach)
+        axes.set_ylim(middle[1] - reach, middle[1] + reach)
         count = navigation.success
         axes.set_title(f"{' '.join(name.split())}: {count.reached}/{count.total}")
     for axes in grid[:, 0]:
-        axes.set_ylabel("y - start [m]")
+        axes.set_ylabel("y [m]" if course else "y - start [m]")
     return figure
 
 
@@ -160,23 +169,45 @@ def _times(axes: Axes, place: int, colour: str, navigation: Navigation, allowed:
     axes.text(place, 1.04 * allowed, note, ha="center", va="bottom", fontsize=8.5, color=style.INK)
 
 
-def _paths(axes: Axes, navigation: Navigation) -> None:
+def _course(series: Series) -> tuple[Box, ...]:
+    """The obstacles that all episodes went among; none where these differ."""
+    found = {walk.obstacles for _, _, navigation in series for walk in navigation.walks}
+    return found.pop() if len(found) == 1 else ()
+
+
+def _obstacles(axes: Axes, boxes: tuple[Box, ...]) -> None:
+    for box in boxes:
+        (x, y, _), (width, depth, _) = box.center, box.half_size
+        corner = (x - width, y - depth)
+        axes.add_patch(Rectangle(corner, 2 * width, 2 * depth, color=style.FAINT, zorder=1.8))
+
+
+def _paths(axes: Axes, navigation: Navigation, absolute: bool) -> None:
     for walk in navigation.walks:
         if not walk.path:
             continue
         path = np.array(walk.path[:: len(walk.path) // 60 + 1] + walk.path[-1:])
-        goal = np.array(walk.goal) - path[0]
-        path = path - path[0]
+        origin = np.zeros(2) if absolute else path[0]
+        goal, path = np.array(walk.goal) - origin, path - origin
         colour, dashes = (style.MPPI, "-") if walk.reached else (style.MISSED, "--")
         axes.plot(*path.T, dashes, color=colour, linewidth=1.1, alpha=0.85)
         size = max(navigation.tolerance, 0.05)
         axes.add_patch(Circle(tuple(goal), size, fill=walk.reached, color=colour, alpha=0.3))
         axes.add_patch(Circle(tuple(goal), size, fill=False, color=colour, linewidth=0.9))
-    axes.plot(0, 0, "k+", markersize=8)
+        axes.plot(*path[0], "k+", markersize=8)
 
 
-def _reach(navigation: Navigation) -> float:
-    """Farthest that any path or goal lies from its start along x or y [m]."""
-    walks = [walk for walk in navigation.walks if walk.path]
-    places = [np.array([*walk.path, walk.goal]) - np.array(walk.path[0]) for walk in walks]
-    return navigation.tolerance + max((float(np.abs(p).max()) for p in places), default=1.0)
+def _frame(series: Series, course: tuple[Box, ...]) -> tuple[Floats, float]:
+    """Middle (2,) and half width [m] of a square around all that is drawn."""
+    walks = [walk for _, _, navigation in series for walk in navigation.walks if walk.path]
+    room = max(navigation.tolerance for _, _, navigation in series)
+    if not course:
+        places = [np.array([*walk.path, walk.goal]) - np.array(walk.path[0]) for walk in walks]
+        return np.zeros(2), 1.08 * (room + max(float(np.abs(p).max()) for p in places))
+    seen = [np.array([*walk.path, walk.goal]) for walk in walks]
+    boxes = [
+        np.array(b.center[:2]) + s * np.array(b.half_size[:2]) for b in course for s in (-1, 1)
+    ]
+    everything = np.concatenate([*seen, boxes])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    return (low + high) / 2, 1.04 * (room + float((high - low).max()) / 2)

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict
 from flywheel.effects import WrittenTerm
 from flywheel.evaluation.errors import ErrorTable
 from flywheel.evaluation.intervals import success_interval
+from flywheel.robots import Box
 
 
 class ResultRecord(BaseModel):
@@ -156,6 +157,7 @@ class Walk(ResultRecord):
       reached: in time.
       seconds: to the goal, or to the end of the episode [s].
       distance: to the goal at the end [m].
+      obstacles: that it went among.
     """
 
     path: tuple[tuple[float, float], ...] = ()
@@ -164,6 +166,7 @@ class Walk(ResultRecord):
     seconds: float
     distance: float
     seed: int = 0
+    obstacles: tuple[Box, ...] = ()
 
 
 class Navigation(ResultRecord):

@@ -129,6 +129,7 @@ class Recorder:
             seconds=episode.outcome.seconds,
             distance=episode.outcome.distance,
             seed=plan.seed,
+            obstacles=task.obstacles,
         )
 
     def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:

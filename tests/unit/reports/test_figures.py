@@ -2,10 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 
 from flywheel.errors import UnknownNameError
 from flywheel.reports.figures import FIGURES, draw, write_figures
+from flywheel.reports.goal_figures import walks
+from flywheel.robots import Box, load_course
 from flywheel.runtime.results import RunResult
 from tests.unit.reports.fake_run import fake_errors, fake_run
 
@@ -42,6 +46,47 @@ def test_a_run_with_holes_is_drawn_around_them(run):
     holed = run.model_copy(update=changes)
     drawn = {name for name in FIGURES if draw(name, holed) is not None}
     assert drawn == set(FIGURES)
+
+
+def on_a_course(run: RunResult, obstacles: list[tuple[Box, ...]]) -> RunResult:
+    """The same walks, among the obstacles in turn."""
+
+    def among(navigation):
+        moved = [
+            walk.model_copy(update={"obstacles": obstacles[i % len(obstacles)]})
+            for i, walk in enumerate(navigation.walks)
+        ]
+        return navigation.model_copy(update={"walks": tuple(moved)})
+
+    turns = [
+        t.model_copy(update={"navigation": t.navigation and among(t.navigation)})
+        for t in run.iterations
+    ]
+    oracle = run.oracle and among(run.oracle)
+    return run.model_copy(update={"iterations": tuple(turns), "oracle": oracle})
+
+
+def test_walks_on_a_course_are_where_they_were_among_its_obstacles(run):
+    course = load_course("s_course").obstacles
+    figure = walks(on_a_course(run, [course]))
+    for axes in (axes for axes in figure.axes if axes.get_visible()):
+        drawn = [p for p in axes.patches if isinstance(p, Rectangle)]
+        centers = {tuple(round(c, 9) for c in patch.get_center()) for patch in drawn}
+        assert centers == {box.center[:2] for box in course}
+        low, high = (np.array([axes.get_xlim(), axes.get_ylim()]).T)[[0, 1]]
+        for patch in drawn:
+            assert (low <= patch.get_xy()).all()
+            assert (
+                high >= patch.get_xy() + np.array([patch.get_width(), patch.get_height()])
+            ).all()
+    assert figure.axes[-1].get_xlabel() == "x [m]"
+
+
+def test_walks_among_obstacles_of_their_own_begin_at_one_point(run):
+    course = load_course("s_course").obstacles
+    figure = walks(on_a_course(run, [course[:1], course[1:]]))
+    assert not any(isinstance(p, Rectangle) for axes in figure.axes for p in axes.patches)
+    assert figure.axes[-1].get_xlabel() == "x - start [m]"
 
 
 def test_figures_are_written_under_their_names(tmp_path, run):
