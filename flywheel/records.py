@@ -11,6 +11,7 @@ W winches (one control each), nq/nv/na MuJoCo's sizes. **Units** are SI, world z
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -171,6 +172,10 @@ class Episode:
     outcome: Outcome | None = None
     timing: dict[str, Floats] = field(default_factory=dict)
     terrain: Terrain | None = None
+
+
+# (T + 1, W) best knowledge of an episode's winch positions [m].
+KnownWinch = Callable[[Episode], Floats]
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ from flywheel.runtime.progress import Progress, console_progress
 from flywheel.runtime.recording import Recorder
 from flywheel.runtime.training_worker import SPLITS
 from flywheel.runtime.watch import Watch
+from flywheel.runtime.winches import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
 from pipelines.sysid_study import kept
 
@@ -124,8 +125,10 @@ class Bench:
             store.seal("data", self._recorded(name, store, effects), parent=None)
         cache = self.folder / f"cache-{name}"
         snapshot = store.snapshot("data")
+        winches = EpisodeWinches(robot, effects)
         train, validation = (
-            WindowCache.build(store, snapshot, split, cache, robot) for split in SPLITS
+            WindowCache.build(store, snapshot, split, cache, robot, winches, winches.belief)
+            for split in SPLITS
         )
         training = self.config.training.model_copy(update={"seed": self.config.seed})
         place = self.folder / f"network-{name}"
@@ -180,8 +183,9 @@ def study(bench: Bench, case: Case) -> AdoptionStudy:
                 starts_per_episode=STARTS,
                 seed=seed,
                 truth=lambda episode: exact[episode.id],
+                winches=EpisodeWinches(robot, told),
             )
-            for weights in (first, after, ceiling)
+            for weights, told in ((first, ()), (after, effects), (ceiling, true))
         ]
         for horizon in HORIZONS
     )
@@ -218,10 +222,11 @@ def _further(case: Case) -> tuple[list[Episode], dict[str, Floats]]:
     robot, rng = load_robot(case.robot), np.random.default_rng(case.held_out.seed)
     scripts = itertools.islice(itertools.cycle(SCRIPTS), FURTHER)
     plans = tuple(Plan(script, int(rng.integers(2**31)), SECONDS) for script in scripts)
+    about = Provenance(robot.digest, source="recording", dataset="recording")
     episodes, exact = [], {}
     for number, made in enumerate(replace(case, fit=plans).record(robot).fit):
         name = f"further-{number}"
-        episodes.append(Episode(name, made.trajectory, Provenance(robot.digest), "test"))
+        episodes.append(Episode(name, made.trajectory, about, "test"))
         exact[name] = made.true_points
     return episodes, exact
 

@@ -39,11 +39,12 @@ def score_models(
     worker = SimWorker(config, opened.folder.store_url(opened.config), opened.robot)
     subjects = subjects_of(opened, weights)
     seed = derive_seed(config.seed, "score")  # of the starts: those that the run itself used
+    effects = opened.result.effects_before(opened.config.iterations + 1)
     rows = []
     with console_progress().stage("score", len(subjects)) as stage:
         for done, (name, subject) in enumerate(subjects.items()):
             stage.update(done, name)
-            rows.append(_row(name, worker.score(subject, episodes, seed, full)))
+            rows.append(_row(name, worker.score(subject, episodes, seed, full, effects)))
     title = f"{len(episodes)} {split} episodes, {starts} starts each, {horizon:g} s ahead"
     columns = ["model", *ERRORS, *(f"full {name}" for name in ERRORS), "#predictions", "problem"]
     out = console()

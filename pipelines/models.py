@@ -74,7 +74,8 @@ def _plant(name: str, robot_name: str, dt: float, threads: int) -> Subject:
     """MuJoCo, started from what is seen of the past."""
     plant = open_plant(robot_name, dt, threads)
     window = max(2, round(PAST * Scales.of(plant.robot).time / dt))
-    return Subject(name, RestartedPlant(plant, window=window, degree=2, twist="relaxed"))
+    dynamics = RestartedPlant(plant, window=window, degree=2, twist="relaxed")
+    return Subject(name, dynamics, terms=plant.terms)
 
 
 def _of_run(name: str, folder: Path, model: str) -> TrainedModel:
@@ -82,4 +83,5 @@ def _of_run(name: str, folder: Path, model: str) -> TrainedModel:
     iteration = run.iteration(model) if model else run.champion()
     # A run that learned from recordings has a data set of their own; no other knows that input.
     dataset = run.config.dataset_numbers()["recording"] if run.config.collect.recordings else 0
-    return TrainedModel(name, run.weights(iteration), dataset)
+    effects = run.result.effects_before(iteration.iteration + 1)
+    return TrainedModel(name, run.weights(iteration), dataset, effects)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from flywheel.dynamics.plant.render import render_episode
@@ -9,9 +10,10 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.records import Episode
 from flywheel.runtime.config import RunConfig, load_config
-from flywheel.runtime.plan import ORACLE, EpisodePlan
+from flywheel.runtime.plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.progress import Stage, console_progress
 from flywheel.runtime.recording import Recorder
+from flywheel.runtime.results import RESULT_FILE
 from flywheel.runtime.run_folder import RunFolder
 from flywheel.runtime.watch import Watch
 from pipelines.runs import open_run
@@ -30,7 +32,8 @@ def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path
       seed: of the task and of the planner.
       video: where it goes, or None for the usual place.
     """
-    config = _config(source, overrides)
+    # Nothing else runs beside it: all cores plan.
+    config = _config(source, [f"sim_threads={os.cpu_count() or 1}", *overrides])
     recorder = Recorder(config, RunFolder(source).robot(config))
     dynamics, digest = _dynamics(source, config, recorder, model)
     plan = EpisodePlan(
@@ -42,6 +45,7 @@ def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path
         seconds=config.task.seconds,
         seed=seed,
         task_seed=seed,
+        effects=_effects(source, config),
     )
     progress = console_progress()
     with progress.stage("navigate", 1.0) as stage:
@@ -72,6 +76,13 @@ class _ShownWatch(Watch):
 
 def _config(source: Path, overrides: list[str]) -> RunConfig:
     return load_config(source / "config.yaml" if source.is_dir() else source, overrides)
+
+
+def _effects(source: Path, config: RunConfig) -> Effects:
+    """Of the plant that is driven: those of the configuration, and those that a run adopted."""
+    if not (source / RESULT_FILE).exists():
+        return config.effects
+    return open_run(source).result.effects_before(config.iterations + 1)
 
 
 def _dynamics(

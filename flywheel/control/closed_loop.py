@@ -8,7 +8,7 @@ import numpy as np
 
 from flywheel.control.open_loop import OpenLoop
 from flywheel.control.protocol import Controller
-from flywheel.dynamics.plant import MeasurementModel, Plant
+from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import (
     Episode,
@@ -36,6 +36,7 @@ class Log:
       start: (1,) state.
       rng: of the measurement.
       steps: the most that will be recorded.
+      reckoning: of winches that are not measured.
     """
 
     def __init__(
@@ -45,9 +46,11 @@ class Log:
         start: State,
         rng: np.random.Generator,
         steps: int,
+        reckoning: Reckoning,
     ) -> None:
         robot = plant.robot
         self._plant, self._measurement, self._rng = plant, measurement, rng
+        self._reckoning = reckoning
         self.done = 0
         self._points = np.empty((1, steps + 1, len(robot.points), 3))
         self._winch = np.empty((1, steps + 1, len(robot.winches)))
@@ -69,10 +72,11 @@ class Log:
         now, after = self.done, self.done + simulated.steps
         self._measure(simulated.observations[:, 1:], now + 1)
         self._controls[:, now:after] = simulated.controls
-        reckoned = self._plant.robot.dead_reckon(
-            self._reckoned[:, now], simulated.controls, simulated.dt
+        told = self._reckoning.told(self._controls[0, :after])[now:]
+        seen = self._points[0, now : after + 1]
+        self._reckoned[0, now : after + 1] = self._reckoning.wound(
+            self._reckoned[0, now], told, seen
         )
-        self._reckoned[:, now + 1 : after + 1] = reckoned[:, 1:]
         self._states.append(simulated.states[:, 1:])
         self.done = after
 
@@ -118,6 +122,7 @@ def record_episode(
     provenance: Provenance,
     split: Split,
     on_step: OnStep | None = None,
+    reckoning: Reckoning | None = None,
 ) -> Episode:
     """Let a controller drive the plant until the goal is reached or the time is over.
 
@@ -133,6 +138,7 @@ def record_episode(
       seconds, seed: longest duration [s]; seed of controller and measurement.
       episode_id, provenance, split: of the episode.
       on_step: told the steps done after each piece; may raise to end the recording.
+      reckoning: of winches that are not measured; None for nominal ones.
 
     Raises:
       ConfigError: no time for a single step.
@@ -140,7 +146,8 @@ def record_episode(
     """
     steps = _steps(seconds if task is None else min(seconds, task.seconds), plant.dt)
     for_controller, noise = np.random.SeedSequence(seed).spawn(2)
-    log = Log(plant, measurement, start, np.random.default_rng(noise), steps)
+    reckoning = reckoning or Reckoning(plant.robot, plant.dt)
+    log = Log(plant, measurement, start, np.random.default_rng(noise), steps, reckoning)
     controller.reset(task, _number(for_controller))
     plan_seconds: list[float] = []
     reached, course = False, plant.begin(start)

@@ -1,7 +1,7 @@
 """The files behind a window cache: flat arrays in a folder, made at once and checked when opened.
 
-<folder>/<snapshot>-<split>-v2/about.json     what it is of, and the sha256 of every file
-<folder>/<snapshot>-<split>-v2/<array>.npy
+<folder>/<snapshot>-<split>-<belief>-v2/about.json   what it is of, and the sha256 of every file
+<folder>/<snapshot>-<split>-<belief>-v2/<array>.npy
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flywheel.data.packing import TERRAINS, packed_terrains
 from flywheel.data.places import full_disk_told, new_workspace, sweep_workspaces
 from flywheel.data.store import TrajectoryStore
 from flywheel.errors import DataError
-from flywheel.records import Episode, Floats, Split
+from flywheel.records import Episode, Floats, KnownWinch, Split
 from flywheel.robots import Robot
 from flywheel.terrain import Terrain
 
@@ -33,10 +33,20 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def cached_arrays(
-    store: TrajectoryStore, snapshot: Snapshot, split: Split, folder: Path, robot: Robot
+    store: TrajectoryStore,
+    snapshot: Snapshot,
+    split: Split,
+    folder: Path,
+    robot: Robot,
+    winches: KnownWinch | None = None,
+    belief: str = "",
 ) -> Arrays:
-    """Arrays of a cache, mapped into memory; a cache that is missing or damaged is made first."""
-    target = folder / f"{snapshot.digest[:16]}-{split}-v{VERSION}"
+    """Arrays of a cache, mapped into memory; a cache that is missing or damaged is made first.
+
+    See `WindowCache.build`.
+    """
+    known = "-".join(filter(None, (belief, f"v{VERSION}")))
+    target = folder / f"{snapshot.digest[:16]}-{split}-{known}"
     if (arrays := _opened(target, snapshot, split)) is not None:
         return arrays
     sweep_workspaces(folder)
@@ -44,7 +54,7 @@ def cached_arrays(
         work = new_workspace(folder)
         try:
             (work / "new").mkdir()
-            _fill(work / "new", store, snapshot, split, robot)
+            _fill(work / "new", store, snapshot, split, robot, winches or robot.winches_of)
             if _opened(target, snapshot, split) is None and target.exists():
                 target.rename(work / "old")
             with suppress(OSError):  # another process was faster
@@ -72,7 +82,12 @@ def _opened(target: Path, snapshot: Snapshot, split: Split) -> Arrays | None:
 
 
 def _fill(
-    work: Path, store: TrajectoryStore, snapshot: Snapshot, split: Split, robot: Robot
+    work: Path,
+    store: TrajectoryStore,
+    snapshot: Snapshot,
+    split: Split,
+    robot: Robot,
+    winches: KnownWinch,
 ) -> None:
     wanted = {e.id: e for e in snapshot.episodes if e.split == split}
     if not wanted:
@@ -87,7 +102,7 @@ def _fill(
         terrains: list[Terrain | None] = []
         for episode in _episodes(store, snapshot, wanted):
             terrains.append(episode.terrain)
-            for name, values in _columns(episode, robot).items():
+            for name, values in _columns(episode, robot, winches).items():
                 if name not in files:
                     files[name] = stack.enter_context((work / f"{name}.npy").open("wb"))
                     _write_header(files[name], values.dtype, (rows, *values.shape[1:]))
@@ -137,13 +152,13 @@ def _check_listed(episode: Episode, listed: EpisodeSummary) -> None:
         )
 
 
-def _columns(episode: Episode, robot: Robot) -> Arrays:
+def _columns(episode: Episode, robot: Robot, winches: KnownWinch) -> Arrays:
     track = episode.trajectory
     seen = track.observations
     truth = seen.winch if track.states is None else robot.winch_of(track.states)
     columns: dict[str, Floats] = {
         "points": seen.points,
-        "winch": robot.known_winch(seen.winch, track.controls, track.dt),
+        "winch": winches(episode),
         "winch_truth": truth,
         "controls": np.concatenate([track.controls, np.zeros_like(track.controls[:1])]),
     }

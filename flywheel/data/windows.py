@@ -18,7 +18,7 @@ from flywheel.data.catalogue import Snapshot
 from flywheel.data.packing import TERRAINS, unpacked_terrains
 from flywheel.data.store import TrajectoryStore
 from flywheel.errors import DataError
-from flywheel.records import Floats, Split
+from flywheel.records import Floats, KnownWinch, Split
 from flywheel.robots import Robot
 from flywheel.terrain import Terrain
 
@@ -76,7 +76,14 @@ class WindowCache:
 
     @classmethod
     def build(
-        cls, store: TrajectoryStore, snapshot: Snapshot, split: Split, folder: Path, robot: Robot
+        cls,
+        store: TrajectoryStore,
+        snapshot: Snapshot,
+        split: Split,
+        folder: Path,
+        robot: Robot,
+        winches: KnownWinch | None = None,
+        belief: str = "",
     ) -> WindowCache:
         """Open the cache of a snapshot's split; fill it first if there is none, or a damaged one.
 
@@ -86,6 +93,8 @@ class WindowCache:
           split: whose episodes to cache.
           folder: for caches; each has a folder of its own inside.
           robot: of the episodes.
+          winches: where they were, as far as is known; None for `Robot.winches_of`.
+          belief: name of what `winches` knows; caches with another one are others.
 
         Raises:
           DataError: the split is empty, an episode is damaged, or it is another robot's.
@@ -96,7 +105,7 @@ class WindowCache:
                 f"Snapshot {snapshot.name} is of robot {snapshot.robot[:12]}, not of {robot.name} "
                 f"({robot.digest[:12]})."
             )
-        arrays = cached_arrays(store, snapshot, split, Path(folder), robot)
+        arrays = cached_arrays(store, snapshot, split, Path(folder), robot, winches, belief)
         terrains = tuple(unpacked_terrains(arrays))
         own = {name: values for name, values in arrays.items() if name not in TERRAINS}
         return cls(

@@ -131,11 +131,11 @@ class Predictor:
     def _wound(self, start: Floats, told: Floats) -> Floats:
         """(n, T + 1, W) positions of rate-driven winches that begin at (W,) and are told (n, T, W)."""
         plant, robot = self.plant, self.windows.robot
+        speed = plant.winch_speed
         now = np.repeat(np.clip(start, robot.rest_low, robot.rest_high)[None], len(told), axis=0)
         positions = [now]
         for step in range(told.shape[1]):
-            moved = now + told[:, step] * plant.winch_speed * plant.dt
-            now = np.clip(moved, robot.rest_low, robot.rest_high)
+            now = robot.wound(now, told[:, step] * speed, plant.dt)
             positions.append(now)
         return np.stack(positions, axis=1)
 

@@ -20,7 +20,7 @@ def past_at(
       robot: it was recorded on.
       start: index of the present observation.
       history: past steps wanted; a start earlier than that is padded by a robot at rest.
-      winch: (T + 1, W) of the episode, from `Robot.known_winch` [m].
+      winch: (T + 1, W) of the episode, see `Robot.winches_of` [m].
       dataset: index of the data set.
     """
     trajectory = episode.trajectory

@@ -12,7 +12,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError
 from flywheel.evaluation.errors import ErrorTable
 from flywheel.evaluation.pasts import past_at, stacked
-from flywheel.records import Episode, Floats
+from flywheel.records import Episode, Floats, KnownWinch
 
 Truth = Callable[[Episode], Floats]
 
@@ -54,6 +54,7 @@ def score(
     history_seconds: float = HISTORY_SECONDS,
     truth: Truth | None = None,
     datasets: Mapping[str, int] | None = None,
+    winches: KnownWinch | None = None,
     batch: int = 256,
 ) -> ErrorTable:
     """Errors over short horizons from random starts.
@@ -72,6 +73,7 @@ def score(
       truth: points (T + 1, P, 3) to score against instead of the measured ones, e.g. the noise-free
         ones of a simulated episode. The model always starts from the measured ones.
       datasets: index of each data set for the network's one-hot; 0 for all if None.
+      winches: where they were, as far as is known; None for `Robot.winches_of`.
       batch: windows per rollout call.
 
     Raises:
@@ -94,7 +96,9 @@ def score(
             f"{dynamics.dt} s) from where all points are in sight; give longer episodes or a shorter "
             "horizon."
         )
-    return score_windows(dynamics, windows, truth=truth, datasets=datasets, batch=batch)
+    return score_windows(
+        dynamics, windows, truth=truth, datasets=datasets, winches=winches, batch=batch
+    )
 
 
 def score_full(
@@ -104,6 +108,7 @@ def score_full(
     start_seconds: float = HISTORY_SECONDS,
     truth: Truth | None = None,
     datasets: Mapping[str, int] | None = None,
+    winches: KnownWinch | None = None,
     batch: int = 64,
 ) -> ErrorTable:
     """Errors of one prediction over each whole episode, from `start_seconds` [s] to its end.
@@ -124,7 +129,9 @@ def score_full(
             "in sight."
         )
     windows.sort(key=lambda window: window.steps)  # so that little of a batch is padding
-    return score_windows(dynamics, windows, truth=truth, datasets=datasets, batch=batch)
+    return score_windows(
+        dynamics, windows, truth=truth, datasets=datasets, winches=winches, batch=batch
+    )
 
 
 def places(episode: Episode, steps: int, earliest: int = 0) -> NDArray[np.int64]:
@@ -167,6 +174,7 @@ def score_windows(
     *,
     truth: Truth | None = None,
     datasets: Mapping[str, int] | None = None,
+    winches: KnownWinch | None = None,
     batch: int = 256,
 ) -> ErrorTable:
     """Errors over given windows; in as few rollout calls as `batch` and the data sets allow."""
@@ -178,23 +186,25 @@ def score_windows(
     for dataset, group in sorted(groups.items()):
         for i in range(0, len(group), batch):
             part = group[i : i + batch]
-            table = table + _score_batch(dynamics, part, dataset, truth)
+            table = table + _score_batch(dynamics, part, dataset, truth, winches)
     return table
 
 
 def _score_batch(
-    dynamics: Dynamics, windows: Sequence[Window], dataset: int, truth: Truth | None
+    dynamics: Dynamics,
+    windows: Sequence[Window],
+    dataset: int,
+    truth: Truth | None,
+    winches: KnownWinch | None,
 ) -> ErrorTable:
     robot, longest = dynamics.robot, max(window.steps for window in windows)
-    winches: dict[str, Floats] = {}
+    known: dict[str, Floats] = {}
     pasts, controls, targets = [], [], []
     for window in windows:
         trajectory = window.episode.trajectory
-        if window.episode.id not in winches:
-            winches[window.episode.id] = robot.known_winch(
-                trajectory.observations.winch, trajectory.controls, trajectory.dt
-            )
-        winch = winches[window.episode.id]
+        if window.episode.id not in known:
+            known[window.episode.id] = (winches or robot.winches_of)(window.episode)
+        winch = known[window.episode.id]
         pasts.append(past_at(window.episode, robot, window.start, dynamics.history, winch, dataset))
         end = window.start + window.steps
         hold = robot.holding(winch[end])

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from flywheel.records import Floats, State
+from flywheel.records import Episode, Floats, State
 
 
 @dataclass(frozen=True)
@@ -235,6 +235,18 @@ class Robot:
         start = np.where(np.isfinite(first), first, self.winch_of(self.keyframe))
         return self.dead_reckon(start, controls, dt, observed)
 
+    def winches_of(self, episode: Episode) -> Floats:
+        """(T + 1, W) best knowledge of an episode's winch positions [m], see `known_winch`."""
+        track = episode.trajectory
+        return self.known_winch(track.observations.winch, track.controls, track.dt)
+
+    def wound(self, now: Floats, told: Floats, dt: float) -> Floats:
+        """Positions (..., W) [m] of nominal winches at (..., W), `dt` [s] after they were told (..., W)."""
+        lag = np.array([winch.time_constant for winch in self.winches])
+        share = -np.expm1(-dt / np.maximum(lag, 1e-9))
+        moved = np.where(self.rate_driven, told * dt, share * (told - now))
+        return np.clip(now + moved, self.rest_low, self.rest_high)
+
     def dead_reckon(
         self, start: Floats, controls: Floats, dt: float, measured: Floats | None = None
     ) -> Floats:
@@ -249,14 +261,10 @@ class Robot:
         Returns:
           (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
         """
-        lag = np.array([w.time_constant for w in self.winches])
-        share = np.where(self.rate_driven, 0.0, -np.expm1(-dt / np.maximum(lag, 1e-9)))
         command = np.clip(controls, self.control_low, self.control_high)
         positions = [np.asarray(start)]
         for t in range(controls.shape[-2]):
-            now, wanted = positions[-1], command[..., t, :]
-            step = np.where(self.rate_driven, wanted * dt, share * (wanted - now))
-            reckoned = np.clip(now + step, self.rest_low, self.rest_high)
+            reckoned = self.wound(positions[-1], command[..., t, :], dt)
             if measured is not None:
                 known = measured[..., t + 1, :]
                 reckoned = np.where(np.isfinite(known), known, reckoned)

@@ -22,19 +22,20 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
     if run.snapshot(POOLED) is None:
         run.store.seal(POOLED, episodes, parent=None)
     scores: dict[str, list[Job]] = {}
+    effects = run.effects(run.config.iterations)
     for result in so_far.iterations:
         if usable(result.validation):
             weights = run.weights(run.model_of(result))
             name = f"{result.arm}-{result.iteration}"
-            scores[name] = score_jobs(run, name, weights, episodes)
-    scores[PERSISTENCE] = score_jobs(run, PERSISTENCE, PERSISTENCE, episodes)
+            scores[name] = score_jobs(run, name, weights, episodes, effects)
+    scores[PERSISTENCE] = score_jobs(run, PERSISTENCE, PERSISTENCE, episodes, effects)
     logs = run.test_recordings()
-    scores[ON_RECORDINGS] = score_jobs(run, f"{PERSISTENCE}-recordings", PERSISTENCE, logs)
+    scores[ON_RECORDINGS] = score_jobs(run, f"{PERSISTENCE}-recordings", PERSISTENCE, logs, effects)
     if run.config.evaluate.floor:
         for floor in (FLOOR, INFORMED_FLOOR):
             name = floor.replace(" ", "-")
-            scores[floor] = score_jobs(run, name, floor, episodes)
-    plans = ceiling(run.config, run.effects(run.config.iterations))
+            scores[floor] = score_jobs(run, name, floor, episodes, effects)
+    plans = ceiling(run.config, effects)
     jobs = [*(job for part in scores.values() for job in part), *run.recordings(plans)]
     report = run.do(jobs, "pooled tests")
     errors = {name: scored(report, part) for name, part in scores.items()}

@@ -8,14 +8,18 @@ import numpy as np
 
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.evaluation import past_at
-from flywheel.records import Episode
+from flywheel.records import Episode, KnownWinch
 from flywheel.runtime.measures import Overlay
 
 SECONDS_APART = 0.1
 
 
 def overlay(
-    dynamics: Dynamics, episode: Episode, seconds: float, datasets: Mapping[str, int]
+    dynamics: Dynamics,
+    episode: Episode,
+    seconds: float,
+    datasets: Mapping[str, int],
+    winches: KnownWinch | None = None,
 ) -> Overlay | None:
     """Predict the window in the middle of an episode; None where the episode is too short.
 
@@ -24,6 +28,7 @@ def overlay(
       episode: measured.
       seconds: to predict [s].
       datasets: index of each data set in the network's one-hot.
+      winches: where they were, as far as is known; None for `Robot.winches_of`.
     """
     trajectory, robot = episode.trajectory, dynamics.robot
     steps = round(seconds / trajectory.dt)
@@ -32,7 +37,7 @@ def overlay(
         return None
     measured = trajectory.observations.points[start : start + steps + 1]
     controls = trajectory.controls
-    winch = robot.known_winch(trajectory.observations.winch, controls, trajectory.dt)
+    winch = (winches or robot.winches_of)(episode)
     dataset = datasets.get(episode.provenance.dataset, 0)
     past = past_at(episode, robot, start, dynamics.history, winch, dataset)
     predicted = dynamics.rollout(past, controls[None, start : start + steps]).points[0]

@@ -16,7 +16,7 @@ from flywheel.control import (
     standing,
 )
 from flywheel.control.gaits import Gait
-from flywheel.dynamics.plant import Plant, PlantDynamics, with_effects
+from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, with_effects
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import NAMED, WrittenTerm
 from flywheel.records import Episode, Provenance, State
@@ -108,6 +108,7 @@ class Recorder:
             episode_id=plan.id,
             provenance=self._provenance(plan, model),
             split=plan.split,
+            reckoning=Reckoning(self.robot, plant.dt, plant.terms),
             on_step=lambda done: watch.progress(min(1.0, done * plant.dt / plan.seconds)),
         )
 

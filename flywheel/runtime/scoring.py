@@ -11,7 +11,7 @@ from flywheel.data import EpisodeSummary
 from flywheel.records import Split
 from flywheel.runtime.jobs import Job, PoolReport
 from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation
-from flywheel.runtime.plan import EpisodePlan
+from flywheel.runtime.plan import Effects, EpisodePlan
 from flywheel.runtime.run_state import Run, notes
 from flywheel.runtime.seeds import derive_seed
 from flywheel.runtime.workers import Scores, added
@@ -21,7 +21,12 @@ PLANS_KEPT = 2000
 
 
 def score_jobs(
-    run: Run, name: str, subject: Any, episodes: Sequence[str], full: bool | None = None
+    run: Run,
+    name: str,
+    subject: Any,
+    episodes: Sequence[str],
+    effects: Effects,
+    full: bool | None = None,
 ) -> list[Job]:
     """Jobs that score one subject.
 
@@ -30,6 +35,7 @@ def score_jobs(
       name: of the subject, for the jobs' ids.
       subject: shared weights, or the name of a baseline.
       episodes: ids.
+      effects: adopted so far.
       full: also predict whole episodes; as configured by default.
     """
     full = run.config.evaluate.full if full is None else full
@@ -38,7 +44,13 @@ def score_jobs(
         tuple(episodes[i : i + EPISODES_PER_JOB]) for i in range(0, len(episodes), EPISODES_PER_JOB)
     ]
     return [
-        Job(f"score-{name}-{i:03d}", "sim", "score", (subject, part, seed, full), size=len(part))
+        Job(
+            f"score-{name}-{i:03d}",
+            "sim",
+            "score",
+            (subject, part, seed, full, effects),
+            size=len(part),
+        )
         for i, part in enumerate(parts)
     ]
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flywheel.diagnosis.subject import Subject
+from flywheel.effects import NAMED
 from flywheel.robots import Robot
+from flywheel.runtime.plan import Effects
 from flywheel.runtime.weights import Weights
 
 
@@ -17,12 +19,15 @@ class TrainedModel:
       name: for people.
       weights: of the network.
       dataset: index of the data set that it is told recordings belong to.
+      effects: that the robot was known to have when it was trained.
     """
 
     name: str
     weights: Weights
     dataset: int = 0
+    effects: Effects = ()
 
     def subject(self, robot: Robot, threads: int = 1) -> Subject:
         """The model itself."""
-        return Subject(self.name, self.weights.dynamics(robot, threads), self.dataset)
+        terms = tuple(effect.term(robot, NAMED) for effect in self.effects)
+        return Subject(self.name, self.weights.dynamics(robot, threads), self.dataset, terms)

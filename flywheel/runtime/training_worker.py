@@ -13,7 +13,9 @@ from flywheel.runtime.config import RunConfig
 from flywheel.runtime.jobs import Beat
 from flywheel.runtime.lock import hold
 from flywheel.runtime.measures import TrainingPoint
+from flywheel.runtime.plan import Effects
 from flywheel.runtime.watch import Watch
+from flywheel.runtime.winches import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
 
 SPLITS: tuple[Split, ...] = ("train", "validation")
@@ -29,6 +31,7 @@ class TrainingOrder:
       cache: folder for the windows.
       initial: weights to start from, or None.
       seed: of the training.
+      effects: adopted so far.
     """
 
     snapshot: str
@@ -36,6 +39,7 @@ class TrainingOrder:
     cache: Path
     initial: Path | None
     seed: int
+    effects: Effects = ()
 
 
 @dataclass(frozen=True)
@@ -80,8 +84,17 @@ class TrainerWorker:
         # A trainer whose driver was killed lives on for some seconds.
         with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
             snapshot = self._store.snapshot(order.snapshot)
+            winches = EpisodeWinches(self._robot, order.effects)
             train, validation = (
-                WindowCache.build(self._store, snapshot, split, order.cache, self._robot)
+                WindowCache.build(
+                    self._store,
+                    snapshot,
+                    split,
+                    order.cache,
+                    self._robot,
+                    winches,
+                    winches.belief,
+                )
                 for split in SPLITS
             )
             trainer = Trainer(

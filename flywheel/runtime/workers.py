@@ -40,6 +40,7 @@ from flywheel.runtime.recording import Recorder, effects_of
 from flywheel.runtime.sharded import Helpers, ShardedDynamics
 from flywheel.runtime.watch import Watch
 from flywheel.runtime.weights import Weights
+from flywheel.runtime.winches import EpisodeWinches
 
 MODELS_KEPT = 4
 PERSISTENCE, FLOOR, INFORMED_FLOOR = "persistence", "floor", "informed floor"
@@ -133,7 +134,12 @@ class SimWorker:
         return self._note(plan, episode)
 
     def score(
-        self, subject: Weights | str, episodes: Sequence[str], seed: int, full: bool
+        self,
+        subject: Weights | str,
+        episodes: Sequence[str],
+        seed: int,
+        full: bool,
+        effects: Effects = (),
     ) -> Scores:
         """Score a model, a floor or persistence on episodes of the store.
 
@@ -142,13 +148,14 @@ class SimWorker:
           episodes: ids.
           seed: of the starts.
           full: also predict whole episodes.
+          effects: adopted so far.
         """
         name = subject if isinstance(subject, str) else subject.digest[:8]
         self._watch.start(f"scoring {name}")
         scores: Scores | None = None
         for dynamics, group in self._by_dynamics(subject, episodes):
             try:
-                part = self._scored(dynamics, group, seed, full)
+                part = self._scored(dynamics, group, seed, full, effects)
             except ModelError as error:
                 return Scores(problem=str(error))
             scores = part if scores is None else added(scores, part)
@@ -181,7 +188,7 @@ class SimWorker:
         rollout = self._model(weights).rollout(past, controls)
         return rollout.points, rollout.winch
 
-    def overlay(self, weights: Weights, episode: str) -> Overlay | None:
+    def overlay(self, weights: Weights, episode: str, effects: Effects = ()) -> Overlay | None:
         """A window of an episode, measured and predicted; None if the model cannot."""
         self._watch.start("overlay")
         try:
@@ -190,6 +197,7 @@ class SimWorker:
                 self._store.read(episode),
                 self._config.evaluate.horizon_seconds,
                 self._config.dataset_numbers(),
+                EpisodeWinches(self._recorder.robot, effects),
             )
         except ModelError:
             return None
@@ -235,13 +243,19 @@ class SimWorker:
         ]
 
     def _scored(
-        self, dynamics: Dynamics, episodes: Sequence[Episode], seed: int, full: bool
+        self,
+        dynamics: Dynamics,
+        episodes: Sequence[Episode],
+        seed: int,
+        full: bool,
+        effects: Effects,
     ) -> Scores:
         evaluate, datasets = self._config.evaluate, self._config.dataset_numbers()
         steps = round(evaluate.horizon_seconds / dynamics.dt)
         earliest = round(HISTORY_SECONDS / dynamics.dt)
         long = [e for e in episodes if len(places(e, steps, earliest))]
         truth = None if self._config.measurement == MeasurementModel() else self._truth
+        winches = EpisodeWinches(self._recorder.robot, effects)
         short = partial(
             score,
             dynamics,
@@ -250,10 +264,11 @@ class SimWorker:
             seed=seed,
             truth=truth,
             datasets=datasets,
+            winches=winches,
         )
         whole = None
         if full and long:
-            whole = score_full(dynamics, long, truth=truth, datasets=datasets)
+            whole = score_full(dynamics, long, truth=truth, datasets=datasets, winches=winches)
         return Scores(score_by(lambda episode: episode.id, long, short), whole)
 
     def _truth(self, episode: Episode) -> Floats:

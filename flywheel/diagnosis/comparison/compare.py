@@ -108,7 +108,7 @@ def predicted(subject: Subject, moments: Moments) -> tuple[Floats, Floats]:
     """Points (K, steps + 1, P, 3) and winch positions (K, steps + 1, W) [m], from measured pasts."""
     model = subject.dynamics
     try:
-        found = model.rollout(moments.past(model.history, subject.dataset), moments.controls())
+        found = model.rollout(moments.past(subject), moments.controls())
     except ModelError as error:
         raise ModelError(f"{subject.name}: {error}") from error
     return found.points, found.winch

@@ -10,6 +10,8 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from flywheel.diagnosis.noise import noise_floor
+from flywheel.diagnosis.subject import Subject
+from flywheel.dynamics.plant import Reckoning
 from flywheel.effects import Scales
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at, places
@@ -137,11 +139,8 @@ class Moments:
 
     @cached_property
     def winch(self) -> tuple[Floats, ...]:
-        """Of each recording, (T + 1, W) winch positions: measured, or dead-reckoned [m]."""
-        return tuple(
-            self.robot.known_winch(t.observations.winch, t.controls, t.dt)
-            for t in (e.trajectory for e in self.recordings)
-        )
+        """Of each recording, (T + 1, W) positions of nominal winches: measured, or dead-reckoned [m]."""
+        return tuple(self.robot.winches_of(episode) for episode in self.recordings)
 
     @cached_property
     def smooth(self) -> tuple[tuple[Floats, Floats], ...]:
@@ -162,23 +161,21 @@ class Moments:
         """The same one step later, where points are to be predicted."""
         return self._ahead(series, 1, 1)
 
-    def past(self, history: int, dataset: int) -> Past:
-        """(K,) measured pasts."""
-        return stacked(
-            [
-                past_at(self.recordings[i], self.robot, first, history, self.winch[i], dataset)
-                for i, first in zip(self.log, self.first, strict=True)
-            ]
-        )
+    def past(self, subject: Subject) -> Past:
+        """(K,) measured pasts, as a model wants them."""
+        return self._pasts(subject, self.recordings, self.first)
 
-    def origin(self, history: int, dataset: int) -> Past:
+    def origin(self, subject: Subject) -> Past:
         """(K,) pasts before the windows and their warm-up, of smoothed measurements."""
+        return self._pasts(subject, self._smooth_episodes, self.first - self.warmup)
+
+    def _pasts(self, subject: Subject, episodes: Sequence[Episode], first: np.ndarray) -> Past:
+        history, reckoning = subject.dynamics.history, Reckoning(self.robot, self.dt, subject.terms)
+        winch = [reckoning.known(episode.trajectory) for episode in self.recordings]
         return stacked(
             [
-                past_at(
-                    self._smooth_episodes[i], self.robot, first, history, self.winch[i], dataset
-                )
-                for i, first in zip(self.log, self.first - self.warmup, strict=True)
+                past_at(episodes[i], self.robot, step, history, winch[i], subject.dataset)
+                for i, step in zip(self.log, first, strict=True)
             ]
         )
 

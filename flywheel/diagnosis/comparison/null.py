@@ -112,13 +112,13 @@ def _drawn(
     Both are (draws, K, steps, P, 3) [sigma].
     """
     model, warmup, count = subject.dynamics, moments.warmup, len(moments)
-    origin = _repeated(moments.origin(model.history, subject.dataset), draws)
+    origin = _repeated(moments.origin(subject), draws)
     shaken = origin.observations.points
     shaken = shaken + rng.normal(0.0, moments.sigma, shaken.shape)
     origin = replace(origin, observations=Observation(shaken, origin.observations.winch))
     world = model.rollout(origin, np.tile(moments.controls(warmup), (draws, 1, 1)))
     noise = rng.normal(size=world.points.shape)
-    measured = moments.past(model.history, subject.dataset)
+    measured = moments.past(subject)
     seen = _repeated(measured, draws).observations
     now = slice(warmup - model.history, warmup + 1)
     points = (world.points + moments.sigma * noise)[:, now]
@@ -145,7 +145,7 @@ def _finer(subject: Subject, moments: Moments, points: Floats) -> Floats:
     if not isinstance(model, RestartedPlant):
         return points
     finer = replace(model, plant=with_effects(refined(model.plant), model.plant.terms))
-    past = moments.past(model.history, subject.dataset)
+    past = moments.past(subject)
     return finer.rollout(past, moments.controls()).points
 
 

@@ -18,7 +18,12 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.fused import FusedForward
-from flywheel.dynamics.gnn.learned import LearnedDynamics, Precision, one_thread_per_operation
+from flywheel.dynamics.gnn.learned import (
+    BLOCK,
+    LearnedDynamics,
+    Precision,
+    one_thread_per_operation,
+)
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.prediction import Prepare
 from flywheel.dynamics.gnn.reference import PlainForward
@@ -78,7 +83,7 @@ def rollout_call(
     config: NetworkConfig,
     candidates: int = CANDIDATES,
     threads: int = 1,
-    block: int = 64,
+    block: int = BLOCK,
     precision: Precision = "float32",
     compile: bool = False,
 ) -> Callable[[], object]:
@@ -164,16 +169,21 @@ def fused_against_plain(
 def blocked_against_unblocked(
     robot: Robot, config: NetworkConfig, seconds: float, candidates: int = 1024
 ) -> tuple[Speed, ...]:
-    """Many candidates in blocks of 64 beside all at once."""
+    """Many candidates in blocks beside all at once."""
+    blocked = f"blocks of {BLOCK}"
     calls = {
         "unblocked": rollout_call(robot, config, candidates, block=candidates),
-        "blocks of 64": rollout_call(robot, config, candidates, block=64),
+        blocked: rollout_call(robot, config, candidates),
     }
     rates = _rates(least_seconds(calls, seconds), candidates * STEPS)
-    ratio = rates["blocks of 64"] / rates["unblocked"]
     return (
         Speed(f"unblocked, K = {candidates}", rates["unblocked"]),
-        Speed(f"blocks of 64, K = {candidates}", rates["blocks of 64"], "unblocked", ratio),
+        Speed(
+            f"{blocked}, K = {candidates}",
+            rates[blocked],
+            "unblocked",
+            rates[blocked] / rates["unblocked"],
+        ),
     )
 
 

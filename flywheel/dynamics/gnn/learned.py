@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -25,20 +26,22 @@ from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Robot
 
 Precision = Literal["float32", "bfloat16"]
+BLOCK = 128
+WORTH_A_THREAD = 64  # candidates: with fewer each, threads wait for each other
 
 
 class LearnedDynamics:
     """Predicts with a network; answers `flywheel.dynamics.protocol.Dynamics`.
 
-    The batch is computed in blocks, small enough that a block's arrays stay in the processor's cache.
-    Each block runs on one thread; blocks run beside each other on `threads` of them. Where candidates
-    fall within blocks changes predictions by rounding only (about 1e-6 relative).
+    The batch is computed in blocks of equal size, small enough that a block's arrays stay in the
+    processor's cache. Each block runs on one thread; blocks run beside each other on `threads` of them.
+    Where candidates fall within blocks changes predictions by rounding only (about 1e-6 relative).
 
     Args:
       robot: the robot.
       network: its weights; they are taken as they are now, later changes have no effect.
       threads: Python threads that share the batch, block by block.
-      block: candidates computed at a time.
+      block: candidates computed at a time, at most.
       precision: of the latents and products; positions are integrated in float32 in any case.
       compile: let torch compile the network; the first calls then take a minute or more.
 
@@ -51,7 +54,7 @@ class LearnedDynamics:
         robot: Robot,
         network: ChunkNetwork,
         threads: int = 1,
-        block: int = 64,
+        block: int = BLOCK,
         precision: Precision = "float32",
         compile: bool = False,
     ) -> None:
@@ -82,7 +85,7 @@ class LearnedDynamics:
         self._check_data_set(past.dataset)
         with one_thread_per_operation():
             shared = self._start(past, slice(None)) if len(seen) == 1 else None
-            blocks = [slice(i, i + self._block) for i in range(0, batch, self._block)]
+            blocks = shares(batch, self._block, self._threads)
             run = partial(self._run, past, controls, shared)
             alone = self._threads == 1 or len(blocks) == 1
             parts = list(map(run, blocks) if alone else self._pool.map(run, blocks))
@@ -130,6 +133,15 @@ class LearnedDynamics:
             f"The network {self.digest[:12]} predicts no finite number for candidate {candidate} from "
             f"{step * self.dt:.2f} s on ({count} of {len(points)} candidates)."
         )
+
+
+def shares(batch: int, block: int, threads: int) -> list[slice]:
+    """Blocks of a batch: equally large ones, at most `block`, for all threads where that is worth it."""
+    count = -(-batch // block)
+    if batch >= WORTH_A_THREAD * threads:
+        count = -(-count // threads) * threads
+    ends = np.linspace(0, batch, max(1, count) + 1).round().astype(int)
+    return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
 class _Compiled:

@@ -7,6 +7,7 @@ from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
@@ -22,6 +23,7 @@ __all__ = [
     "Plant",
     "PlantDynamics",
     "PlantParameters",
+    "Reckoning",
     "RestartedPlant",
     "Shot",
     "between",

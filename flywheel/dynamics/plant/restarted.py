@@ -15,20 +15,14 @@ import numpy as np
 
 from flywheel.dynamics.plant.grounds import observed_on
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.twist import ON_A_LINE, line_of, relaxed, unseen_axes
+from flywheel.dynamics.plant.poses import FREE_POSITIONS, offsets_of, seen_poses
+from flywheel.dynamics.plant.twist import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Body, Robot
-from flywheel.rotations import (
-    about_axis,
-    conjugate,
-    kabsch,
-    multiply,
-    rotate,
-    shortest,
-)
+from flywheel.rotations import about_axis, conjugate, multiply, rotate
 
-FREE_POSITIONS, FREE_VELOCITIES = 7, 6
+FREE_VELOCITIES = 6
 
 
 @dataclass(frozen=True)
@@ -119,11 +113,7 @@ class RestartedPlant:
     def _poses(self, points: Floats, winch: Floats) -> Floats:
         """(B, bodies, 7) positions and quaternions of the bodies whose points are at (B, P, 3)."""
         robot = self.robot
-        poses = [
-            self._pose(i, body, points[:, list(body.points)]) for i, body in enumerate(robot.bodies)
-        ]
-        stacked = np.stack(poses, axis=1)
-        axes = unseen_axes(robot)
+        stacked, axes = seen_poses(robot, points), unseen_axes(robot)
         if self.twist == "relaxed":
             return relaxed(robot, stacked, winch, axes)
         if self.twist == "random":
@@ -133,26 +123,14 @@ class RestartedPlant:
                 stacked[:, i, 3:] = multiply(stacked[:, i, 3:], turn)
         return stacked
 
-    def _offsets(self, body: Body) -> Floats:
-        """(n, 3) where its points are in the body frame [m]."""
-        return np.array([self.robot.points[i].offset for i in body.points])
-
-    def _pose(self, index: int, body: Body, points: Floats) -> Floats:
-        """(B, 7) position and quaternion of the body whose points are at (B, n, 3)."""
-        offsets = self._offsets(body)
-        center, seen_center = offsets.mean(axis=0), points.mean(axis=1)
-        seen = points - seen_center[:, None]
-        joint = slice(FREE_POSITIONS * index + 3, FREE_POSITIONS * (index + 1))
-        turn = _orientation(offsets, seen, self.robot.keyframe.qpos[joint])
-        return np.concatenate([seen_center - rotate(turn, center), turn], axis=1)
-
     def _velocity(self, body: Body, pose: Floats, points: Floats, speeds: Floats) -> Floats:
         """(B, 6) velocity of the body frame [m/s] and turning rate in it [rad/s].
 
         The rate is the smallest that fits the points' speeds best: none about a line they lie on.
         """
         turn = pose[:, 3:]
-        arms = rotate(turn[:, None], self._offsets(body) - self._offsets(body).mean(axis=0))
+        offsets = offsets_of(self.robot, body)
+        arms = rotate(turn[:, None], offsets - offsets.mean(axis=0))
         mean = speeds.mean(axis=1)
         spread = np.cross(arms, speeds - mean[:, None]).sum(axis=1)
         square = (arms**2).sum(axis=(1, 2))[:, None, None] * np.eye(3)
@@ -184,21 +162,6 @@ def fit_motion(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
     if steps == 1:
         return now, np.zeros_like(now)
     return now, np.where(enough, fit[..., 1, :] / (dt * (steps - 1)), 0.0)
-
-
-def _orientation(offsets: Floats, seen: Floats, reference: Floats) -> Floats:
-    """(B, 4) rotation that takes offsets (n, 3) onto centred points (B, n, 3).
-
-    What the points leave open is as in the `reference` (4,).
-    """
-    here = offsets - offsets.mean(axis=0)
-    if not here.any():
-        return np.broadcast_to(reference, (len(seen), 4))
-    axis = line_of(offsets)
-    if axis is None:
-        return kabsch(here, seen)
-    seen_axis = ((here @ axis)[:, None] * seen).sum(axis=1)
-    return multiply(shortest(rotate(reference, axis), seen_axis), reference)
 
 
 def _angles(seed: int, points: Floats, bodies: int) -> Floats:

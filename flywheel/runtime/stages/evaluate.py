@@ -40,14 +40,17 @@ def _on_validation(
     models: dict[Arm, Model],
     tally: Tally,
 ) -> dict[Arm, Evaluated]:
+    effects = run.effects(iteration)
     new: dict[Arm, list[Job]] = {}
     old: dict[Arm, list[Job]] = {}
     for arm, model in models.items():
         episodes = by_split(snapshots[arm].episodes)["validation"]
-        new[arm] = score_jobs(run, f"{arm}-new", run.weights(model), episodes, False)
+        new[arm] = score_jobs(run, f"{arm}-new", run.weights(model), episodes, effects, False)
         champion = run.latest_model(arm)
         if champion is not None:
-            old[arm] = score_jobs(run, f"{arm}-old", run.weights(champion), episodes, False)
+            old[arm] = score_jobs(
+                run, f"{arm}-old", run.weights(champion), episodes, effects, False
+            )
     jobs = [job for part in (*new.values(), *old.values()) for job in part]
     report = tally.add(run.do(jobs, f"{iteration}: validate"))
     return {
@@ -77,15 +80,18 @@ def _on_tests(
 ) -> dict[Arm, Evaluated]:
     """Tests of iteration 0 and the closed-loop episodes up to now; apart from them, recordings."""
     episodes, logs = run.test_episodes(iteration), run.test_recordings()
+    effects = run.effects(iteration)
     scores: dict[Arm, list[Job]] = {}
     on_logs: dict[Arm, list[Job]] = {}
     overlays: dict[Arm, Job] = {}
     for arm, model in fit.items():
         weights = run.weights(model)
-        scores[arm] = score_jobs(run, f"{arm}-test", weights, episodes)
-        on_logs[arm] = score_jobs(run, f"{arm}-recordings", weights, logs)
+        scores[arm] = score_jobs(run, f"{arm}-test", weights, episodes, effects)
+        on_logs[arm] = score_jobs(run, f"{arm}-recordings", weights, logs, effects)
         if episodes:
-            overlays[arm] = Job(f"overlay-{arm}", "sim", "overlay", (weights, episodes[-1]))
+            overlays[arm] = Job(
+                f"overlay-{arm}", "sim", "overlay", (weights, episodes[-1], effects)
+            )
     shares = (*scores.values(), *on_logs.values())
     jobs = [*(job for part in shares for job in part), *overlays.values()]
     report = tally.add(run.do(jobs, f"{iteration}: test"))

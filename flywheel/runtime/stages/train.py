@@ -61,6 +61,7 @@ def _job(run: Run, iteration: int, arm: Arm, frozen: Snapshot) -> Job:
         cache=run.folder.cache / frozen.name,
         initial=None if before is None else before.path,
         seed=derive_seed(run.config.seed, "train", iteration),
+        effects=run.effects(iteration),
     )
     schedule = run.config.training.fine_tuning if before else run.config.training.initial
     size = SECONDS_PER_STEP * schedule.steps

@@ -9,6 +9,8 @@ import pytest
 
 from flywheel.diagnosis.comparison import Moments
 from flywheel.diagnosis.comparison.moments import smoothed
+from flywheel.diagnosis.subject import Subject
+from flywheel.dynamics import Persistence
 from flywheel.errors import DataError
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot
@@ -28,7 +30,7 @@ def test_windows_follow_one_another_after_a_past(
     seen = nothing_hidden[1].observations.points
     assert np.array_equal(moments.measured[2:].reshape(100, -1, 3), seen[51:151])
     assert np.array_equal(moments.controls(30)[3], nothing_hidden[1].controls[70:150])
-    past = moments.past(20, 0)
+    past = moments.past(Subject("still", Persistence(robot, moments.dt, 20)))
     assert np.array_equal(
         past.observations.points[1], nothing_hidden[0].observations.points[80:101]
     )

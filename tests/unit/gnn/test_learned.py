@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, Simulator
+from flywheel.dynamics.gnn.learned import shares
 from flywheel.errors import ModelError
 from flywheel.records import Observation, Past
 
@@ -118,3 +119,16 @@ def test_a_prediction_that_is_not_finite_is_an_error_that_says_where(scene):
         network.node_decoder.linears[-1].bias[0] = torch.inf
     with pytest.raises(ModelError, match=r"candidate 0 from 0\.01 s on \(10 of 10"):
         LearnedDynamics(robot, network).rollout(past_of(window), window.controls.numpy())
+
+
+@pytest.mark.parametrize("batch", [1, 48, 127, 128, 200, 1000])
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_blocks_are_equal_and_small_and_busy_all_threads_where_that_is_worth_it(batch, threads):
+    blocks = shares(batch, 128, threads)
+    sizes = [block.stop - block.start for block in blocks]
+    assert [i for block in blocks for i in range(batch)[block]] == list(range(batch))
+    assert max(sizes) <= 128 and max(sizes) - min(sizes) <= 1
+    if batch >= 64 * threads:
+        assert len(blocks) % threads == 0
+    elif batch <= 128:
+        assert len(blocks) == 1

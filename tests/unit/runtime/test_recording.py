@@ -1,5 +1,8 @@
 """What episodes begin with, and do, follows from their seeds."""
 
+import dataclasses
+from typing import ClassVar
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,7 @@ from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config import CollectConfig, DataSet, RunConfig
 from flywheel.runtime.plan import EpisodePlan, collection
 from flywheel.runtime.recording import Recorder
+from flywheel.runtime.winches import EpisodeWinches
 from flywheel.tasks import TaskConfig
 
 SECONDS = 8.0  # the first target takes about 3
@@ -39,6 +43,50 @@ def test_gaits_of_the_same_kind_on_the_same_plant_are_different_motions():
     assert np.ptp(first[end].mean(1), axis=0).max() > 0.05, "it does not walk"
     for part in (start, end):  # however one is turned and shifted, it is not the other
         assert np.abs(spans[0][part] - spans[1][part]).max() > 0.02, (seed, part)
+
+
+def test_winches_of_episodes_are_where_what_is_known_of_their_plant_says() -> None:
+    """Simulated ones tell what that was; of a recording it is what has been adopted so far."""
+    strong = WrittenTerm(effect="winch_gain", parameters={"share": 0.2})
+    collect = CollectConfig(gaits=0, random=6, random_seconds=2.0, validation=0.2, test=0.2)
+    config = RunConfig(collect=collect, seed=int(np.random.default_rng().integers(2**31)))
+    robot = load_robot(config.robot)
+    episode = Recorder(config, robot).record(
+        collection(config, 0, "mppi", (strong,))[0], None, "", NobodyWatches()
+    )
+    about = dataclasses.replace(episode.provenance, source="recording", effects={})
+    log = dataclasses.replace(episode, provenance=about)
+    truth = robot.winch_of(episode.trajectory.states)
+    nothing, adopted = EpisodeWinches(robot), EpisodeWinches(robot, (strong,))
+    assert np.abs(nothing(log) - truth).max() > 0.01
+    for known in (nothing(episode), adopted(episode), adopted(log)):
+        assert np.allclose(known, truth, atol=1e-6)
+    assert nothing.belief == "" and adopted.belief
+    weaker = WrittenTerm(effect="winch_gain", parameters={"share": 0.1})
+    assert adopted.belief != EpisodeWinches(robot, (weaker,)).belief
+
+
+class Told(PlantDynamics):
+    """The plant, which remembers which winch positions it was told, and where they were."""
+
+    pairs: ClassVar[list[tuple[Floats, Floats]]] = []
+
+    def rollout(self, past: Past, controls: Floats) -> Rollout:
+        self.pairs.append((past.winch[0, -1], self.robot.winch_of(past.state)[0]))
+        return super().rollout(past, controls)
+
+
+def test_a_planner_is_told_where_the_winches_are() -> None:
+    strong = WrittenTerm(effect="winch_gain", parameters={"share": 0.2})
+    config = RunConfig(collect=CollectConfig(mppi=3), task=TaskConfig(seconds=2.0))
+    robot = load_robot(config.robot)
+    dynamics = Told(Recorder(config, robot).plant(0))
+    plan = next(p for p in collection(config, 1, "mppi", (strong,)) if p.controller == "mppi")
+    plan = dataclasses.replace(plan, samples=4, seconds=2.0)
+    Recorder(config, robot).record(plan, dynamics, "", NobodyWatches())
+    known, truth = (np.stack(each) for each in zip(*Told.pairs, strict=True))
+    assert np.ptp(truth, axis=0).max() > 0.05
+    assert np.allclose(known - truth, known[0] - truth[0], atol=1e-6)
 
 
 def test_episodes_are_recorded_with_the_run_s_effects() -> None:

@@ -1,0 +1,155 @@
+"""Where winches are that nobody measures: dead-reckoned, with the effects that are known of them.
+
+A winch that is faster, later or weaker than its datasheet says is soon somewhere else than its commands
+alone tell, and a network or a planner that starts from there is misled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flywheel.dynamics.plant.laws import grouped
+from flywheel.dynamics.plant.poses import FREE_POSITIONS, cable_lengths, seen_poses
+from flywheel.dynamics.plant.twist import relaxed, rest_lengths, unseen_axes
+from flywheel.effects import CommandEffect, Terms, WinchEffect
+from flywheel.errors import ModelError
+from flywheel.records import Floats, Trajectory
+from flywheel.robots import Robot
+
+APART = 0.05  # between the instants at which lengths of cables are computed from what is seen [s]
+
+
+@dataclass(frozen=True)
+class Reckoning:
+    """Winch positions from commands, and, where the load matters, from what is seen.
+
+    Attributes:
+      robot: whose winches they are.
+      dt: control step [s].
+      terms: what is known of its plant, beyond the MJCF.
+
+    Raises:
+      ModelError: winches slow down under a load that cannot be told, as bodies are not free.
+    """
+
+    robot: Robot
+    dt: float
+    terms: Terms = ()
+
+    def __post_init__(self) -> None:
+        free = len(self.robot.keyframe.qpos) == FREE_POSITIONS * len(self.robot.bodies)
+        if self.loaded and not free:
+            raise ModelError(
+                f"The load of the winches of {self.robot.name} cannot be told from its points: not all "
+                "its bodies have free joints."
+            )
+
+    @cached_property
+    def nominal(self) -> bool:
+        """Nothing is known of the winches but what the MJCF says."""
+        return not any(
+            isinstance(term.effect, CommandEffect | WinchEffect) and not term.absent
+            for term in self.terms
+        )
+
+    @cached_property
+    def loaded(self) -> bool:
+        """The load of the winches matters."""
+        return any(isinstance(t.effect, WinchEffect) and not t.absent for t in self.terms)
+
+    def known(self, trajectory: Trajectory) -> Floats:
+        """(T + 1, W) best knowledge of the winch positions over an unbatched trajectory [m].
+
+        Measured where they were, see `Robot.known_winch`; else reckoned.
+        """
+        seen, controls = trajectory.observations, trajectory.controls
+        if self.nominal or np.isfinite(seen.winch).all():
+            return self.robot.known_winch(seen.winch, controls, self.dt)
+        first = seen.winch[0]
+        start = np.where(np.isfinite(first), first, self.robot.winch_of(self.robot.keyframe))
+        return self.wound(start, self.told(controls), seen.points, seen.winch)
+
+    def told(self, controls: Floats) -> Floats:
+        """(T, W) what the winches are told of commands (T, W) from an episode's beginning on."""
+        told = np.clip(controls, self.robot.control_low, self.robot.control_high)[None]
+        groups = grouped([self.terms], CommandEffect, len(self.robot.winches))  # type: ignore[type-abstract]
+        for effect, _, values in sorted(groups, key=lambda group: group[0].stage):
+            told = effect.command(told, values, self.robot, self.dt)
+        return np.asarray(told[0])
+
+    def wound(
+        self, start: Floats, told: Floats, points: Floats, measured: Floats | None = None
+    ) -> Floats:
+        """(T + 1, W) positions [m] of winches that begin at (W,) and are told (T, W).
+
+        Args:
+          points: (T + 1, P, 3) where the tracked points are seen; NaN where missing [m]. A winch is taken
+            to carry nothing while a point is never seen.
+          measured: (T + 1, W) positions to take instead, and to go on from; NaN where not [m].
+        """
+        robot = self.robot
+        groups = grouped([self.terms], WinchEffect, len(robot.winches))  # type: ignore[type-abstract]
+        lengths = self._lengths(points, start) if groups else None
+        positions = [np.asarray(start, float)]
+        for step, command in enumerate(told):
+            now = positions[-1]
+            if lengths is not None:
+                load = self._load(lengths[step], now)
+                for effect, _, values in groups:
+                    slowed = effect.rate(command[None], load[None], values)[0]
+                    command = np.where(robot.rate_driven, slowed, command)
+            after = robot.wound(now, command, self.dt)
+            if measured is not None:
+                known = measured[step + 1]
+                after = np.where(np.isfinite(known), known, after)
+            positions.append(after)
+        return np.stack(positions)
+
+    def _load(self, lengths: Floats, winch: Floats) -> Floats:
+        """(W,) tension of the most loaded cable of each winch [N]."""
+        stretch = np.maximum(lengths - rest_lengths(self.robot, winch), 0.0)
+        return np.asarray((self._carried * stretch).max(axis=1))
+
+    @cached_property
+    def _carried(self) -> Floats:
+        """(W, C) stiffness of each winch's cables; 0 for other cables [N/m]."""
+        carried = np.zeros((len(self.robot.winches), len(self.robot.cables)))
+        for index, winch in enumerate(self.robot.winches):
+            for cable in winch.cables:
+                carried[index, cable] = self.robot.cables[cable].stiffness
+        return carried
+
+    def _lengths(self, points: Floats, winch: Floats) -> Floats:
+        """(T, C) lengths of the cables at each step, from points (T + 1, P, 3) [m].
+
+        What is unseen of the bodies' turns is as relaxed as with winches at (W,).
+        """
+        steps = len(points) - 1
+        if not np.isfinite(points).all(axis=2).any(axis=0).all():
+            return np.zeros((steps, len(self.robot.cables)))
+        at = np.unique(np.append(np.arange(0, steps, max(1, round(APART / self.dt))), steps - 1))
+        seen = _filled(points)[at]
+        poses = relaxed(
+            self.robot,
+            seen_poses(self.robot, seen),
+            np.repeat(winch[None], len(at), axis=0),
+            unseen_axes(self.robot),
+        )
+        lengths = cable_lengths(self.robot, poses)
+        every = np.arange(steps)
+        return np.stack([np.interp(every, at, length) for length in lengths.T], axis=1)
+
+
+def _filled(points: Floats) -> Floats:
+    """Points (T + 1, P, 3), straight lines through what is missing."""
+    filled, every = points.copy(), np.arange(len(points))
+    for point in range(points.shape[1]):
+        known = np.isfinite(points[:, point]).all(axis=1)
+        if not known.all():
+            for axis in range(3):
+                there = points[known, point, axis]
+                filled[:, point, axis] = np.interp(every, every[known], there)
+    return filled

@@ -1,0 +1,117 @@
+"""Winches that nobody measures are where what is known of them says."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flywheel.control import RandomControls
+from flywheel.dynamics.plant import EffectivePlant, MeasurementModel, Plant, Reckoning
+from flywheel.effects import NAMED, Scales, Term, Terms
+from flywheel.errors import ModelError
+from flywheel.records import Floats, Observation, Trajectory
+from flywheel.robots import Robot, load_robot
+
+SECONDS = 4.0
+ON_THE_WAY = ("winch_gain", "command_delay", "actuator_lag", "winch_backlash")
+
+
+def typical(name: str, robot: Robot, size: float = 1.0) -> Terms:
+    effect, scales = NAMED[name], Scales.of(robot)
+    sizes = [size * parameter.typical(scales) for parameter in effect.sizes]
+    return (Term(effect, None, (*sizes, *(p.typical(scales) for p in effect.shapes))),)
+
+
+def driven(robot: Robot, terms: Terms, noise: float = 0.0) -> tuple[Trajectory, Floats]:
+    """What is seen of a robot under random controls, without its winches; and where these were."""
+    rng = np.random.default_rng()
+    plant = EffectivePlant(robot, terms) if terms else Plant(robot)
+    start = Plant(robot).settle(1.0)
+    controls = RandomControls(robot, 0.01).sequence(
+        plant.winch(start)[0], round(SECONDS / 0.01), int(rng.integers(2**31))
+    )
+    course = plant.begin(start).go(controls[None])
+    truth = plant.winch(course.states)[0]
+    seen = MeasurementModel(noise=noise).apply(course.observations[0], robot, rng)
+    unseen = np.full_like(truth, np.nan)
+    unseen[0] = truth[0]
+    return Trajectory(Observation(seen.points, unseen), controls, 0.01), truth
+
+
+def off(found: Floats, truth: Floats) -> float:
+    return float(np.abs(found - truth).max())
+
+
+@pytest.fixture(scope="module", params=["prism3", "icosa6"])
+def robot(request) -> Robot:
+    return load_robot(request.param)
+
+
+@pytest.mark.parametrize("name", ON_THE_WAY)
+def test_what_happens_to_commands_is_reckoned_with(robot, name) -> None:
+    terms = typical(name, robot)
+    track, truth = driven(robot, terms)
+    known = Reckoning(robot, 0.01, terms).known(track)
+    nominal = Reckoning(robot, 0.01).known(track)
+    assert off(nominal, truth) > 0.003 * robot.length
+    assert off(known, truth) < 0.1 * off(nominal, truth)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.003])
+def test_winches_that_slow_down_under_load_are_told_by_what_is_seen(robot, noise) -> None:
+    terms = typical("torque_speed", robot, 2.0)
+    track, truth = driven(robot, terms, noise)
+    known = Reckoning(robot, 0.01, terms).known(track)
+    nominal = Reckoning(robot, 0.01).known(track)
+    assert off(nominal, truth) > 0.01 * robot.length
+    assert off(known, truth) < 0.35 * off(nominal, truth)
+
+
+def test_without_effects_it_is_the_robots_own_to_the_bit(robot) -> None:
+    track, _ = driven(robot, ())
+    for terms in ((), typical("slope", robot), typical("winch_gain", robot, 0.0)):
+        known = Reckoning(robot, 0.01, terms).known(track)
+        seen = track.observations.winch
+        assert np.array_equal(known, robot.known_winch(seen, track.controls, 0.01))
+
+
+def test_what_is_measured_is_taken_and_gone_on_from(robot) -> None:
+    terms = typical("winch_gain", robot)
+    track, truth = driven(robot, terms)
+    winch = track.observations.winch.copy()
+    winch[200] = truth[200]
+    seen = dataclasses.replace(track.observations, winch=winch)
+    known = Reckoning(robot, 0.01, terms).known(dataclasses.replace(track, observations=seen))
+    assert np.array_equal(known[200], truth[200])
+    assert np.allclose(known[201:], truth[201:], atol=1e-6)
+
+
+def test_pieces_together_are_the_whole(robot) -> None:
+    terms = (*typical("command_delay", robot), *typical("torque_speed", robot))
+    track, _ = driven(robot, terms)
+    reckoning, cut = Reckoning(robot, 0.01, terms), int(np.random.default_rng().integers(50, 350))
+    told, points = reckoning.told(track.controls), track.observations.points
+    whole = reckoning.known(track)
+    first = reckoning.wound(whole[0], told[:cut], points[: cut + 1])
+    second = reckoning.wound(first[-1], told[cut:], points[cut:])
+    assert np.allclose(np.concatenate([first, second[1:]]), whole, atol=2e-3 * robot.length)
+
+
+def test_points_out_of_sight_for_a_while_do_no_harm(robot) -> None:
+    terms = typical("torque_speed", robot, 2.0)
+    track, truth = driven(robot, terms)
+    points = track.observations.points.copy()
+    points[100:120, 1] = np.nan
+    gap = dataclasses.replace(track.observations, points=points)
+    known = Reckoning(robot, 0.01, terms).known(dataclasses.replace(track, observations=gap))
+    nominal = Reckoning(robot, 0.01).known(track)
+    assert off(known, truth) < 0.5 * off(nominal, truth)
+
+
+def test_the_load_of_bodies_that_are_not_free_cannot_be_told(robot) -> None:
+    key = robot.keyframe
+    tied = dataclasses.replace(robot, keyframe=dataclasses.replace(key, qpos=key.qpos[1:]))
+    with pytest.raises(ModelError, match="free joints"):
+        Reckoning(tied, 0.01, typical("torque_speed", robot))
