@@ -143,16 +143,22 @@ def evaluate(
     weights: Annotated[
         Path | None, typer.Option(help="Score this weights file instead of the run's own models.")
     ] = None,
+    by: Annotated[
+        str,
+        typer.Option(help="Score apart by: controller, dataset, iteration, source, ground."),
+    ] = "all",
 ) -> None:
     """Score the models of a run on its stored episodes, beside "nothing moves".
 
-    [bold]Example[/bold]
+    [bold]Examples[/bold]
 
     flywheel evaluate runs/prism3 --split validation
+
+    flywheel evaluate runs/prism3 --by controller [dim](where it fails)[/dim]
     """
     from pipelines.evaluate import score_models
 
-    score_models(run, split, horizon, starts, full, weights)
+    score_models(run, split, horizon, starts, full, weights, by)
 
 
 @app.command()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from flywheel.errors import DataError
+from flywheel.evaluation import BINS
+from flywheel.registry import lookup
 from flywheel.runtime.measures import ErrorNumbers
 from flywheel.runtime.progress import console_progress
 from flywheel.runtime.run_folder import name_of
@@ -19,7 +21,13 @@ SPLITS = ("train", "validation", "test")
 
 
 def score_models(
-    run: Path, split: str, horizon: float, starts: int, full: bool, weights: Path | None
+    run: Path,
+    split: str,
+    horizon: float,
+    starts: int,
+    full: bool,
+    weights: Path | None,
+    by: str = "all",
 ) -> None:
     """Score and print a table.
 
@@ -30,9 +38,11 @@ def score_models(
       starts: short predictions per episode.
       full: also predict whole episodes.
       weights: score this file instead of the run's own models.
+      by: subsets of the episodes that are scored apart, as in `evaluation.BINS`.
     """
     opened = open_run(run)
     episodes = episodes_of(opened, split)
+    groups = _groups(opened, episodes, by)
     changed = {"horizon_seconds": horizon, "starts": starts}
     evaluate = opened.config.evaluate.model_copy(update=changed)
     config = opened.config.model_copy(update={"evaluate": evaluate})
@@ -41,12 +51,16 @@ def score_models(
     seed = derive_seed(config.seed, "score")  # of the starts: those that the run itself used
     effects = opened.result.effects_before(opened.config.iterations + 1)
     rows = []
-    with console_progress().stage("score", len(subjects)) as stage:
-        for done, (name, subject) in enumerate(subjects.items()):
-            stage.update(done, name)
-            rows.append(_row(name, worker.score(subject, episodes, seed, full, effects)))
+    asked = [(name, group) for group in groups for name in subjects]
+    with console_progress().stage("score", len(asked)) as stage:
+        for done, (name, group) in enumerate(asked):
+            stage.update(done, name if by == "all" else f"{name}, {group}")
+            found = worker.score(subjects[name], groups[group], seed, full, effects)
+            about = (name,) if by == "all" else (group, name)
+            rows.append((*about, *_row(found)))
     title = f"{len(episodes)} {split} episodes, {starts} starts each, {horizon:g} s ahead"
-    columns = ["model", *ERRORS, *(f"full {name}" for name in ERRORS), "#predictions", "problem"]
+    first = ["model"] if by == "all" else [by, "model"]
+    columns = [*first, *ERRORS, *(f"full {name}" for name in ERRORS), "#predictions", "problem"]
     out = console()
     out.print(table(title, columns, rows))
     out.print(
@@ -71,6 +85,17 @@ def episodes_of(run: OpenRun, split: str) -> list[str]:
     return found
 
 
+def _groups(run: OpenRun, episodes: list[str], by: str) -> dict[str, list[str]]:
+    """Ids of the episodes of each subset."""
+    bin_of = lookup(BINS, by, "subset of episodes")
+    if by == "all":
+        return {"all": episodes}
+    groups: dict[str, list[str]] = {}
+    for name in episodes:
+        groups.setdefault(bin_of(run.store.read(name)), []).append(name)
+    return dict(sorted(groups.items()))
+
+
 def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
     """What is scored: one weights file, or the run's models, between persistence and the floors."""
     models: dict[str, Weights | str] = {}
@@ -84,14 +109,14 @@ def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
     return {PERSISTENCE: PERSISTENCE, **models, **beside}
 
 
-def _row(name: str, scores: Scores) -> tuple[object, ...]:
+def _row(scores: Scores) -> tuple[object, ...]:
     """One line of the table; a model that predicts nothing finite says so."""
     short, full = (
         None if errors is None else ErrorNumbers.of(errors)
         for errors in (scores.short, scores.full)
     )
     count = None if short is None else short.windows
-    return (name, *_numbers(short), *_numbers(full), count, scores.problem)
+    return (*_numbers(short), *_numbers(full), count, scores.problem)
 
 
 def _numbers(errors: ErrorNumbers | None) -> tuple[float | None, ...]:

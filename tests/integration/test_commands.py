@@ -34,6 +34,20 @@ def test_evaluate_finds_the_numbers_that_the_run_reported(stranger: Stranger) ->
         assert numbers[: len(expected)] == pytest.approx(expected, rel=1e-3)
 
 
+def test_evaluate_scores_subsets_apart(stranger: Stranger) -> None:
+    whole, _ = stranger.ask(f"flywheel evaluate {RUN} --starts 3")
+    apart, _ = stranger.ask(f"flywheel evaluate {RUN} --starts 3 --by controller")
+
+    def predictions(printed: str) -> int:
+        lines = [line.strip(" │┃|") for line in printed.splitlines() if "persistence" in line]
+        return sum(int(re.findall(r"(\d+)\s*(?:[│|]|$)", line)[-1]) for line in lines)
+
+    assert "drop" in apart and "random" in apart
+    assert predictions(apart) == predictions(whole) > 0
+    _, refused = stranger.ask(f"flywheel evaluate {RUN} --by controler", code=2)
+    assert "Did you mean 'controller'" in refused
+
+
 def test_the_stored_episodes_are_shown_and_sound(stranger: Stranger) -> None:
     shown, _ = stranger.ask(f"flywheel data show {RUN}")
     assert "i0001-mppi" in shown
