@@ -1,6 +1,7 @@
 """How well MPPI does when its model is the plant itself: the ceiling for every learned model.
 
     python -m pipelines.oracle_study --goals 24
+    python -m pipelines.oracle_study --robot icosa6 --course s_course --seconds 120 --goals 10
 
 Prints one row per setting: share of goals reached, time to goal, computing time per plan. With
 `--coarse` the model takes MuJoCo steps twice as long as the plant: half the time, a model that is a
@@ -11,16 +12,19 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 
 import numpy as np
 
-from flywheel.control import Controller, Mppi, MppiConfig, record_episode
+from flywheel.control import Controller, Mppi, MppiConfig, record_episode, standing
 from flywheel.control.protocol import Command
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Past, Provenance
 from flywheel.robots import Robot, load_robot
 from flywheel.tasks import Task, TaskConfig, sample_task
+
+Planner = Callable[[Dynamics], Controller]
 
 FIRST_SEED = 1000
 SETTLE_SECONDS = 3.0
@@ -51,28 +55,28 @@ class RandomShooting:
 
 
 def study(
-    label: str,
-    plant: Plant,
-    controller: Controller,
-    task: TaskConfig,
-    goals: int,
+    label: str, robot: Robot, plan_with: Planner, task: TaskConfig, coarse: bool, goals: int
 ) -> str:
     """Row of the table for one setting: `goals` tasks, the same ones for every setting."""
-    start = plant.settle(SETTLE_SECONDS)
-    points = plant.observe(start).points[0]
+    ground = Plant(robot)
+    start = ground.settle(SETTLE_SECONDS)
+    points = ground.observe(start).points[0]
     seconds, distances, plans, begun = [], [], 0, time.process_time()
     for seed in range(FIRST_SEED, FIRST_SEED + goals):
-        goal = sample_task(task.name, plant.robot, points, np.random.default_rng(seed), task)
+        goal = sample_task(task.name, robot, points, np.random.default_rng(seed), task)
+        plant = Plant(robot, obstacles=goal.obstacles)
+        model = Plant(_coarser(robot) if coarse else robot, obstacles=goal.obstacles)
+        stand = goal.begin
         episode = record_episode(
             plant,
             MeasurementModel(),
-            controller,
+            plan_with(PlantDynamics(model)),
             goal,
-            start=start,
+            start=start if stand is None else standing(plant, start, stand.place, stand.turn),
             seconds=task.seconds,
             seed=seed,
             episode_id=f"study-{seed}",
-            provenance=Provenance(plant.robot.digest),
+            provenance=Provenance(robot.digest),
             split="test",
         )
         assert episode.outcome is not None
@@ -89,43 +93,51 @@ def study(
     )
 
 
-def settings(robot: Robot, coarse: bool) -> dict[str, tuple[Controller, TaskConfig]]:
+def settings(task: TaskConfig) -> dict[str, tuple[Planner, TaskConfig]]:
     """What is compared: the default, and the default with one thing changed."""
-    finer = f'timestep="{robot.timestep:g}"'
-    model = robot if not coarse else Robot.from_mjcf(robot.xml.replace(finer, 'timestep="0.01"'))
-    dynamics = PlantDynamics(Plant(model))
 
-    def mppi(**changes: float) -> Controller:
-        return Mppi(dynamics, MppiConfig().model_copy(update=changes))
+    def mppi(**changes: float) -> Planner:
+        config = MppiConfig().model_copy(update=changes)
+        return lambda dynamics: Mppi(dynamics, config)
 
-    task = TaskConfig()
     return {
         "default": (mppi(), task),
         "24 samples": (mppi(samples=24), task),
+        "200 samples, 2 s": (mppi(samples=200, horizon_seconds=2.0), task),
+        "two rounds": (mppi(samples=24, rounds=2), task),
         "no fresh strokes": (mppi(fresh=0.0), task),
+        "4 neighbours": (mppi(), task.model_copy(update={"moves": "manhattan"})),
         "broadside 0.5": (mppi(), task.model_copy(update={"broadside": 0.5})),
         "broadside 1.5": (mppi(), task.model_copy(update={"broadside": 1.5})),
-        "random shooting": (RandomShooting(dynamics, MppiConfig()), task),
+        "random shooting": (lambda dynamics: RandomShooting(dynamics, MppiConfig()), task),
     }
+
+
+def _coarser(robot: Robot) -> Robot:
+    finer = f'timestep="{robot.timestep:g}"'
+    return Robot.from_mjcf(robot.xml.replace(finer, 'timestep="0.01"'))
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--robot", default="prism3")
+    parser.add_argument("--course", help="an obstacle course instead of open ground")
     parser.add_argument("--goals", type=int, default=24)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--coarse", action="store_true")
     parser.add_argument("--rows", nargs="*", help="names of settings; all if not given")
     given = parser.parse_args()
     robot = load_robot(given.robot)
-    table = settings(robot, given.coarse)
+    task = TaskConfig(seconds=given.seconds)
+    if given.course:
+        task = TaskConfig(name="obstacle_course", course=given.course, seconds=given.seconds)
+    table = settings(task)
     print("| setting | reached | median [s] | slowest [s] | farthest end [m] | CPU per plan [ms] |")  # noqa: T201
     print("|---|---|---|---|---|---|")  # noqa: T201
     for label in given.rows or table:
-        controller, task = table[label]
-        task = task.model_copy(update={"seconds": given.seconds})
-        print(study(label, Plant(robot), controller, task, given.goals), flush=True)  # noqa: T201
+        plan_with, cost = table[label]
+        print(study(label, robot, plan_with, cost, given.coarse, given.goals), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":
