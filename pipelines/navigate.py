@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError, FlywheelError
@@ -106,7 +108,10 @@ def _ending(episode: Episode) -> str:
     outcome = episode.outcome
     assert outcome is not None, "an episode with a task has an outcome"
     plans = episode.timing.get("plan_seconds")
-    planning = "" if plans is None or not len(plans) else f" A plan took {plans.mean():.3f} s."
+    planning = ""
+    if plans is not None and len(plans):
+        middle, late = np.quantile(plans, [0.5, 0.95])
+        planning = f" A plan took {middle:.3f} s (95 % of them less than {late:.3f} s)."
     if outcome.success:
         return f"[green]Reached the goal after {outcome.seconds:.1f} s.[/green]{planning}"
     return (
