@@ -186,7 +186,7 @@ class Past:
       observations: (B, h + 1) of them, oldest first.
       controls: (B, h, W) the commands between them.
       winch: (B, h + 1, W) best knowledge of the winch positions: measured where there is a channel,
-        else dead-reckoned from the commands by the robot's nominal winch [m].
+        else dead-reckoned from the commands and what is known of the plant [m].
       dataset: index of the data set (the network's one-hot).
       state: (B,) the plant's full state at the present. Only the oracle may look at it.
       terrains: under each of B, or one for all; None is the plane z = 0.

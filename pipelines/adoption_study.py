@@ -47,9 +47,7 @@ from flywheel.runtime.winches import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
 from pipelines.sysid_study import kept
 
-# What a network of this size notices: of most others the change drowns in its own errors. Those that act on
-# the commands are left out: where winches are not measured, networks take them to be where the MJCF alone
-# would have wound them.
+# What a network of this size notices: of most others the change drowns in its own errors.
 HIDDEN = ("slope", "weak_cable", "cable_friction")
 SIZE = 2.0  # times the typical one
 FURTHER = 8  # recordings that the networks are judged by, of four seconds each

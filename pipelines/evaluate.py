@@ -49,12 +49,17 @@ def score_models(
     worker = SimWorker(config, opened.folder.store_url(opened.config), opened.robot)
     subjects = subjects_of(opened, weights)
     seed = derive_seed(config.seed, "score")  # of the starts: those that the run itself used
-    effects = opened.result.effects_before(opened.config.iterations + 1)
+    known = {
+        name_of(i.iteration, i.arm): opened.result.effects_before(i.iteration + 1)
+        for i in opened.result.iterations
+    }
+    latest = opened.result.effects_before(opened.config.iterations + 1)
     rows = []
     asked = [(name, group) for group in groups for name in subjects]
     with console_progress().stage("score", len(asked)) as stage:
         for done, (name, group) in enumerate(asked):
             stage.update(done, name if by == "all" else f"{name}, {group}")
+            effects = known.get(name, latest)
             found = worker.score(subjects[name], groups[group], seed, full, effects)
             about = (name,) if by == "all" else (group, name)
             rows.append((*about, *_row(found)))

@@ -35,7 +35,7 @@ def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path
       video: where it goes, or None for the usual place.
     """
     # Nothing else runs beside it: all cores plan.
-    config = _config(source, [f"sim_threads={os.cpu_count() or 1}", *overrides])
+    config = _config(source, [f"sim_threads={len(os.sched_getaffinity(0))}", *overrides])
     recorder = Recorder(config, RunFolder(source).robot(config))
     dynamics, digest = _dynamics(source, config, recorder, model)
     plan = EpisodePlan(
@@ -47,7 +47,7 @@ def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path
         seconds=config.task.seconds,
         seed=seed,
         task_seed=seed,
-        effects=_effects(source, config),
+        effects=_effects(source, config, overrides),
     )
     progress = console_progress()
     with progress.stage("navigate", 1.0) as stage:
@@ -80,9 +80,10 @@ def _config(source: Path, overrides: list[str]) -> RunConfig:
     return load_config(source / "config.yaml" if source.is_dir() else source, overrides)
 
 
-def _effects(source: Path, config: RunConfig) -> Effects:
-    """Of the plant that is driven: those of the configuration, and those that a run adopted."""
-    if not (source / RESULT_FILE).exists():
+def _effects(source: Path, config: RunConfig, overrides: list[str]) -> Effects:
+    """Of the plant that is driven: those that are asked for, or those that a run adopted."""
+    asked = any(each.partition("=")[0] == "effects" for each in overrides)
+    if asked or not (source / RESULT_FILE).exists():
         return config.effects
     return open_run(source).result.effects_before(config.iterations + 1)
 

@@ -9,6 +9,7 @@ import numpy as np
 from flywheel.control.open_loop import OpenLoop
 from flywheel.control.protocol import Controller
 from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
+from flywheel.dynamics.plant.reckoning import APART
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import (
     Episode,
@@ -50,7 +51,8 @@ class Log:
     ) -> None:
         robot = plant.robot
         self._plant, self._measurement, self._rng = plant, measurement, rng
-        self._reckoning = reckoning
+        self._reckoning, self._next_look = reckoning, 0
+        self._last_lengths: Floats = np.zeros((1, len(robot.cables)))
         self.done = 0
         self._points = np.empty((1, steps + 1, len(robot.points), 3))
         self._winch = np.empty((1, steps + 1, len(robot.winches)))
@@ -73,9 +75,8 @@ class Log:
         self._measure(simulated.observations[:, 1:], now + 1)
         self._controls[:, now:after] = simulated.controls
         told = self._reckoning.told(self._controls[0, :after])[now:]
-        seen = self._points[0, now : after + 1]
         self._reckoned[0, now : after + 1] = self._reckoning.wound(
-            self._reckoned[0, now], told, seen
+            self._reckoned[0, now], told, self._lengths(now, after)
         )
         self._states.append(simulated.states[:, 1:])
         self.done = after
@@ -98,6 +99,18 @@ class Log:
         states = State(*(np.concatenate(part, axis=1) for part in zip(*parts, strict=True)))
         controls = self._controls[0, : self.done].copy()
         return Trajectory(_copied(self._observations()[0]), controls, self._plant.dt, states[0])
+
+    def _lengths(self, first: int, end: int) -> Floats | None:
+        """(end - first, C) of the cables, where they matter [m]; for a moment they stay as they were."""
+        if not self._reckoning.loaded:
+            return None
+        if end >= self._next_look:
+            self._last_lengths = self._reckoning.lengths(
+                self._points[0, : end + 1], self._reckoned[0, first], end - first
+            )
+            self._next_look = end + round(APART / self._plant.dt)
+            return self._last_lengths
+        return np.repeat(self._last_lengths[-1:], end - first, axis=0)
 
     def _observations(self) -> Observation:
         now = slice(None, self.done + 1)

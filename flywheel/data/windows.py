@@ -60,6 +60,7 @@ class WindowCache:
       datasets: names by index.
       split: of all its episodes.
       digest: of the snapshot.
+      belief: name of what was known about the winches.
     """
 
     points: Floats
@@ -73,6 +74,7 @@ class WindowCache:
     datasets: tuple[str, ...]
     split: Split
     digest: str
+    belief: str = ""
 
     @classmethod
     def build(
@@ -114,6 +116,7 @@ class WindowCache:
             datasets=snapshot.datasets,
             split=split,
             digest=snapshot.digest,
+            belief=belief,
         )
 
     def starts(

@@ -29,6 +29,7 @@ from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.starts import nominal_winch
 from flywheel.diagnosis.subject import Subject
+from flywheel.dynamics.plant import Reckoning
 from flywheel.effects import Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, Past
@@ -93,7 +94,8 @@ class NetworkFitter(Fitter):
         places = list(zip(windows.log, windows.first, strict=True))
         steps = windows.steps
         self._controls = np.stack([windows.logs[i].controls[f : f + steps] for i, f in places])
-        self._winch = nominal_winch(windows)[:, : history + 1]
+        reckoning = Reckoning(windows.robot, windows.dt, model.terms)
+        self._winch = nominal_winch(windows, reckoning)[:, : history + 1]
         super().__init__(replace(windows, measured=ahead), np.ones(0), world.winch_prior)
         worlds, (self._carried,) = world.predictor.chained(fit.starts, [terms])
         self._without = self._unseen(worlds)[0]

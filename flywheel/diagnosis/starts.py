@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import Plant, RestartedPlant
+from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import Scales
 from flywheel.errors import DataError
-from flywheel.records import Floats, Observation, Past, State
+from flywheel.records import Floats, Observation, Past, State, Trajectory
 
 REACH = 1.0  # of the samples to either side of a start that are looked at [sqrt(L / g)]
 # What is usual, in natural units: speeds, accelerations, and how these change.
@@ -23,7 +23,7 @@ def estimated_starts(windows: Windows, plant: Plant) -> State:
     """
     robot, dt = windows.robot, windows.dt
     places, speeds = smoothed(windows)
-    winch = nominal_winch(windows)[:, 0]
+    winch = nominal_winch(windows, Reckoning(robot, dt, plant.terms))[:, 0]
     points = np.stack([places - speeds * dt, places], axis=1)
     hold = robot.holding(winch)[:, None]
     past = Past(
@@ -34,9 +34,14 @@ def estimated_starts(windows: Windows, plant: Plant) -> State:
     return RestartedPlant(plant, twist="relaxed").estimate(past)
 
 
-def nominal_winch(windows: Windows) -> Floats:
-    """(K, steps + 1, W) winch positions: measured, or dead-reckoned from the commands [m]."""
-    known = [windows.robot.known_winch(log.winch, log.controls, windows.dt) for log in windows.logs]
+def nominal_winch(windows: Windows, reckoning: Reckoning | None = None) -> Floats:
+    """(K, steps + 1, W) winch positions: measured, or dead-reckoned; as of nominal winches by default [m]."""
+    reckoning = reckoning or Reckoning(windows.robot, windows.dt)
+    tracks = [
+        Trajectory(Observation(log.points, log.winch), log.controls, windows.dt)
+        for log in windows.logs
+    ]
+    known = [reckoning.known(track) for track in tracks]
     length = windows.steps + 1
     places = zip(windows.log, windows.first, strict=True)
     return np.stack([known[i][f : f + length] for i, f in places])

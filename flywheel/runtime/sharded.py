@@ -12,14 +12,13 @@ from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Robot
 
-# The model computes candidates in blocks of this size. Shares are whole blocks, so that a prediction is
-# the same to the bit whoever makes it.
-BLOCK = 64
 Ask = Callable[[Sequence[tuple[Past, Floats]]], Sequence[tuple[Floats, Floats] | None]]
 
 
 class ShardedDynamics:
     """Predicts with the help of others; answers `flywheel.dynamics.protocol.Dynamics`.
+
+    Shares are the model's own blocks, so that a prediction is the same to the bit whoever makes it.
 
     Args:
       local: the model; predicts whatever a helper fails to.
@@ -53,7 +52,7 @@ class ShardedDynamics:
         """
         past = dataclasses.replace(past, state=None)  # the model does not look at it
         one = len(past.controls) == 1
-        blocks = [slice(i, i + BLOCK) for i in range(0, len(controls), BLOCK)]
+        blocks = self._local.blocks(len(controls))
         parts = [(past if one else _rows(past, rows), controls[rows]) for rows in blocks]
         found = [
             self._predicted(*part) if answer is None else answer

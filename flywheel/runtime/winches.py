@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from flywheel.dynamics.plant import Reckoning
 from flywheel.effects import NAMED
@@ -11,6 +11,8 @@ from flywheel.records import Episode, Floats
 from flywheel.robots import Robot
 from flywheel.runtime.plan import Effects
 from flywheel.runtime.recording import effects_of
+
+KEPT = 32  # episodes: what is scored is asked for again and again
 
 
 @dataclass(frozen=True)
@@ -26,9 +28,17 @@ class EpisodeWinches:
 
     robot: Robot
     effects: Effects = ()
+    _known: dict[str, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __call__(self, episode: Episode) -> Floats:
         """(T + 1, W) positions [m]."""
+        if episode.id not in self._known:
+            if len(self._known) >= KEPT:
+                del self._known[next(iter(self._known))]
+            self._known[episode.id] = self._reckoned(episode)
+        return self._known[episode.id]
+
+    def _reckoned(self, episode: Episode) -> Floats:
         simulated = episode.provenance.source == "sim"
         effects = effects_of(episode) if simulated else self.effects
         terms = tuple(effect.term(self.robot, NAMED) for effect in effects)

@@ -290,4 +290,6 @@ class Trainer:
             "data": [self._train.digest, validation.digest],
             "first": weights_digest(load_weights(first, self._robot)) if first else "",
         }
+        if self._train.belief:
+            parts["belief"] = self._train.belief
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()

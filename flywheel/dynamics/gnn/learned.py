@@ -27,7 +27,6 @@ from flywheel.robots import Robot
 
 Precision = Literal["float32", "bfloat16"]
 BLOCK = 128
-WORTH_A_THREAD = 64  # candidates: with fewer each, threads wait for each other
 
 
 class LearnedDynamics:
@@ -72,6 +71,10 @@ class LearnedDynamics:
     def _pool(self) -> ThreadPoolExecutor:
         return ThreadPoolExecutor(self._threads, "learned", torch.set_num_threads, (1,))
 
+    def blocks(self, batch: int) -> list[slice]:
+        """How so many candidates are cut; each block may be predicted by another model of the kind."""
+        return shares(batch, self._block, self._threads)
+
     def rollout(self, past: Past, controls: Floats) -> Rollout:
         """Predict the points under `controls` (B, H, W).
 
@@ -85,7 +88,7 @@ class LearnedDynamics:
         self._check_data_set(past.dataset)
         with one_thread_per_operation():
             shared = self._start(past, slice(None)) if len(seen) == 1 else None
-            blocks = shares(batch, self._block, self._threads)
+            blocks = self.blocks(batch)
             run = partial(self._run, past, controls, shared)
             alone = self._threads == 1 or len(blocks) == 1
             parts = list(map(run, blocks) if alone else self._pool.map(run, blocks))
@@ -136,11 +139,15 @@ class LearnedDynamics:
 
 
 def shares(batch: int, block: int, threads: int) -> list[slice]:
-    """Blocks of a batch: equally large ones, at most `block`, for all threads where that is worth it."""
-    count = -(-batch // block)
-    if batch >= WORTH_A_THREAD * threads:
+    """Blocks of a batch: equally large ones, at most `block`, for all threads where that is worth it.
+
+    What is no more than a block is never cut, so that blocks stay what they are wherever they are computed.
+    """
+    worth_a_thread = block // 2 + 1  # with fewer candidates each, threads wait for each other
+    count = max(1, -(-batch // block), min(threads, batch // worth_a_thread))
+    if count > threads:
         count = -(-count // threads) * threads
-    ends = np.linspace(0, batch, max(1, count) + 1).round().astype(int)
+    ends = np.linspace(0, batch, count + 1).round().astype(int)
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 

@@ -19,7 +19,10 @@ from flywheel.errors import ModelError
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
 
-APART = 0.05  # between the instants at which lengths of cables are computed from what is seen [s]
+APART = 0.1  # between the instants at which lengths of cables are computed from what is seen [s]
+PIECE = 0.5  # after which the turns of rods are relaxed with the winches where they are by then [s]
+LOOK_BACK = 1.0  # for a point that is out of sight [s]
+ROUNDS = 2  # of the search for turns that nobody sees: to a hundredth of a radian
 
 
 @dataclass(frozen=True)
@@ -30,22 +33,11 @@ class Reckoning:
       robot: whose winches they are.
       dt: control step [s].
       terms: what is known of its plant, beyond the MJCF.
-
-    Raises:
-      ModelError: winches slow down under a load that cannot be told, as bodies are not free.
     """
 
     robot: Robot
     dt: float
     terms: Terms = ()
-
-    def __post_init__(self) -> None:
-        free = len(self.robot.keyframe.qpos) == FREE_POSITIONS * len(self.robot.bodies)
-        if self.loaded and not free:
-            raise ModelError(
-                f"The load of the winches of {self.robot.name} cannot be told from its points: not all "
-                "its bodies have free joints."
-            )
 
     @cached_property
     def nominal(self) -> bool:
@@ -68,9 +60,20 @@ class Reckoning:
         seen, controls = trajectory.observations, trajectory.controls
         if self.nominal or np.isfinite(seen.winch).all():
             return self.robot.known_winch(seen.winch, controls, self.dt)
-        first = seen.winch[0]
-        start = np.where(np.isfinite(first), first, self.robot.winch_of(self.robot.keyframe))
-        return self.wound(start, self.told(controls), seen.points, seen.winch)
+        first, told = seen.winch[0], self.told(controls)
+        now = np.where(np.isfinite(first), first, self.robot.winch_of(self.robot.keyframe))
+        if not self.loaded:
+            return self.wound(now, told, None, seen.winch)
+        positions, piece = [now[None]], max(1, round(PIECE / self.dt))
+        for begin in range(
+            0, len(told), piece
+        ):  # how rods are turned follows from the winches so far
+            end = min(begin + piece, len(told))
+            lengths = self.lengths(seen.points[: end + 1], now, end - begin)
+            part = self.wound(now, told[begin:end], lengths, seen.winch[begin : end + 1])
+            positions.append(part[1:])
+            now = part[-1]
+        return np.concatenate(positions)
 
     def told(self, controls: Floats) -> Floats:
         """(T, W) what the winches are told of commands (T, W) from an episode's beginning on."""
@@ -81,18 +84,20 @@ class Reckoning:
         return np.asarray(told[0])
 
     def wound(
-        self, start: Floats, told: Floats, points: Floats, measured: Floats | None = None
+        self,
+        start: Floats,
+        told: Floats,
+        lengths: Floats | None = None,
+        measured: Floats | None = None,
     ) -> Floats:
         """(T + 1, W) positions [m] of winches that begin at (W,) and are told (T, W).
 
         Args:
-          points: (T + 1, P, 3) where the tracked points are seen; NaN where missing [m]. A winch is taken
-            to carry nothing while a point is never seen.
+          lengths: (T, C) of the cables at each step, where winches are `loaded`; see `lengths` [m].
           measured: (T + 1, W) positions to take instead, and to go on from; NaN where not [m].
         """
         robot = self.robot
         groups = grouped([self.terms], WinchEffect, len(robot.winches))  # type: ignore[type-abstract]
-        lengths = self._lengths(points, start) if groups else None
         positions = [np.asarray(start, float)]
         for step, command in enumerate(told):
             now = positions[-1]
@@ -122,33 +127,50 @@ class Reckoning:
                 carried[index, cable] = self.robot.cables[cable].stiffness
         return carried
 
-    def _lengths(self, points: Floats, winch: Floats) -> Floats:
-        """(T, C) lengths of the cables at each step, from points (T + 1, P, 3) [m].
+    def lengths(self, points: Floats, winch: Floats, last: int | None = None) -> Floats:
+        """(last, C) lengths of the cables in the last steps, from points (T + 1, P, 3) until then [m].
 
-        What is unseen of the bodies' turns is as relaxed as with winches at (W,).
+        What is unseen of the bodies' turns is as relaxed as with winches at (W,). Points that are out of
+        sight go straight on; cables of bodies with one that was never seen are taken to be slack.
+
+        Raises:
+          ModelError: not all bodies are free, so that points do not tell where they are.
         """
-        steps = len(points) - 1
-        if not np.isfinite(points).all(axis=2).any(axis=0).all():
-            return np.zeros((steps, len(self.robot.cables)))
+        if len(self.robot.keyframe.qpos) != FREE_POSITIONS * len(self.robot.bodies):
+            raise ModelError(
+                f"The load of the winches of {self.robot.name} cannot be told from its points: not all "
+                "its bodies have free joints."
+            )
+        steps = len(points) - 1 if last is None else last
+        recent = points[-(steps + 1 + round(LOOK_BACK / self.dt)) :]
+        unseen = np.asarray(~np.isfinite(recent).all(axis=2).any(axis=0))
+        seen = _filled(recent)[-(steps + 1) :]
         at = np.unique(np.append(np.arange(0, steps, max(1, round(APART / self.dt))), steps - 1))
-        seen = _filled(points)[at]
         poses = relaxed(
             self.robot,
-            seen_poses(self.robot, seen),
+            seen_poses(self.robot, seen[at]),
             np.repeat(winch[None], len(at), axis=0),
             unseen_axes(self.robot),
+            ROUNDS,
         )
-        lengths = cable_lengths(self.robot, poses)
-        every = np.arange(steps)
+        lengths, every = cable_lengths(self.robot, poses), np.arange(steps)
+        lengths[:, self._touching(unseen)] = 0.0
         return np.stack([np.interp(every, at, length) for length in lengths.T], axis=1)
+
+    def _touching(self, points: np.ndarray) -> np.ndarray:
+        """(C,) bool: cables that end on a body with one of the points (P,) bool."""
+        bodies = {i for i, body in enumerate(self.robot.bodies) if points[list(body.points)].any()}
+        return np.array([any(e.body in bodies for e in cable.ends) for cable in self.robot.cables])
 
 
 def _filled(points: Floats) -> Floats:
-    """Points (T + 1, P, 3), straight lines through what is missing."""
+    """Points (T + 1, P, 3), straight lines through what is missing; 0 where a point is never seen."""
     filled, every = points.copy(), np.arange(len(points))
     for point in range(points.shape[1]):
         known = np.isfinite(points[:, point]).all(axis=1)
-        if not known.all():
+        if not known.any():
+            filled[:, point] = 0.0
+        elif not known.all():
             for axis in range(3):
                 there = points[known, point, axis]
                 filled[:, point, axis] = np.interp(every, every[known], there)

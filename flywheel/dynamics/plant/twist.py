@@ -37,7 +37,9 @@ def line_of(offsets: Floats) -> Floats | None:
     return directions[0] if on_one_line else None
 
 
-def relaxed(robot: Robot, poses: Floats, winch: Floats, axes: dict[int, Floats]) -> Floats:
+def relaxed(
+    robot: Robot, poses: Floats, winch: Floats, axes: dict[int, Floats], rounds: int = ROUNDS
+) -> Floats:
     """Poses turned about their bodies' axes to where the cables' elastic energy is least.
 
     Args:
@@ -45,13 +47,14 @@ def relaxed(robot: Robot, poses: Floats, winch: Floats, axes: dict[int, Floats])
       poses: (B, bodies, 7) positions [m] and quaternions.
       winch: (B, W) winch positions [m].
       axes: body -> (3,) unit axis in its frame, of the bodies that may turn.
+      rounds: of the search.
 
     Returns:
       (B, bodies, 7) poses.
     """
     poses, rest = poses.copy(), rest_lengths(robot, winch)
     width = np.pi
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         angles = np.linspace(-width, width, ANGLES, endpoint=False)
         for _ in range(SWEEPS):
             for body, axis in axes.items():

@@ -11,6 +11,8 @@ from flywheel.diagnosis.comparison import Moments
 from flywheel.diagnosis.comparison.moments import smoothed
 from flywheel.diagnosis.subject import Subject
 from flywheel.dynamics import Persistence
+from flywheel.dynamics.plant import Reckoning
+from flywheel.effects import EFFECTS, Term
 from flywheel.errors import DataError
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot
@@ -34,6 +36,19 @@ def test_windows_follow_one_another_after_a_past(
     assert np.array_equal(
         past.observations.points[1], nothing_hidden[0].observations.points[80:101]
     )
+
+
+def test_a_model_is_told_the_winches_of_the_plant_that_it_knows(
+    robot: Robot, nothing_hidden: list[Trajectory]
+) -> None:
+    moments = Moments.cut(robot, nothing_hidden, 0.5, 20)
+    still = Subject("still", Persistence(robot, moments.dt, 20))
+    faster = dataclasses.replace(still, terms=(Term(EFFECTS["winch_gain"], None, (0.5,)),))
+    for ask in (moments.past, moments.origin):
+        plain, told = (ask(subject).winch for subject in (still, faster))
+        assert np.abs(plain - told).max() > 0.01
+    known = Reckoning(robot, moments.dt, faster.terms).known(nothing_hidden[1])
+    assert np.array_equal(moments.past(faster).winch[3], known[80:101])
 
 
 def test_no_window_begins_where_a_point_is_out_of_sight(

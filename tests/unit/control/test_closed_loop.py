@@ -14,7 +14,15 @@ from flywheel.control import (
     record_batch,
     record_episode,
 )
-from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, PlantParameters
+from flywheel.dynamics.plant import (
+    EffectivePlant,
+    MeasurementModel,
+    Plant,
+    PlantDynamics,
+    PlantParameters,
+    Reckoning,
+)
+from flywheel.effects import NAMED, Scales, Term
 from flywheel.errors import ConfigError, ModelError, RobotError
 from flywheel.records import Past, Provenance
 from flywheel.robots import Robot, load_robot
@@ -90,6 +98,29 @@ def test_unmeasured_winches_are_reckoned_from_the_commands(plant: Plant) -> None
     for past in spy.pasts:
         assert np.isfinite(past.winch).all()
         np.testing.assert_allclose(past.winch[0], truth[: past.history + 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("steps", [1, 7, 50])
+def test_unmeasured_winches_of_a_known_plant_are_where_its_effects_say(plant: Plant, steps) -> None:
+    """However often the controller acts, and whatever the winches carry."""
+    effect, scales = NAMED["torque_speed"], Scales.of(plant.robot)
+    slow = (Term(effect, None, (3.0 * effect.sizes[0].typical(scales),)),)
+
+    class Often(Spy):
+        def act(self, past: Past) -> Command:
+            return Command(super().act(past).controls[:steps])
+
+    spy, seed = Often(plant.robot, DT), secrets.randbits(32)
+    slower = EffectivePlant(plant.robot, slow)
+    reckoning = Reckoning(plant.robot, DT, slow)
+    episode = recorded(slower, spy, seconds=3.0, seed=seed, reckoning=reckoning)
+    track = episode.trajectory
+    truth = slower.winch(track.states)[: spy.pasts[-1].history + 1]
+    nominal = plant.robot.dead_reckon(truth[0], track.controls, DT)[: len(truth)]
+    known = spy.pasts[-1].winch[0] - spy.pasts[-1].winch[0, 0] + truth[0]
+    wrong, off = (np.abs(each - truth).max() for each in (nominal, known))
+    assert wrong > 0.03
+    assert off < 0.35 * wrong
 
 
 def test_measured_winches_are_taken_as_measured(plant: Plant) -> None:

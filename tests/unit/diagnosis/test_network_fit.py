@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from flywheel.diagnosis.network_fit import NetworkFitter
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import Plant, RestartedPlant
+from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, Trajectory
@@ -84,6 +84,28 @@ def test_only_what_comes_after_its_past_is_explained(fitter: NetworkFitter) -> N
     history = RestartedPlant(Plant(fitter.windows.robot), window=10).history
     assert np.isnan(fitter.windows.measured[:, : history + 1]).all()
     assert np.isfinite(fitter.windows.measured[:, history + 1 :]).all()
+
+
+def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(
+    robot: Robot, trajectory: Trajectory, model: Subject
+) -> None:
+    world = fitter_of(Windows.cut(robot, [trajectory], LENGTH), Plant(robot))
+    seen: list[Floats] = []
+
+    class Told(Drifting):
+        def rollout(self, past: Past, controls: Floats) -> Rollout:
+            seen.append(past.winch[0])
+            return super().rollout(past, controls)
+
+    told = Told(model.dynamics.restarted, 0.05)
+    rng = np.random.default_rng()
+    for terms in ((), (gain(0.5),)):
+        subject = replace(model, dynamics=told, terms=terms)
+        seen.clear()
+        NetworkFitter(world, fitted(world), (), subject, rng, draws=2)
+        first = seen[0]
+        known = Reckoning(robot, trajectory.dt, terms).known(trajectory)[: len(first)]
+        assert np.allclose(first, known, atol=1e-9)
 
 
 def test_what_an_effect_changes_vanishes_with_the_effect(fitter: NetworkFitter) -> None:

@@ -128,7 +128,7 @@ def test_blocks_are_equal_and_small_and_busy_all_threads_where_that_is_worth_it(
     sizes = [block.stop - block.start for block in blocks]
     assert [i for block in blocks for i in range(batch)[block]] == list(range(batch))
     assert max(sizes) <= 128 and max(sizes) - min(sizes) <= 1
-    if batch >= 64 * threads:
-        assert len(blocks) % threads == 0
-    elif batch <= 128:
+    if batch <= 128:
         assert len(blocks) == 1
+    if batch >= 65 * threads:
+        assert len(blocks) % threads == 0

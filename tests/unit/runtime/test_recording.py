@@ -55,7 +55,7 @@ def test_winches_of_episodes_are_where_what_is_known_of_their_plant_says() -> No
         collection(config, 0, "mppi", (strong,))[0], None, "", NobodyWatches()
     )
     about = dataclasses.replace(episode.provenance, source="recording", effects={})
-    log = dataclasses.replace(episode, provenance=about)
+    log = dataclasses.replace(episode, id="log", provenance=about)
     truth = robot.winch_of(episode.trajectory.states)
     nothing, adopted = EpisodeWinches(robot), EpisodeWinches(robot, (strong,))
     assert np.abs(nothing(log) - truth).max() > 0.01
