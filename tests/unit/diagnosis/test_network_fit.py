@@ -102,7 +102,7 @@ def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(
     for terms in ((), (gain(0.5),)):
         subject = replace(model, dynamics=told, terms=terms)
         seen.clear()
-        NetworkFitter(world, fitted(world), (), subject, rng, draws=2)
+        NetworkFitter(world, fitted(world), (), subject, rng, draws=8)
         first = seen[0]
         known = Reckoning(robot, trajectory.dt, terms).known(trajectory)[: len(first)]
         assert np.allclose(first, known, atol=1e-9)
