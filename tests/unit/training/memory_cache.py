@@ -18,6 +18,7 @@ class MemoryCache:
     dataset: np.ndarray
     datasets: tuple[str, ...] = ("nominal",)
     digest: str = "0" * 64
+    belief: str = ""
 
     def starts(self, length: int, past: int | None = None) -> np.ndarray:
         episodes, steps = self.controls.shape[:2]

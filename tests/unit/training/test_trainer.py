@@ -132,6 +132,12 @@ def test_a_folder_with_another_training_is_refused(trainer, make_config):
         trainer(config=make_config(steps=3)).run()
 
 
+def test_a_training_that_knew_other_winches_is_another_training(trainer, make_config, train):
+    trainer(config=make_config(steps=2)).run()
+    with pytest.raises(ConfigError, match="another configuration"):
+        trainer(config=make_config(steps=2), train=dataclasses.replace(train, belief="a")).run()
+
+
 def test_episodes_that_are_too_short_are_refused(trainer, train, validation):
     short = type(train)(
         train.points[:, :9], train.controls[:, :8], train.winch[:, :9], train.dataset
