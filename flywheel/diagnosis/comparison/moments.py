@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.signal import savgol_filter
 from flywheel.diagnosis.noise import noise_floor
 from flywheel.diagnosis.subject import Subject
 from flywheel.dynamics.plant import Reckoning
-from flywheel.effects import Scales
+from flywheel.effects import Scales, Terms
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at, places
 from flywheel.evaluation.pasts import stacked
@@ -49,6 +49,10 @@ class Moments:
     log: np.ndarray
     first: np.ndarray
     sigma: float
+    # Winch positions, once for all parts of the windows, by what they were reckoned with.
+    _reckoned: dict[tuple[object, ...], tuple[Floats, ...]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @classmethod
     def cut(
@@ -140,7 +144,7 @@ class Moments:
     @cached_property
     def winch(self) -> tuple[Floats, ...]:
         """Of each recording, (T + 1, W) positions of nominal winches: measured, or dead-reckoned [m]."""
-        return tuple(self.robot.winches_of(episode) for episode in self.recordings)
+        return self._winches(())
 
     @cached_property
     def smooth(self) -> tuple[tuple[Floats, Floats], ...]:
@@ -170,14 +174,22 @@ class Moments:
         return self._pasts(subject, self._smooth_episodes, self.first - self.warmup)
 
     def _pasts(self, subject: Subject, episodes: Sequence[Episode], first: np.ndarray) -> Past:
-        history, reckoning = subject.dynamics.history, Reckoning(self.robot, self.dt, subject.terms)
-        winch = [reckoning.known(episode.trajectory) for episode in self.recordings]
+        history, winch = subject.dynamics.history, self._winches(subject.terms)
         return stacked(
             [
                 past_at(episodes[i], self.robot, step, history, winch[i], subject.dataset)
                 for i, step in zip(self.log, first, strict=True)
             ]
         )
+
+    def _winches(self, terms: Terms) -> tuple[Floats, ...]:
+        """Of each recording, (T + 1, W) winch positions by what is known of the plant [m]."""
+        key = tuple((term.effect.name, term.place, term.values) for term in terms)
+        if key not in self._reckoned:
+            reckoning = Reckoning(self.robot, self.dt, terms)
+            known = (reckoning.known(episode.trajectory) for episode in self.recordings)
+            self._reckoned[key] = tuple(known)
+        return self._reckoned[key]
 
     @cached_property
     def _smooth_episodes(self) -> tuple[Episode, ...]:

@@ -14,7 +14,7 @@ from flywheel.dynamics import Persistence
 from flywheel.dynamics.plant import Reckoning
 from flywheel.effects import EFFECTS, Term
 from flywheel.errors import DataError
-from flywheel.records import Observation, Trajectory
+from flywheel.records import Floats, Observation, Trajectory
 from flywheel.robots import Robot
 
 
@@ -49,6 +49,25 @@ def test_a_model_is_told_the_winches_of_the_plant_that_it_knows(
         assert np.abs(plain - told).max() > 0.01
     known = Reckoning(robot, moments.dt, faster.terms).known(nothing_hidden[1])
     assert np.array_equal(moments.past(faster).winch[3], known[80:101])
+
+
+def test_winches_are_reckoned_once_for_all_parts(
+    robot: Robot, nothing_hidden: list[Trajectory], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Trajectory] = []
+    known = Reckoning.known
+
+    def counted(self: Reckoning, trajectory: Trajectory) -> Floats:
+        asked.append(trajectory)
+        return known(self, trajectory)
+
+    monkeypatch.setattr(Reckoning, "known", counted)
+    moments = Moments.cut(robot, nothing_hidden, 0.5, 20)
+    still = Subject("still", Persistence(robot, moments.dt, 20))
+    for part in (moments[:2], moments[2:]):
+        part.past(still)
+        part.origin(still)
+    assert len(asked) == len(nothing_hidden)
 
 
 def test_no_window_begins_where_a_point_is_out_of_sight(
