@@ -172,8 +172,9 @@ def test_windows_beside_each_other_are_those_one_after_the_other(
     points, carried = predictor.chained(starts, terms)
     expected, began = predictor._one_after_the_other(starts, terms)
     off = np.abs(points - expected)
-    assert np.quantile(off, 0.8) < 1e-9, seed  # contacts may magnify rounding
-    assert off.max() < 0.01, seed
+    # Friction and contacts magnify rounding, from 1e-15 to millimetres and more in forty steps.
+    assert off[:, :, :8].max() < 1e-9, seed
+    assert np.quantile(off, 0.8) < 1e-9, seed
     for one, other in zip(carried, began, strict=True):
         np.testing.assert_allclose(one.winch, other.winch, atol=1e-12)
 
