@@ -153,6 +153,25 @@ class Outcome:
 
 
 @dataclass(frozen=True)
+class Plans:
+    """What a planner foresaw each time it planned.
+
+    Attributes:
+      begins: (plans,) when, from the beginning of the episode [s].
+      paths: (plans, K, M, 2) ways of the robot's centre of mass under K candidates, the best one
+        first [m].
+    """
+
+    begins: Floats
+    paths: Floats
+
+    def at(self, seconds: float) -> Floats | None:
+        """(K, M, 2) what was foreseen last before a time [s]; None before the first plan."""
+        index = int(np.searchsorted(self.begins, seconds + 1e-9, side="right")) - 1
+        return None if index < 0 else self.paths[index]
+
+
+@dataclass(frozen=True)
 class Episode:
     """One recorded trajectory with identity and provenance. Immutable once committed.
 
@@ -161,7 +180,7 @@ class Episode:
       trajectory: unbatched (no leading axes before time).
       split: "train", "validation" or "test"; fixed at commit.
       outcome: of the task, if there was one.
-      timing: side numbers that no digest covers, e.g. {"plan_seconds": (plans,)}.
+      telemetry: side numbers that no digest covers, e.g. {"plan_seconds": (plans,)}.
       terrain: that the robot stood on; None for the plane z = 0.
     """
 
@@ -170,8 +189,15 @@ class Episode:
     provenance: Provenance
     split: Split
     outcome: Outcome | None = None
-    timing: dict[str, Floats] = field(default_factory=dict)
+    telemetry: dict[str, Floats] = field(default_factory=dict)
     terrain: Terrain | None = None
+
+    @property
+    def plans(self) -> Plans | None:
+        """What its planner foresaw; None where nothing was planned, or nothing noted."""
+        if not {"plan_begins", "plan_paths"} <= self.telemetry.keys():
+            return None
+        return Plans(self.telemetry["plan_begins"], self.telemetry["plan_paths"])
 
 
 # (T + 1, W) best knowledge of an episode's winch positions [m].

@@ -108,7 +108,7 @@ def _dynamics(
 def _ending(episode: Episode) -> str:
     outcome = episode.outcome
     assert outcome is not None, "an episode with a task has an outcome"
-    plans = episode.timing.get("plan_seconds")
+    plans = episode.telemetry.get("plan_seconds")
     planning = ""
     if plans is not None and len(plans):
         middle, late = np.quantile(plans, [0.5, 0.95])

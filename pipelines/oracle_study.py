@@ -82,7 +82,7 @@ def study(
         assert episode.outcome is not None
         seconds.append(episode.outcome.seconds if episode.outcome.success else np.inf)
         distances.append(episode.outcome.distance)
-        plans += len(episode.timing["plan_seconds"])
+        plans += len(episode.telemetry["plan_seconds"])
     cpu = (time.process_time() - begun) / plans
     times, reached = np.array(seconds), np.isfinite(seconds)
     median = f"{np.median(times):.1f}" if reached.mean() > 0.5 else "-"

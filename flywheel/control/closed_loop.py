@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from flywheel.control.open_loop import OpenLoop
-from flywheel.control.protocol import Controller
+from flywheel.control.protocol import Command, Controller
 from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
 from flywheel.dynamics.plant.reckoning import APART
 from flywheel.errors import ConfigError, ModelError
@@ -162,11 +162,11 @@ def record_episode(
     reckoning = reckoning or Reckoning(plant.robot, plant.dt)
     log = Log(plant, measurement, start, np.random.default_rng(noise), steps, reckoning)
     controller.reset(task, _number(for_controller))
-    plan_seconds: list[float] = []
+    commands: dict[float, Command] = {}
     reached, course = False, plant.begin(start)
     while log.done < steps and not reached:
         command = controller.act(log.past())
-        plan_seconds.append(command.plan_seconds)
+        commands[log.done * plant.dt] = command
         controls = _checked(command.controls, controller.name, plant.robot)[: steps - log.done]
         simulated = course.go(controls[None])
         if task is not None:
@@ -178,9 +178,8 @@ def record_episode(
         if on_step:
             on_step(log.done)
     outcome = None if task is None else _outcome(plant, log, task, reached)
-    timing = {"plan_seconds": np.array(plan_seconds)}
-    track = log.trajectory()
-    return Episode(episode_id, track, provenance, split, outcome, timing, plant.terrain)
+    track, telemetry = log.trajectory(), _telemetry(commands)
+    return Episode(episode_id, track, provenance, split, outcome, telemetry, plant.terrain)
 
 
 def record_batch(
@@ -237,6 +236,16 @@ def nominal_winch(robot: Robot) -> Floats:
 
 def _number(seeds: np.random.SeedSequence) -> int:
     return int(seeds.generate_state(1, np.uint64)[0])
+
+
+def _telemetry(commands: Mapping[float, Command]) -> dict[str, Floats]:
+    """What planning took and foresaw, at which time; to the millimetre, for it is to be looked at."""
+    taken = np.array([command.plan_seconds for command in commands.values()])
+    paths = {at: c.diagnostics["paths"] for at, c in commands.items() if "paths" in c.diagnostics}
+    if not paths:
+        return {"plan_seconds": taken}
+    drawn = np.stack(list(paths.values())).round(3)
+    return {"plan_seconds": taken, "plan_begins": np.array(list(paths)), "plan_paths": drawn}
 
 
 def _until_reached(simulated: Trajectory, task: Task) -> tuple[Trajectory, bool]:

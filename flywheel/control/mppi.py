@@ -19,6 +19,8 @@ from flywheel.errors import ConfigError, ModelError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.tasks import Task
 
+SHOWN = 12  # candidates of each plan that a video shows
+
 
 class Mppi:
     """Plans with any dynamics model.
@@ -78,7 +80,16 @@ class Mppi:
             self._elites = candidates[best]
         self._plan = plan
         controls = self.knots.controls(winch, plan)[: self._act_steps]
-        return Command(controls, time.perf_counter() - begun, search.diagnostics())
+        seconds = time.perf_counter() - begun
+        return Command(controls, seconds, search.diagnostics() | {"paths": self._paths(search)})
+
+    def _paths(self, search: Search) -> Floats:
+        """(SHOWN, M, 2) where candidates lead, from the best to the worst, a knot apart [m]."""
+        assert self._task is not None
+        order = np.argsort(search.costs, kind="stable")[: np.isfinite(search.costs).sum()]
+        shown = order[np.linspace(0, len(order) - 1, SHOWN).round().astype(int)]
+        every = self.knots.steps
+        return self._task.place(search.rollout.points[shown][:, ::every])
 
     def _resumed(self, winch: Floats) -> Floats:
         """The rest of the last plan, or one that holds still."""

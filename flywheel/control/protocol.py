@@ -16,7 +16,8 @@ class Command:
     Attributes:
       controls: (S, W) commands for the next S >= 1 control steps; the controller is asked again after.
       plan_seconds: computing time the choice took [s]; 0 where nothing was planned.
-      diagnostics: named arrays for figures and videos; nothing reads them to decide.
+      diagnostics: named arrays for figures and videos; nothing reads them to decide. "paths" (K, M, 2)
+        are ways that the robot's centre of mass would take, the best one first [m].
     """
 
     controls: Floats

@@ -62,7 +62,7 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
 
 
 def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
-    """The episodes that `pack` packed, without their timing."""
+    """The episodes that `pack` packed, without their telemetry."""
     if attributes.get("schema") not in (SCHEMA, WITH_TERRAIN):
         raise DataError(
             f"A segment of schema {attributes.get('schema')!r} cannot be read; this version reads "

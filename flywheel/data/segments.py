@@ -1,8 +1,8 @@
-"""A segment as files: its arrays, its receipt, and the wall-clock numbers that no digest covers.
+"""A segment as files: its arrays, its receipt, and the telemetry, which no digest covers.
 
 receipt.json          what it holds, with the sha256 of every file of the arrays
 <sha256>.zarr/...     the arrays
-timing.json           wall-clock numbers
+telemetry.json        what planning took and foresaw
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from flywheel.errors import DataError
 from flywheel.records import Episode
 
 RECEIPT = "receipt.json"
-TIMING = "timing.json"
+TELEMETRY = "telemetry.json"
+FORMERLY = "timing.json"  # in stores of before
 _ID = re.compile(rb'"id"\s*:\s*"([a-z0-9._-]+)"')
 
 
@@ -61,9 +62,11 @@ def written(name: str, episodes: Sequence[Episode]) -> Segment:
     digest = hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
     summaries = tuple(EpisodeSummary.of(e, name) for e in episodes)
     receipt = Receipt(name, digest, hashes, summaries)
-    timing = {e.id: {k: np.asarray(v).tolist() for k, v in e.timing.items()} for e in episodes}
+    telemetry = {
+        e.id: {k: np.asarray(v).tolist() for k, v in e.telemetry.items()} for e in episodes
+    }
     files = {f"{_arrays_folder(receipt)}/{path}": content for path, content in group.items()}
-    files[TIMING] = seal_text(timing, allow_nan=True)[0]
+    files[TELEMETRY] = seal_text(telemetry, allow_nan=True)[0]
     files[RECEIPT] = receipt.to_json()
     return Segment(receipt, files)
 
@@ -75,16 +78,16 @@ def read_back(segment: str, files: Files) -> list[Episode]:
     group = {p.removeprefix(prefix): c for p, c in files.items() if p.startswith(prefix)}
     episodes = unpack(*decode(group))
     try:
-        timing = _timing(files)
+        telemetry = _telemetry(files)
     except DataError:  # `verify` tells; the data do not suffer from it
-        timing = {}
-    return [_with_timing(e, timing.get(e.id, {})) for e in episodes]
+        telemetry = {}
+    return [_with_telemetry(e, telemetry.get(e.id, {})) for e in episodes]
 
 
 def damages_of(
     segment: str, files: Files, sha256: str | None = None, ids: tuple[str, ...] = ()
 ) -> list[Damage]:
-    """What of a segment is not as it was committed; timing aside.
+    """What of a segment is not as it was committed; telemetry aside.
 
     Args:
       segment: its name.
@@ -104,10 +107,10 @@ def damages_of(
     return [Damage(segment, receipt.episodes, what) for what in _differences(receipt, files)]
 
 
-def timing_damages(segment: str, files: Files) -> list[Damage]:
-    """What is wrong with the wall-clock numbers of a segment that is sound otherwise."""
+def telemetry_damages(segment: str, files: Files) -> list[Damage]:
+    """What is wrong with the telemetry of a segment that is sound otherwise."""
     try:
-        _timing(files)
+        _telemetry(files)
     except DataError as error:
         ids = Receipt.from_json(files[RECEIPT], segment).episodes
         return [Damage(segment, ids, str(error))]
@@ -130,7 +133,7 @@ def _differences(receipt: Receipt, files: Files) -> list[str]:
     return wrong + [
         f"{path} does not belong there"
         for path in files
-        if path not in (RECEIPT, TIMING) and ".zarr/" not in path
+        if path not in (RECEIPT, TELEMETRY, FORMERLY) and ".zarr/" not in path
     ]
 
 
@@ -150,12 +153,13 @@ def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
             raise DataError(f"Segment {name}: array {array} reads back as other numbers.")
 
 
-def _timing(files: Mapping[str, bytes]) -> dict[str, Any]:
-    if TIMING not in files:
-        raise DataError(f"{TIMING} is missing")
-    return unseal_text(files[TIMING], TIMING, allow_nan=True)[0]
+def _telemetry(files: Mapping[str, bytes]) -> dict[str, Any]:
+    name = FORMERLY if FORMERLY in files else TELEMETRY
+    if name not in files:
+        raise DataError(f"{name} is missing")
+    return unseal_text(files[name], name, allow_nan=True)[0]
 
 
-def _with_timing(episode: Episode, timing: dict[str, Any]) -> Episode:
-    values = {name: np.asarray(numbers, float) for name, numbers in timing.items()}
-    return dataclasses.replace(episode, timing=values)
+def _with_telemetry(episode: Episode, telemetry: dict[str, Any]) -> Episode:
+    values = {name: np.asarray(numbers, float) for name, numbers in telemetry.items()}
+    return dataclasses.replace(episode, telemetry=values)

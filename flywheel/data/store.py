@@ -32,7 +32,7 @@ from flywheel.data.segments import (
     damages_of,
     ids_in,
     read_back,
-    timing_damages,
+    telemetry_damages,
     written,
 )
 from flywheel.errors import DataError
@@ -252,7 +252,7 @@ class TrajectoryStore:
         except DataError as error:
             return [Damage(segment, ids, str(error))]
         found = damages_of(segment, files, sha256, ids)
-        return found or timing_damages(segment, files)
+        return found or telemetry_damages(segment, files)
 
     def _damages_since(self, receipt: Receipt, parent: Snapshot | None) -> list[Damage]:
         """Damages of a segment. One of the parent's was read then, and will be when it is used."""

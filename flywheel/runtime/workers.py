@@ -215,7 +215,7 @@ class SimWorker:
             return None
 
     def _note(self, plan: EpisodePlan, episode: Episode) -> EpisodeNote:
-        seconds = np.round(episode.timing.get("plan_seconds", np.zeros(0)), 5)
+        seconds = np.round(episode.telemetry.get("plan_seconds", np.zeros(0)), 5)
         return EpisodeNote(
             plan.id,
             steps=episode.trajectory.steps,

@@ -13,13 +13,14 @@ import numpy as np
 
 from flywheel.dynamics.plant.world import scene
 from flywheel.errors import DataError
-from flywheel.records import Floats, State
+from flywheel.records import Floats, Plans, State
 from flywheel.robots import Box, Robot
 from flywheel.terrain import Terrain
 
 GHOST = np.array([0.98, 0.55, 0.10, 0.55])
 GOAL = np.array([0.10, 0.65, 0.35, 0.85])
 TRAIL = np.array([0.15, 0.35, 0.75, 0.55])
+PLAN, OTHERS = np.array([0.85, 0.10, 0.45, 0.9]), np.array([0.45, 0.45, 0.5, 0.3])
 TRAIL_SECONDS = 0.25  # between the marks of the way gone
 SMOOTH_SECONDS = 0.8  # the camera follows this much behind
 
@@ -66,6 +67,7 @@ def render_episode(
     dt: float = 0.01,
     shot: Shot | None = None,
     terrain: Terrain | None = None,
+    plans: Plans | None = None,
 ) -> Path:
     """Write an mp4 of an episode, in real time.
 
@@ -80,6 +82,7 @@ def render_episode(
       dt: time between the states [s].
       shot: size and camera; None for a usual one: among obstacles from above, or they would hide the robot.
       terrain: that it stands on; None for the MJCF's ground.
+      plans: what a planner foresaw, to draw on the ground, or None.
 
     Returns:
       The path.
@@ -91,7 +94,7 @@ def render_episode(
     path.parent.mkdir(parents=True, exist_ok=True)
     shot = shot or usual_shot(obstacles)
     frames = render_frames(
-        robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot, terrain=terrain
+        robot, states, obstacles, goal, fps, ghosts, dt=dt, shot=shot, terrain=terrain, plans=plans
     )
     writer = imageio_ffmpeg.write_frames(str(path), shot.size, fps=fps, quality=8)
     writer.send(None)
@@ -114,6 +117,7 @@ def render_frames(
     dt: float = 0.01,
     shot: Shot | None = None,
     terrain: Terrain | None = None,
+    plans: Plans | None = None,
 ) -> Iterator[np.ndarray]:
     """The frames (height, width, 3) uint8 that `render_episode` writes; arguments as there."""
     _check(robot, states, goal, ghosts)
@@ -135,6 +139,8 @@ def render_frames(
             camera = _camera(model, views[number], shot)
             renderer.update_scene(data, camera)
             _draw_trail(renderer.scene, centers[: number + 1 : every], terrain)
+            if plans is not None and (paths := plans.at(times[number])) is not None:
+                _draw_plan(renderer.scene, robot, paths, terrain)
             if goal is not None:
                 at = _on_ground(goal, terrain)
                 _draw_goal(renderer.scene, robot, at, shot.goal_radius or robot.length / 2)
@@ -238,6 +244,18 @@ def _draw_trail(scene: mujoco.MjvScene, centers: Floats, terrain: Terrain | None
     """The way gone, on the ground."""
     for a, b in pairwise(_on_ground(centers[:, :2], terrain) + [0.0, 0.0, 0.012]):
         _draw_line(scene, a, b, 0.012, TRAIL)
+
+
+def _draw_plan(
+    scene: mujoco.MjvScene, robot: Robot, paths: Floats, terrain: Terrain | None
+) -> None:
+    """Ways (K, M, 2) that were foreseen, the first one in the strongest colour."""
+    for way, color, share, lift in (
+        *((path, OTHERS, 0.005, 0.013) for path in paths[1:]),
+        (paths[0], PLAN, 0.012, 0.016),
+    ):
+        for a, b in pairwise(_on_ground(way, terrain) + [0.0, 0.0, lift]):
+            _draw_line(scene, a, b, share * robot.length, color)
 
 
 def _draw_line(scene: mujoco.MjvScene, a: Floats, b: Floats, radius: float, color: Floats) -> None:

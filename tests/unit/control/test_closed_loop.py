@@ -88,7 +88,8 @@ def test_the_controller_is_shown_all_that_was_measured_so_far(plant: Plant) -> N
         np.testing.assert_array_equal(past.observations.points[0], seen.points[: now + 1])
         np.testing.assert_array_equal(past.controls[0], episode.trajectory.controls[:now])
         np.testing.assert_array_equal(past.state.qpos[0], episode.trajectory.states.qpos[now])
-    assert episode.timing["plan_seconds"].tolist() == [0.25, 0.25, 0.25]
+    assert episode.telemetry["plan_seconds"].tolist() == [0.25, 0.25, 0.25]
+    assert episode.plans is None
 
 
 def test_unmeasured_winches_are_reckoned_from_the_commands(plant: Plant) -> None:
@@ -296,7 +297,11 @@ def test_the_oracle_comes_nearer_to_a_goal(plant: Plant) -> None:
     mppi = Mppi(PlantDynamics(plant), MppiConfig(samples=12, horizon_seconds=2.0), "oracle")
     episode = recorded(plant, mppi, task, seconds=6.0, seed=1)
     assert episode.outcome.distance < task.distance(start) - 0.3
-    assert len(episode.timing["plan_seconds"]) == 12
+    assert len(episode.telemetry["plan_seconds"]) == 12
+    np.testing.assert_allclose(episode.plans.begins, np.arange(12) * 0.5)
+    points = episode.trajectory.observations.points[:: round(0.5 / DT)]
+    here = np.stack([episode.plans.at(t)[0, 0] for t in episode.plans.begins])
+    np.testing.assert_allclose(here, task.place(points)[:12], atol=6e-4)
 
 
 class Told(RandomControls):

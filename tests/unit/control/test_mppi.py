@@ -170,6 +170,18 @@ def test_rollouts_that_are_not_finite_weigh_nothing(gantry, task: Task, past: Pa
         assert np.isfinite(command.diagnostics["mean_cost"])
 
 
+def test_ways_that_lead_to_the_goal_are_shown_from_the_best_one_on(gantry, task, past) -> None:
+    mppi = planner(Broken(gantry, 0.4), task, secrets.randbits(32))
+    paths = mppi.act(past).diagnostics["paths"]
+    assert paths.shape == (12, mppi.knots.count + 1, 2)
+    assert np.isfinite(paths).all()
+    np.testing.assert_allclose(
+        paths[:, 0], task.place(past.observations.points[:, -1]).repeat(12, 0)
+    )
+    left = np.linalg.norm(paths - task.goal, axis=-1).sum(axis=1)
+    assert left[:4].mean() < left[-4:].mean()
+
+
 def test_no_finite_rollout_is_an_error(gantry, task: Task, past: Past) -> None:
     with pytest.raises(ModelError, match="None of 16 rollouts"):
         planner(Broken(gantry, 1.0), task).act(past)

@@ -49,5 +49,5 @@ def episode_of(
             plant={"friction": 0.6},
         ),
         split=split,  # type: ignore[arg-type]
-        timing={"plan_seconds": np.array([timing, timing])},
+        telemetry={"plan_seconds": np.array([timing, timing])},
     )

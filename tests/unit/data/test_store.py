@@ -51,7 +51,9 @@ def test_episodes_come_back_to_the_bit(tmp_path, make_episode, recording):
     for episode in stored:
         back = store.read(episode.id)
         assert same(episode, back)
-        np.testing.assert_array_equal(back.timing["plan_seconds"], episode.timing["plan_seconds"])
+        np.testing.assert_array_equal(
+            back.telemetry["plan_seconds"], episode.telemetry["plan_seconds"]
+        )
 
 
 def test_committing_the_same_again_changes_nothing_and_other_content_is_refused(
@@ -65,12 +67,26 @@ def test_committing_the_same_again_changes_nothing_and_other_content_is_refused(
     assert same(TrajectoryStore(tmp_path).read("e"), make_episode("e", seed=1))
 
 
-def test_digests_do_not_depend_on_timing_or_place(tmp_path, make_episode):
+def test_digests_do_not_depend_on_telemetry_or_place(tmp_path, make_episode):
     receipts = [
         TrajectoryStore(tmp_path / str(t)).commit("e", [make_episode("e", seed=3, timing=t)])
         for t in (0.1, 0.7)
     ]
     assert receipts[0] == receipts[1]
+
+
+def test_plans_come_back_and_telemetry_of_older_stores_is_read(tmp_path, make_episode):
+    store, rng = TrajectoryStore(tmp_path), np.random.default_rng()
+    begins, paths = np.arange(3) * 0.5, rng.normal(size=(3, 4, 5, 2)).round(3)
+    seen = {"plan_begins": begins, "plan_paths": paths}
+    store.commit("e", [dataclasses.replace(make_episode("e"), telemetry=seen)])
+    file = tmp_path / "segments/e/telemetry.json"
+    file.rename(file.with_name("timing.json"))
+    assert TrajectoryStore(tmp_path).verify() == ()
+    plans = TrajectoryStore(tmp_path).read("e").plans
+    assert plans.at(-0.1) is None
+    for time, number in ((0.0, 0), (0.49, 0), (0.5, 1), (9.0, 2)):
+        np.testing.assert_array_equal(plans.at(time), paths[number])
 
 
 def test_a_flipped_bit_anywhere_is_found_and_the_episode_named(tmp_path, make_episode):
@@ -89,7 +105,7 @@ def test_a_flipped_bit_anywhere_is_found_and_the_episode_named(tmp_path, make_ep
         assert all(d.segment in ("bad", "snapshot s") for d in damages)
         if path.parent.name != "snapshots":  # whose flipped byte may lie in the id itself
             assert {d.episodes for d in damages} == {("bad",)}, (path, place)
-        if path.parent.name != "snapshots" and path.name != "timing.json":
+        if path.parent.name != "snapshots" and path.name != "telemetry.json":
             with pytest.raises(DataError, match="bad"):
                 TrajectoryStore(tmp_path).read("bad")
         assert same(TrajectoryStore(tmp_path).read("good"), store.read("good"))

@@ -70,7 +70,7 @@ def test_a_store_on_s3_answers_as_one_on_disk(bucket, tmp_path, make_episode, pr
     for name in ("points", "winch"):
         got, wanted = (getattr(e.trajectory.observations, name) for e in (back, expected))
         assert got.tobytes() == wanted.tobytes()
-    np.testing.assert_array_equal(back.timing["plan_seconds"], [0.1, 0.1])
+    np.testing.assert_array_equal(back.telemetry["plan_seconds"], [0.1, 0.1])
     cache = WindowCache.build(store, sealed, "train", tmp_path / "cache", prism3)
     assert len(cache.starts(40)) == 2
     assert store.verify() == ()

@@ -8,7 +8,7 @@ import pytest
 
 from flywheel.dynamics.plant import Plant, Shot, render_episode, render_frames
 from flywheel.errors import DataError
-from flywheel.records import State
+from flywheel.records import Plans, State
 from flywheel.robots import Box, Robot, load_robot
 
 SMALL = Shot(size=(160, 96))
@@ -50,6 +50,17 @@ def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> Non
     ):
         changed = np.abs(last(**extra) - plain).max(axis=-1) > 20
         assert 0.002 < changed.mean() < 0.5, extra.keys()
+
+
+@pytest.mark.renders
+def test_only_the_plan_in_force_is_seen(robot: Robot, states: State) -> None:
+    way = np.array([[[0.0, -2.0], [0.0, 2.0]]])
+    later = Plans(np.array([0.2, 0.3]), np.stack([way, way[..., ::-1]]))
+    frames = list(render_frames(robot, states, fps=10, shot=SMALL, plans=later))
+    plain = list(render_frames(robot, states, fps=10, shot=SMALL))
+    differ = [np.abs(a.astype(int) - b).max() > 20 for a, b in zip(frames, plain, strict=True)]
+    assert differ == [False, False, True, True, True]
+    assert (frames[2] != frames[3]).any()
 
 
 @pytest.mark.renders
