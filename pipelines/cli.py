@@ -16,6 +16,8 @@ from pipelines.comparison_cli import app as comparison_app
 from pipelines.diagnosis_cli import app as diagnosis_app
 from pipelines.exits import CODES, Commands
 from pipelines.experiment_cli import app as experiment_app
+from pipelines.navigation_cli import app as navigation_app
+from pipelines.options import Overrides
 from pipelines.recordings_cli import app as recordings_app
 
 app = typer.Typer(
@@ -35,6 +37,7 @@ robot_app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
 app.add_typer(data_app, name="data")
 app.add_typer(robot_app, name="robot")
 app.add_typer(recordings_app, name="recordings")
+app.add_typer(navigation_app)
 app.add_typer(comparison_app)
 app.add_typer(diagnosis_app)
 app.add_typer(experiment_app)
@@ -42,14 +45,6 @@ app.add_typer(experiment_app)
 RunArgument = Annotated[
     Path,
     typer.Argument(metavar="RUN", help="A run's folder, e.g. runs/prism3.", show_default=False),
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[KEY=VALUE]...",
-        help="Settings to change, by their path in the configuration, e.g. mppi.samples=64.",
-        show_default=False,
-    ),
 ]
 
 
@@ -159,37 +154,6 @@ def evaluate(
     from pipelines.evaluate import score_models
 
     score_models(run, split, horizon, starts, full, weights, by)
-
-
-@app.command()
-def navigate(
-    source: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RUN|CONFIG", help="A run's folder, or a configuration (with --model oracle)."
-        ),
-    ],
-    overrides: Overrides = None,
-    model: Annotated[
-        str, typer.Option(help="champion, oracle (the plant itself), or an iteration's number.")
-    ] = "champion",
-    seed: Annotated[int, typer.Option(help="Of the task, and of the planner.")] = 0,
-    video: Annotated[
-        Path | None,
-        typer.Option(help="Where the video goes; navigate-<model>-<seed>.mp4 by default."),
-    ] = None,
-) -> None:
-    """Drive to a goal once, with MPPI, and film it.
-
-    [bold]Examples[/bold]
-
-    flywheel navigate runs/prism3 --seed 7
-
-    flywheel navigate configs/prism3.yaml --model oracle
-    """
-    from pipelines.navigate import drive
-
-    drive(source, overrides or [], model, seed, video)
 
 
 @app.command()

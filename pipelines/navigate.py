@@ -1,67 +1,206 @@
-"""`flywheel navigate`: one MPPI episode to a goal, with a video."""
+"""`flywheel navigate`: MPPI episodes to goals, with a video, one after the other."""
 
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from flywheel.control.protocol import OnPiece, Piece
+from flywheel.data.recordings import write_recording
+from flywheel.dynamics.plant import LiveView
 from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
+from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.records import Episode
-from flywheel.runtime.config import RunConfig, load_config
+from flywheel.runtime.config import RunConfig, config_digest, load_config
+from flywheel.runtime.filming import scenery_of
 from flywheel.runtime.plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.progress import Stage, console_progress
 from flywheel.runtime.recording import Recorder
 from flywheel.runtime.results import RESULT_FILE
 from flywheel.runtime.run_folder import RunFolder
 from flywheel.runtime.watch import Watch
+from pipelines.drives import Drive, Setting, append_drive, drive_picture, drive_table, read_drives
+from pipelines.hidden_effects import hidden_effects
 from pipelines.runs import open_run
 from pipelines.show import console
 
 CHAMPION = "champion"
 
 
-def drive(source: Path, overrides: list[str], model: str, seed: int, video: Path | None) -> None:
-    """Record the episode, say how it ended, and film it.
+@dataclass(frozen=True)
+class Wish:
+    """What is asked for.
 
-    Args:
+    Attributes:
       source: folder of a run, or a configuration.
       overrides: "key=value" on top of it.
       model: "champion", "oracle", or an iteration of the run.
-      seed: of the task and of the planner.
-      video: where it goes, or None for the usual place.
+      seeds: of the tasks and of the planner.
+      hidden: what the plant has and nobody is told of, see `hidden_effects`.
+      video: where that of the first episode goes; None for the usual place.
+      film: make it.
+      watch: show the episodes while they happen.
+      results: file that gets a line per episode; episodes that are in it are not driven again.
+      picture: PNG of all paths in the results, from above.
+      logs: folder that gets each episode as CSV.
     """
-    # Nothing else runs beside it: all cores plan.
-    config = _config(source, [f"sim_threads={len(os.sched_getaffinity(0))}", *overrides])
-    recorder = Recorder(config, RunFolder(source).robot(config))
-    dynamics, digest = _dynamics(source, config, recorder, model)
-    plan = EpisodePlan(
-        id=f"navigate-{model}-{seed}",
-        controller=ORACLE if model == ORACLE else "mppi",
-        iteration=-1,
-        split="test",
-        dataset=0,
-        seconds=config.task.seconds,
-        seed=seed,
-        task_seed=seed,
-        effects=_effects(source, config, overrides),
-    )
-    progress = console_progress()
-    with progress.stage("navigate", 1.0) as stage:
-        episode = recorder.record(plan, dynamics, digest, _ShownWatch(stage))
-    out = console()
-    out.print(_ending(episode), highlight=False)
-    progress.say("Filming; this takes longer than driving without a graphics card.")
-    path = video or Path(f"navigate-{model}-{seed}.mp4")
-    try:
-        _film(recorder, plan, episode, path)
-    except FlywheelError as error:
-        out.print(f"No video: {error}", soft_wrap=True)
-    else:
-        out.print(f"Video: {path}", soft_wrap=True)
+
+    source: Path
+    overrides: tuple[str, ...] = ()
+    model: str = CHAMPION
+    seeds: range = range(1)
+    hidden: tuple[str, ...] = ()
+    video: Path | None = None
+    film: bool = True
+    watch: bool = False
+    results: Path | None = None
+    picture: Path | None = None
+    logs: Path | None = None
+
+
+class Driver:
+    """Drives the episodes of a wish.
+
+    Args:
+      wish: see there.
+
+    Raises:
+      ConfigError: nothing can be driven like that.
+    """
+
+    def __init__(self, wish: Wish) -> None:
+        self.wish = wish
+        # Nothing else runs beside it: all cores plan.
+        threads = f"sim_threads={len(os.sched_getaffinity(0))}"
+        self.config = _config(wish.source, [threads, *wish.overrides])
+        self.recorder = Recorder(self.config, RunFolder(wish.source).robot(self.config))
+        self._dynamics, self._digest = _dynamics(
+            wish.source, self.config, self.recorder, wish.model
+        )
+        self._known = _effects(wish.source, self.config, wish.overrides)
+        self._hidden = hidden_effects(wish.hidden, self.recorder.robot)
+
+    @property
+    def setting(self) -> Setting:
+        """What drives, and where."""
+        config = self.config
+        return Setting(
+            robot=self.recorder.robot.name,
+            task=config.task.name,
+            course=config.task.course if config.task.name == "obstacle_course" else "",
+            terrain=config.terrain.kinds,
+            model=self.wish.model,
+            digest=self._digest,
+            effects=tuple(effect.label for effect in self._known),
+            hidden=tuple(_written(effect) for effect in self._hidden),
+            samples=config.mppi.samples,
+            horizon_seconds=config.mppi.horizon_seconds,
+            threads=config.sim_threads,
+            config=config_digest(config),
+        )
+
+    def plan(self, seed: int) -> EpisodePlan:
+        """Of one episode."""
+        return EpisodePlan(
+            id=f"navigate-{self.wish.model}-{seed}",
+            controller=ORACLE if self.wish.model == ORACLE else "mppi",
+            iteration=-1,
+            split="test",
+            dataset=0,
+            seconds=self.config.task.seconds,
+            seed=seed,
+            task_seed=seed,
+            effects=self._known,
+            hidden=self._hidden,
+        )
+
+    def drive(self, seed: int, stage: Stage) -> tuple[Drive, Episode]:
+        """Record one episode."""
+        plan, begun = self.plan(seed), time.process_time()
+        with self._shown(plan) as on_piece:
+            watch = _ShownWatch(stage)
+            episode = self.recorder.record(plan, self._dynamics, self._digest, watch, on_piece)
+        took = time.process_time() - begun
+        walk, task = self.recorder.walk(plan, episode), self.recorder.task(plan)
+        assert walk is not None and task is not None, "an episode with a task has both"
+        middle, late = np.quantile(episode.telemetry["plan_seconds"], [0.5, 0.95])
+        return Drive(
+            setting=self.setting,
+            seed=seed,
+            walk=walk,
+            seconds_allowed=task.seconds,
+            tolerance=task.tolerance,
+            plan_seconds=(round(float(middle), 4), round(float(late), 4)),
+            cpu_seconds=round(took, 2),
+        ), episode
+
+    def film(self, seed: int, episode: Episode) -> Path:
+        """Make the video of an episode."""
+        task, states = self.recorder.task(self.plan(seed)), episode.trajectory.states
+        assert task is not None and states is not None, "a planned episode on a plant has both"
+        path = self.wish.video or Path(f"navigate-{self.wish.model}-{seed}.mp4")
+        scenery = scenery_of(task, episode.terrain)
+        return render_episode(self.recorder.robot, states, path, scenery, plans=episode.plans)
+
+    @contextmanager
+    def _shown(self, plan: EpisodePlan) -> Iterator[OnPiece | None]:
+        """Shows the pieces of an episode, where that is asked for."""
+        if not self.wish.watch:
+            yield None
+            return
+        task = self.recorder.task(plan)
+        assert task is not None, "an episode that is driven has a task"
+        scenery = scenery_of(task, self.recorder.terrain(plan))
+        with LiveView(self.recorder.robot, scenery) as view:
+
+            def show(piece: Piece) -> None:
+                assert piece.simulated.states is not None
+                states = piece.simulated.states[0, 1:]
+                view.show(states, piece.simulated.dt, piece.command.diagnostics.get("paths"))
+
+            yield show
+
+
+def navigate(wish: Wish) -> None:
+    """Drive, say how it ended, film it, and keep what is to be kept."""
+    driver, out = Driver(wish), console()
+    there = read_drives(wish.results) if wish.results else []
+    if wish.logs:
+        wish.logs.mkdir(parents=True, exist_ok=True)
+    setting, progress = driver.setting, console_progress()
+    for number, seed in enumerate(wish.seeds):
+        if any(drive.seed == seed and drive.setting == setting for drive in there):
+            out.print(f"Seed {seed} is in {wish.results} already.", soft_wrap=True)
+            continue
+        label = f"navigate {number + 1}/{len(wish.seeds)}" if len(wish.seeds) > 1 else "navigate"
+        with progress.stage(label, 1.0) as stage:
+            drive, episode = driver.drive(seed, stage)
+        there.append(drive)
+        if wish.logs:
+            log = wish.logs / f"{wish.model}-{seed}.csv"
+            write_recording(episode, log, driver.recorder.robot)
+        if wish.results:
+            append_drive(wish.results, drive)
+        out.print(f"Seed {seed}: {_ending(drive)}", highlight=False)
+        if wish.film and number == 0:
+            progress.say("Filming; this takes longer than driving without a graphics card.")
+            try:
+                out.print(f"Video: {driver.film(seed, episode)}", soft_wrap=True)
+            except FlywheelError as error:
+                out.print(f"No video: {error}", soft_wrap=True)
+    if len(there) > 1:
+        out.print(drive_table(there))
+    if wish.picture:
+        drive_picture(there, wish.picture)
+        out.print(f"From above: {wish.picture}", soft_wrap=True)
 
 
 class _ShownWatch(Watch):
@@ -80,7 +219,7 @@ def _config(source: Path, overrides: list[str]) -> RunConfig:
     return load_config(source / "config.yaml" if source.is_dir() else source, overrides)
 
 
-def _effects(source: Path, config: RunConfig, overrides: list[str]) -> Effects:
+def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:
     """Of the plant that is driven: those that are asked for, or those that a run adopted."""
     asked = any(each.partition("=")[0] == "effects" for each in overrides)
     if asked or not (source / RESULT_FILE).exists():
@@ -105,30 +244,19 @@ def _dynamics(
     return weights.dynamics(recorder.robot, config.sim_threads), weights.digest
 
 
-def _ending(episode: Episode) -> str:
-    outcome = episode.outcome
-    assert outcome is not None, "an episode with a task has an outcome"
-    plans = episode.telemetry.get("plan_seconds")
-    planning = ""
-    if plans is not None and len(plans):
-        middle, late = np.quantile(plans, [0.5, 0.95])
-        planning = f" A plan took {middle:.3f} s (95 % of them less than {late:.3f} s)."
-    if outcome.success:
-        return f"[green]Reached the goal after {outcome.seconds:.1f} s.[/green]{planning}"
+def _written(effect: WrittenTerm) -> str:
+    """With its values: "torque_speed (slope 0.1)"."""
+    values = ", ".join(f"{name} {value:.3g}" for name, value in effect.parameters.items())
+    return f"{effect.label} ({values})"
+
+
+def _ending(drive: Drive) -> str:
+    middle, late = drive.plan_seconds
+    planning = f" A plan took {middle:.3f} s (95 % of them less than {late:.3f} s)."
+    walk = drive.walk
+    if walk.reached:
+        return f"[green]reached the goal after {walk.seconds:.1f} s.[/green]{planning}"
     return (
-        f"[yellow]Did not reach the goal in {outcome.seconds:.1f} s;[/yellow] "
-        f"{outcome.distance:.2f} m were left.{planning}"
-    )
-
-
-def _film(recorder: Recorder, plan: EpisodePlan, episode: Episode, path: Path) -> None:
-    task, states = recorder.task(plan), episode.trajectory.states
-    assert task is not None and states is not None, "a planned episode on a plant has both"
-    render_episode(
-        recorder.robot,
-        states,
-        path,
-        obstacles=task.obstacles,
-        goal=task.goal,
-        terrain=episode.terrain,
+        f"[yellow]did not reach the goal in {walk.seconds:.1f} s;[/yellow] {walk.distance:.2f} m "
+        f"were left.{planning}"
     )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from flywheel.control.open_loop import OpenLoop
-from flywheel.control.protocol import Command, Controller
+from flywheel.control.protocol import Command, Controller, OnPiece, Piece
 from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
 from flywheel.dynamics.plant.reckoning import APART
 from flywheel.errors import ConfigError, ModelError
@@ -24,8 +24,6 @@ from flywheel.records import (
 )
 from flywheel.robots import Robot
 from flywheel.tasks import Task
-
-OnStep = Callable[[int], None]
 
 
 class Log:
@@ -134,7 +132,7 @@ def record_episode(
     episode_id: str,
     provenance: Provenance,
     split: Split,
-    on_step: OnStep | None = None,
+    on_piece: OnPiece | None = None,
     reckoning: Reckoning | None = None,
 ) -> Episode:
     """Let a controller drive the plant until the goal is reached or the time is over.
@@ -150,7 +148,7 @@ def record_episode(
       start: (1,) state.
       seconds, seed: longest duration [s]; seed of controller and measurement.
       episode_id, provenance, split: of the episode.
-      on_step: told the steps done after each piece; may raise to end the recording.
+      on_piece: told of each piece; may raise to end the recording.
       reckoning: of winches that are not measured; None for nominal ones.
 
     Raises:
@@ -175,8 +173,8 @@ def record_episode(
                 task, reached = task.then, False
                 controller.reset(task, _number(for_controller.spawn(1)[0]))
         log.append(simulated)
-        if on_step:
-            on_step(log.done)
+        if on_piece:
+            on_piece(Piece(log.done, simulated, command))
     outcome = None if task is None else _outcome(plant, log, task, reached)
     track, telemetry = log.trajectory(), _telemetry(commands)
     return Episode(episode_id, track, provenance, split, outcome, telemetry, plant.terrain)

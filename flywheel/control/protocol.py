@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from flywheel.records import Floats, Past
+from flywheel.records import Floats, Past, Trajectory
 from flywheel.tasks.task import Task
 
 
@@ -23,6 +24,25 @@ class Command:
     controls: Floats
     plan_seconds: float = 0.0
     diagnostics: dict[str, Floats] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What just happened in an episode, from one choice of commands to the next.
+
+    Attributes:
+      done: control steps since the beginning.
+      simulated: (1,) what the plant did, from the state before on.
+      command: that it followed.
+    """
+
+    done: int
+    simulated: Trajectory
+    command: Command
+
+
+# May raise to end a recording.
+OnPiece = Callable[[Piece], None]
 
 
 @runtime_checkable

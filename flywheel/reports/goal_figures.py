@@ -75,11 +75,19 @@ def times_to_goal(run: RunResult) -> Figure | None:
 
 
 def walks(run: RunResult) -> Figure | None:
-    """Paths of all evaluation episodes from above, with their goals.
+    """Paths of all evaluation episodes from above, with their goals."""
+    return paths_from_above(_series(run))
+
+
+def paths_from_above(drivers: Series) -> Figure | None:
+    """Paths of each of some drivers, side by side, with their goals; None where there is not one.
 
     On a course as they were, among its obstacles; elsewhere all begun at one point.
+
+    Args:
+      drivers: name, colour and episodes of each.
     """
-    series = [(n, c, v) for n, c, v in _series(run) if any(walk.path for walk in v.walks)]
+    series = [(n, c, v) for n, c, v in drivers if any(walk.path for walk in v.walks)]
     if not series:
         return None
     course = _course(series)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from flywheel.dynamics.plant import Scenery
 from flywheel.dynamics.plant.render import render_episode, usual_shot
 from flywheel.records import Plans
 from flywheel.runtime.plan import evaluation
@@ -11,10 +12,17 @@ from flywheel.runtime.recording import Recorder
 from flywheel.runtime.results import IterationResult
 from flywheel.runtime.run_folder import name_of
 from flywheel.runtime.run_state import Run
+from flywheel.tasks import Task
+from flywheel.terrain import Terrain
 
 FPS = 20
 SPEED = 4  # times real time
 SIZE = (640, 368)
+
+
+def scenery_of(task: Task, terrain: Terrain | None) -> Scenery:
+    """What is around the robot in a task on a ground."""
+    return Scenery(task.obstacles, task.last_goal, task.tolerance, terrain)
 
 
 def _hastened(plans: Plans | None, times: float) -> Plans | None:
@@ -39,18 +47,17 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
     trajectory = episode.trajectory
     if task is None or trajectory.states is None:
         return result
+    scenery = scenery_of(task, episode.terrain)
     stride = max(1, round(SPEED / FPS / trajectory.dt))
     try:
         render_episode(
             run.robot,
             trajectory.states[::stride],
             run.folder.path / name,
-            task.obstacles,
-            task.goal,
+            scenery,
             FPS,
             dt=1.0 / FPS,
-            shot=replace(usual_shot(task.obstacles), size=SIZE, goal_radius=task.tolerance),
-            terrain=episode.terrain,
+            shot=replace(usual_shot(scenery), size=SIZE),
             plans=_hastened(episode.plans, stride * trajectory.dt * FPS),
         )
     except Exception as error:  # whatever a graphics driver throws

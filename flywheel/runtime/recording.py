@@ -16,9 +16,10 @@ from flywheel.control import (
     standing,
 )
 from flywheel.control.gaits import Gait
+from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, with_effects
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import NAMED, WrittenTerm
+from flywheel.effects import NAMED, Terms, WrittenTerm
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config import RunConfig, config_digest
@@ -68,7 +69,7 @@ class Recorder:
             threads=self.config.sim_threads,
             terrain=terrain,
         )
-        return with_effects(plant, tuple(e.term(self.robot, NAMED) for e in effects))
+        return with_effects(plant, self._terms(effects))
 
     def task(self, plan: EpisodePlan) -> Task | None:
         """The task of a planned episode."""
@@ -80,7 +81,12 @@ class Recorder:
         return sample_task(self.config.task.name, self.robot, points, rng, self.config.task)
 
     def record(
-        self, plan: EpisodePlan, dynamics: Dynamics | None, model: str, watch: Watch
+        self,
+        plan: EpisodePlan,
+        dynamics: Dynamics | None,
+        model: str,
+        watch: Watch,
+        on_piece: OnPiece | None = None,
     ) -> Episode:
         """Record it.
 
@@ -89,14 +95,21 @@ class Recorder:
           dynamics: that MPPI plans with; None where nothing is planned.
           model: digest of its weights, or "".
           watch: told how far the episode is.
+          on_piece: also told what happened.
 
         Raises:
           ModelError: the plant diverged, or the model did.
         """
         task = self.task(plan)
-        plant = self.plant(plan.dataset, plan.effects, task, self.terrain(plan))
+        plant = self.plant(plan.dataset, plan.plant_effects, task, self.terrain(plan))
         if plan.controller == ORACLE:
             dynamics = PlantDynamics(plant)
+
+        def told(piece: Piece) -> None:
+            watch.progress(min(1.0, piece.done * plant.dt / plan.seconds))
+            if on_piece is not None:
+                on_piece(piece)
+
         return record_episode(
             plant,
             self.config.measurement,
@@ -108,8 +121,8 @@ class Recorder:
             episode_id=plan.id,
             provenance=self._provenance(plan, model),
             split=plan.split,
-            reckoning=Reckoning(self.robot, plant.dt, plant.terms),
-            on_step=lambda done: watch.progress(min(1.0, done * plant.dt / plan.seconds)),
+            reckoning=Reckoning(self.robot, plant.dt, self._terms(plan.effects)),
+            on_piece=told,
         )
 
     def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
@@ -121,7 +134,7 @@ class Recorder:
         stride = max(1, round(WALK_SECONDS / trajectory.dt))
         points = trajectory.observations.points
         if trajectory.states is not None:  # as it was, not as it was measured
-            points = self.plant(0, plan.effects).observe(trajectory.states).points
+            points = self.plant(0, plan.plant_effects).observe(trajectory.states).points
         centre = task.place(points[::stride])
         return Walk(
             path=tuple((float(x), float(y)) for x, y in np.round(centre, 4)),
@@ -132,6 +145,9 @@ class Recorder:
             seed=plan.seed,
             obstacles=task.obstacles,
         )
+
+    def _terms(self, effects: Effects) -> Terms:
+        return tuple(effect.term(self.robot, NAMED) for effect in effects)
 
     def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
         kind, _, gait = plan.controller.partition(":")
@@ -153,7 +169,7 @@ class Recorder:
         if kind in ("drop", "gait"):
             dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
             return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)
-        state = self._settled_state(plan.dataset, plan.effects)
+        state = self._settled_state(plan.dataset, plan.plant_effects)
         if task is not None and task.begin is not None:
             state = standing(plant, state, task.begin.place, task.begin.turn)
         if plant.terrain is None:
@@ -179,7 +195,7 @@ class Recorder:
             config=self._digest,
             code=__version__,
             plant=data.plant.changed(),
-            effects={effect.label: effect.parameters for effect in plan.effects},
+            effects={effect.label: effect.parameters for effect in plan.plant_effects},
         )
 
 

@@ -82,6 +82,25 @@ def test_navigate_drives_with_the_oracle_of_a_configuration(stranger: Stranger) 
     assert (stranger.folder / "oracle.mp4").stat().st_size > 1000
 
 
+def test_navigate_goes_on_after_the_episodes_it_has_results_of(stranger: Stranger) -> None:
+    command = (
+        "flywheel navigate configs/smoke.yaml --model oracle --hidden slope:0.5 --no-film"
+        " --results drives/all.jsonl --logs logs --picture drives/all.png"
+    )
+    stranger.ask(f"{command} -- task.seconds=1")
+    printed, _ = stranger.ask(f"{command} --episodes 2 -- task.seconds=1")
+    assert "Seed 0 is in" in printed
+    assert "of 2" in printed
+    lines = (stranger.folder / "drives/all.jsonl").read_text().splitlines()
+    assert [json.loads(line)["seed"] for line in lines] == [0, 1]
+    assert all("slope" in json.loads(line)["setting"]["hidden"][0] for line in lines)
+    assert sorted(p.name for p in (stranger.folder / "logs").iterdir()) == [
+        "oracle-0.csv",
+        "oracle-1.csv",
+    ]
+    assert (stranger.folder / "drives/all.png").stat().st_size > 1000
+
+
 def test_navigate_without_a_run_has_no_champion(stranger: Stranger) -> None:
     _, said = stranger.ask("flywheel navigate configs/smoke.yaml", code=2)
     assert "--model oracle" in said

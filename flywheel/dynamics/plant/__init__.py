@@ -2,7 +2,9 @@
 
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Motion
 from flywheel.dynamics.plant.course import Course
+from flywheel.dynamics.plant.drawing import Scenery
 from flywheel.dynamics.plant.effective import EffectivePlant, with_effects
+from flywheel.dynamics.plant.live import LiveView
 from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
@@ -18,6 +20,7 @@ __all__ = [
     "AugmentedPlant",
     "Course",
     "EffectivePlant",
+    "LiveView",
     "MeasurementModel",
     "Motion",
     "Plant",
@@ -25,6 +28,7 @@ __all__ = [
     "PlantParameters",
     "Reckoning",
     "RestartedPlant",
+    "Scenery",
     "Shot",
     "between",
     "moved",

@@ -182,14 +182,14 @@ def test_a_goal_not_reached_in_time_is_a_failure_with_its_distance(plant: Plant)
 
 def test_progress_is_told_and_can_end_the_recording(plant: Plant) -> None:
     told: list[int] = []
-    recorded(plant, Spy(plant.robot, DT), on_step=told.append)
+    recorded(plant, Spy(plant.robot, DT), on_piece=lambda piece: told.append(piece.done))
     assert told == [40, 80, 100]
 
-    def stop(done: int) -> None:
+    def stop(piece: object) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        recorded(plant, Spy(plant.robot, DT), on_step=stop)
+        recorded(plant, Spy(plant.robot, DT), on_piece=stop)
 
 
 @pytest.mark.parametrize(

@@ -85,8 +85,8 @@ def test_plans_come_back_and_telemetry_of_older_stores_is_read(tmp_path, make_ep
     assert TrajectoryStore(tmp_path).verify() == ()
     plans = TrajectoryStore(tmp_path).read("e").plans
     assert plans.at(-0.1) is None
-    for time, number in ((0.0, 0), (0.49, 0), (0.5, 1), (9.0, 2)):
-        np.testing.assert_array_equal(plans.at(time), paths[number])
+    for at, number in ((0.0, 0), (0.49, 0), (0.5, 1), (9.0, 2)):
+        np.testing.assert_array_equal(plans.at(at), paths[number])
 
 
 def test_a_flipped_bit_anywhere_is_found_and_the_episode_named(tmp_path, make_episode):

@@ -6,7 +6,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from flywheel.dynamics.plant import Plant, Shot, render_episode, render_frames
+from flywheel.dynamics.plant import Plant, Scenery, Shot, render_episode, render_frames
 from flywheel.errors import DataError
 from flywheel.records import Plans, State
 from flywheel.robots import Box, Robot, load_robot
@@ -44,8 +44,8 @@ def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> Non
     assert plain.std() > 10
     ghosts = Plant(robot).observe(states[-2:]).points + [0.0, 0.0, 1.0]
     for extra in (
-        {"goal": np.array([-1.0, 0.5])},
-        {"obstacles": (Box(center=(-1.5, 0, 0.5), half_size=(0.3, 0.3, 0.5)),)},
+        {"scenery": Scenery(goal=np.array([-1.0, 0.5]))},
+        {"scenery": Scenery((Box(center=(-1.5, 0, 0.5), half_size=(0.3, 0.3, 0.5)),))},
         {"ghosts": ghosts},
     ):
         changed = np.abs(last(**extra) - plain).max(axis=-1) > 20
@@ -72,7 +72,8 @@ def test_walls_around_the_robot_do_not_hide_it(robot: Robot, states: State) -> N
 
     def moved(shot: Shot | None) -> float:
         first, last = (
-            next(render_frames(robot, states[[i]], walls, shot=shot)).astype(int) for i in (0, -1)
+            next(render_frames(robot, states[[i]], Scenery(walls), shot=shot)).astype(int)
+            for i in (0, -1)
         )
         return float((np.abs(first - last).max(axis=-1) > 20).mean())
 
@@ -85,6 +86,6 @@ def test_what_does_not_fit_is_refused(robot: Robot, states: State, tmp_path: Pat
     with pytest.raises(DataError, match=r"states \(T, 21\)"):
         render_episode(load_robot("prism3"), states[0], path)
     with pytest.raises(DataError, match=r"goal is \(x, y\)"):
-        render_episode(robot, states, path, goal=np.zeros(3))
+        render_episode(robot, states, path, Scenery(goal=np.zeros(3)))
     with pytest.raises(DataError, match=r"must be \(41, 6, 3\)"):
         render_episode(robot, states, path, ghosts=np.zeros((40, 6, 3)))
