@@ -41,6 +41,7 @@ def iteration_values(result: IterationResult) -> Values:
         "health/worker_restarts": result.restarts,
         "health/quarantined_tasks": result.quarantined,
         "health/invalid_episodes": result.invalid,
+        "seconds/cpu": result.cpu_seconds,
         **{f"seconds/{stage}": seconds for stage, seconds in result.seconds.items()},
     }
     if result.validation is not None:

@@ -12,6 +12,7 @@ import logging
 import os
 import re
 import threading
+import time
 from collections.abc import Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -29,7 +30,7 @@ import ray
 from ray import exceptions
 
 from flywheel.errors import FlywheelError, RunError
-from flywheel.runtime.jobs import Beat, Group, Job, JobFailed, WorkerDied
+from flywheel.runtime.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
 from flywheel.runtime.preflight import check_fits, check_reachable
 
 LOG = logging.getLogger(__name__)
@@ -167,13 +168,15 @@ class _Actor:
     def __init__(self, factory: type, arguments: tuple[Any, ...]) -> None:
         self._worker = factory(*arguments)
 
-    def ready(self) -> None:
-        return None
+    def ready(self) -> Answer:
+        return Answer()
 
-    def work(self, job: str, method: str, *arguments: Any) -> Any:
+    def work(self, job: str, method: str, *arguments: Any) -> Answer:
         _name_thread(job)
+        begun = time.process_time()
         try:
-            return getattr(self._worker, method)(*arguments)
+            value = getattr(self._worker, method)(*arguments)
+            return Answer(value, time.process_time() - begun)
         finally:
             _name_thread("idle")
 
@@ -208,7 +211,7 @@ class RayColleagues:
 
     def _answer(self, ticket: Any) -> Any:
         try:
-            return ray.get(ticket, timeout=self._seconds)
+            return ray.get(ticket, timeout=self._seconds).value
         except exceptions.RayTaskError as error:
             if isinstance(error.cause, FlywheelError):
                 raise error.cause from None
@@ -255,10 +258,11 @@ class RayBackend:
             done, _ = ray.wait(list(tickets), num_returns=len(tickets), timeout=0)
         return done
 
-    def result(self, ticket: Any) -> Any:
+    def result(self, ticket: Any) -> Answer:
         """Of a finished ticket."""
         try:
-            return ray.get(ticket, timeout=60)
+            answer: Answer = ray.get(ticket, timeout=60)
+            return answer
         except exceptions.RayTaskError as error:
             cause = error.cause or error
             if isinstance(cause, FlywheelError):

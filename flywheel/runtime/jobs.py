@@ -83,6 +83,19 @@ class Beat:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """What a worker gives back.
+
+    Attributes:
+      value: that the job's method returned.
+      cpu_seconds: that the worker's process spent on it, in all threads [s].
+    """
+
+    value: Any = None
+    cpu_seconds: float = 0.0
+
+
+@dataclass(frozen=True)
 class Quarantined:
     """A job set aside because it took several workers down with it."""
 
@@ -98,11 +111,13 @@ class PoolReport:
       results: by job id.
       quarantined: jobs without a result.
       restarts: workers started in place of one that died or hung.
+      cpu_seconds: spent on the jobs that have results [s].
     """
 
     results: dict[str, Any] = field(default_factory=dict)
     quarantined: list[Quarantined] = field(default_factory=list)
     restarts: int = 0
+    cpu_seconds: float = 0.0
 
 
 class Colleagues(Protocol):
@@ -135,8 +150,8 @@ class Backend(Protocol):
         """Those tickets that are finished, as soon as there is one or `seconds` are over."""
         ...
 
-    def result(self, ticket: Any) -> Any:
-        """The result of a finished ticket.
+    def result(self, ticket: Any) -> Answer:
+        """The answer of a finished ticket; an empty one where a worker has started.
 
         Raises:
           WorkerDied: the worker is gone.

@@ -18,7 +18,16 @@ from typing import Any
 
 from flywheel.errors import RunError
 from flywheel.runtime.interrupts import Interrupted
-from flywheel.runtime.jobs import Backend, Beat, Group, Job, PoolReport, Quarantined, WorkerDied
+from flywheel.runtime.jobs import (
+    Answer,
+    Backend,
+    Beat,
+    Group,
+    Job,
+    PoolReport,
+    Quarantined,
+    WorkerDied,
+)
 from flywheel.runtime.progress import Progress, Quiet
 
 DEATHS_ALLOWED = 3
@@ -237,14 +246,14 @@ class WorkerPool:
 
     def _finish(self, worker: _Worker, turn: _Turn) -> None:
         try:
-            result = self._backend.result(worker.ticket)
+            answer = self._backend.result(worker.ticket)
         except WorkerDied as death:
             self._lost(worker, str(death), turn)
             return
         job, worker.job, worker.ready = worker.job, None, True
         self._failed_starts.clear()
         if job is not None:
-            turn.finished(job, result)
+            turn.finished(job, answer)
 
     def _lost(self, worker: _Worker, why: str, turn: _Turn) -> None:
         self._workers.remove(worker)
@@ -292,10 +301,11 @@ class _Turn:
     deaths: dict[str, list[str]] = field(default_factory=dict)
     done: float = 0.0
 
-    def finished(self, job: Job, result: Any) -> None:
-        self.report.results[job.id] = result
+    def finished(self, job: Job, answer: Answer) -> None:
+        self.report.results[job.id] = answer.value
+        self.report.cpu_seconds += answer.cpu_seconds
         self.done += job.size
-        self.on_result(job, result)
+        self.on_result(job, answer.value)
 
     def lost(self, job: Job, why: str) -> None:
         deaths = self.deaths.setdefault(job.id, [])

@@ -44,6 +44,7 @@ class IterationResult(ResultRecord):
       new_episodes, new_steps: collected by this iteration.
       restarts, quarantined, invalid: workers restarted, tasks set aside, episodes thrown away.
       seconds: wall time per stage ("collect", "snapshot", "train", "evaluate", "decide") [s].
+      cpu_seconds: that the workers' processes spent on it, of all arms: in the result of "mppi" [s].
       diagnosis: what the plant was found to lack before this iteration; None where nobody asked.
       video: path relative to the run folder, or "".
     """
@@ -65,6 +66,7 @@ class IterationResult(ResultRecord):
     quarantined: int = 0
     invalid: int = 0
     seconds: dict[str, float] = Field(default_factory=dict)
+    cpu_seconds: float = 0.0
     curve: tuple[TrainingPoint, ...] = ()
     gate: GateDecision | None = None
     overlay: Overlay | None = None

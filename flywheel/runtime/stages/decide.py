@@ -43,6 +43,7 @@ def decide(
                 restarts=tally.restarts if arm == "mppi" else 0,
                 quarantined=collected[arm].quarantined,
                 invalid=collected[arm].invalid,
+                cpu_seconds=round(tally.cpu_seconds, 2) if arm == "mppi" else 0.0,
                 seconds={stage: round(s, 2) for stage, s in tally.seconds.items()},
                 curve=trained[arm].note.curve,
                 gate=_gate(run, trained[arm], done) if arm == "mppi" else None,

@@ -19,11 +19,13 @@ class Tally:
 
     Attributes:
       seconds: wall time per stage [s].
+      cpu_seconds: that workers spent on jobs, see `PoolReport` [s].
       restarts: workers replaced.
       problems: sentences about episodes that are missing.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
+    cpu_seconds: float = 0.0
     restarts: int = 0
     problems: list[str] = field(default_factory=list)
 
@@ -39,6 +41,7 @@ class Tally:
     def add(self, report: PoolReport) -> PoolReport:
         """Count what a call of the pool did."""
         self.restarts += report.restarts
+        self.cpu_seconds += report.cpu_seconds
         for job in report.quarantined:
             why = "; ".join(sorted(set(job.deaths)))
             self.problems.append(f"{job.id} was set aside after {len(job.deaths)} workers: {why}")

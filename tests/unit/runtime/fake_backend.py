@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
-from flywheel.runtime.jobs import Beat, Group, Job, JobFailed, WorkerDied
+from flywheel.runtime.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
 
 DIE, HANG, CRASH, SLOW = "die", "hang", "crash", "slow"
 
@@ -67,13 +67,13 @@ class FakeBackend:
         self.now = max(self.now, min(due, self.now + seconds))
         return [t for t in pending if self._tickets[t]["due"] <= self.now]
 
-    def result(self, ticket: int) -> Any:
+    def result(self, ticket: int) -> Answer:
         known = self._tickets.pop(ticket)
         if known["fate"] == DIE:
             raise WorkerDied("killed by signal 9")
         if known["fate"] == CRASH:
             raise JobFailed("ValueError: no")
-        return known["result"]
+        return Answer(known["result"], self.seconds)
 
     def beat(self, worker: int) -> Beat | None:
         known = self._tickets.get(self._workers[worker] or -1)

@@ -6,7 +6,7 @@ from itertools import count
 from typing import Any
 
 from flywheel.errors import FlywheelError
-from flywheel.runtime.jobs import Beat, Group, Job, JobFailed
+from flywheel.runtime.jobs import Answer, Beat, Group, Job, JobFailed
 
 
 class LocalBackend:
@@ -39,11 +39,11 @@ class LocalBackend:
     def wait(self, tickets: list[int], seconds: float) -> list[int]:
         return list(tickets)
 
-    def result(self, ticket: int) -> Any:
+    def result(self, ticket: int) -> Answer:
         result = self._results.pop(ticket)
         if isinstance(result, Exception):
             raise result
-        return result
+        return Answer(result)
 
     def beat(self, worker: Any) -> Beat | None:
         return None

@@ -45,6 +45,11 @@ def test_jobs_are_done_whatever_the_workers_do_as_long_as_no_job_kills_three():
     assert report.restarts == deaths, f"seed {seed}"
 
 
+def test_computing_time_is_counted_for_what_is_done_and_not_for_what_died_on_the_way():
+    backend = FakeBackend({"a": [DIE]})
+    assert pool_of(backend).run(jobs(*"abc")).cpu_seconds == pytest.approx(3 * backend.seconds)
+
+
 def test_a_hung_worker_is_killed_and_its_job_done_again():
     backend = FakeBackend({"a": [HANG]})
     report = pool_of(backend).run(jobs("a", "b"))
