@@ -8,7 +8,10 @@ from flywheel.robots import Robot
 
 
 class WinchBacklash(CommandEffect):
-    """The rest length follows the motor with free play, in the middle of it at the beginning."""
+    """The rest length follows the motor with free play, in the middle of it at the beginning.
+
+    The motor of a position winch is taken to rest where its first command wants it.
+    """
 
     name = "winch_backlash"
     stage = 3
@@ -19,12 +22,11 @@ class WinchBacklash(CommandEffect):
 
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
         half = values["width"] / 2
-        rate = robot.rate_driven
-        motor = np.where(rate, np.cumsum(controls, axis=1) * dt, controls)
-        drum = np.where(rate, 0.0, controls[:, 0])
+        motor = drum = np.where(robot.rate_driven, 0.0, controls[:, 0])
         told = np.empty_like(controls)
         for step in range(controls.shape[1]):  # each position needs the one before
-            after = np.clip(drum, motor[:, step] - half, motor[:, step] + half)
-            told[:, step] = np.where(rate, (after - drum) / dt, after)
+            motor = motor + robot.rates(motor, controls[:, step], dt) * dt
+            after = np.clip(drum, motor - half, motor + half)
+            told[:, step] = robot.telling(drum, (after - drum) / dt, dt)
             drum = after
         return np.where(half > 0, told.swapaxes(0, 1), controls.swapaxes(0, 1)).swapaxes(0, 1)

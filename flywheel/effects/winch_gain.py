@@ -1,5 +1,7 @@
 """Winches that are faster or slower than they should be."""
 
+import numpy as np
+
 from flywheel.effects.effect import CommandEffect, Parameter, Values
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -8,7 +10,8 @@ from flywheel.robots import Robot
 class WinchGain(CommandEffect):
     """All rates are off by one factor: another drum radius, another gear.
 
-    A position winch goes to where it was told; of its command only the change is scaled.
+    A position winch still goes to where it was told, but at another rate. Its motor is taken to rest where
+    its first command wants it.
     """
 
     name = "winch_gain"
@@ -19,11 +22,13 @@ class WinchGain(CommandEffect):
     shown_by = "long strokes"
 
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
-        share = values["share"][:, None]
-        scaled = controls * (1.0 + share)
+        faster = 1.0 + values["share"]
         if robot.rate_driven.all():
-            return scaled
-        first = controls[:, :1]
-        moved = first + (controls - first) * (1.0 + share)
-        rate = robot.rate_driven
-        return scaled * rate + moved * ~rate
+            return controls * faster[:, None]
+        drum = np.where(robot.rate_driven, 0.0, controls[:, 0])
+        told = np.empty_like(controls)
+        for step in range(controls.shape[1]):  # each rate of a position winch needs where it is
+            rates = robot.rates(drum, controls[:, step], dt, faster)
+            told[:, step] = robot.telling(drum, rates, dt)
+            drum = drum + rates * dt
+        return told

@@ -242,10 +242,26 @@ class Robot:
 
     def wound(self, now: Floats, told: Floats, dt: float) -> Floats:
         """Positions (..., W) [m] of nominal winches at (..., W), `dt` [s] after they were told (..., W)."""
-        lag = np.array([winch.time_constant for winch in self.winches])
-        share = -np.expm1(-dt / np.maximum(lag, 1e-9))
-        moved = np.where(self.rate_driven, told * dt, share * (told - now))
-        return np.clip(now + moved, self.rest_low, self.rest_high)
+        return np.clip(now + self.rates(now, told, dt) * dt, self.rest_low, self.rest_high)
+
+    def rates(self, now: Floats, told: Floats, dt: float, faster: Floats | float = 1.0) -> Floats:
+        """Mean rates (..., W) [m/s] of winches at (..., W) over the `dt` [s] after they were told (..., W).
+
+        Args:
+          faster: (..., W) how many times as fast as nominal winches they are.
+        """
+        share = -np.expm1(-dt * faster / np.maximum(self._lags, 1e-9))
+        return np.where(self.rate_driven, told * faster, share * (told - now) / dt)
+
+    def telling(self, now: Floats, rates: Floats, dt: float) -> Floats:
+        """What (..., W) nominal winches at (..., W) have to be told for mean rates (..., W) over `dt` [s]."""
+        share = -np.expm1(-dt / np.maximum(self._lags, 1e-9))
+        return np.where(self.rate_driven, rates, now + rates * dt / share)
+
+    @cached_property
+    def _lags(self) -> Floats:
+        """(W,) time constants of position winches; 0 for the others [s]."""
+        return np.array([winch.time_constant for winch in self.winches])
 
     def dead_reckon(
         self, start: Floats, controls: Floats, dt: float, measured: Floats | None = None

@@ -144,7 +144,7 @@ class AugmentedPlant:
         for field, values in zip(fields, (start.qpos, start.qvel, start.act), strict=True):
             field[:] = values
         batch.bind("time")[:] = 0.0
-        laws = Laws(self._cables, batch, terms, memory, self.robot.timestep, self._scales.slow)
+        laws = Laws(self.robot, self._cables, batch, terms, memory, self._scales.slow)
         sensors = batch.bind("sensordata")
         ctrl = batch.bind("ctrl")
         driven = plant._drive.shape[1]
@@ -163,9 +163,8 @@ class AugmentedPlant:
             for _ in range(plant.substeps):
                 cables = laws.cables()
                 if laws.on_rates:
-                    ctrl[:, :driven] = plant.commands(laws.rate(told[:, step], cables)[:, None])[
-                        :, 0
-                    ]
+                    wanted = laws.told(told[:, step], cables)
+                    ctrl[:, :driven] = plant.commands(wanted[:, None])[:, 0]
                 if laws.on_tensions:
                     ctrl[:, driven:] = -laws.tension(cables)
                 batch.step(stage=CURRENT)

@@ -59,21 +59,21 @@ class Laws:
     """The laws of n simulations, each on the rows that have it.
 
     Args:
+      robot: whose cables and winches they are.
       geometry: of the cables.
       batch: the simulations.
       terms: of each.
       memory: effect name -> (n, C), changed in place as time goes on.
-      dt: time step [s].
       slow: speed of a cable that counts as still [m/s].
     """
 
     def __init__(
         self,
+        robot: Robot,
         geometry: Geometry,
         batch: Batch,
         terms: Sequence[Terms],
         memory: Memories,
-        dt: float,
         slow: float,
     ) -> None:
         cables, winches = len(geometry.rest), len(geometry.loads)
@@ -81,7 +81,8 @@ class Laws:
         self._rates = grouped(terms, WinchEffect, winches)  # type: ignore[type-abstract]
         self.memory = memory
         self._geometry = geometry
-        self._dt, self._slow = dt, slow
+        self._robot, self._dt, self._slow = robot, robot.timestep, slow
+        self._drums = [winch.activation for winch in robot.winches]
         names = ("ten_length", "ten_velocity", "act")
         self._length, self._speed, self._act = (batch.bind(name) for name in names)
         self._none = np.zeros((len(terms), cables))
@@ -107,13 +108,14 @@ class Laws:
         stiffness = self._stiffness
         return Cables(self._length, self._speed, rest, stiffness, elastic, self._dt, self._slow)
 
-    def rate(self, told: Floats, cables: Cables) -> Floats:
-        """Rates (n, W) of winches that are told (n, W), under their load."""
-        elastic = cables.elastic[:, None] * self._geometry.loads
-        load, told = elastic.max(axis=-1), told.copy()
+    def told(self, told: Floats, cables: Cables) -> Floats:
+        """What winches (n, W) that are told (n, W) do as if they had been told it, under their load."""
+        load = (cables.elastic[:, None] * self._geometry.loads).max(axis=-1)
+        now = self._act[:, self._drums]
+        rates = self._robot.rates(now, told, self._dt)
         for effect, rows, values in self._rates:
-            told[rows] = effect.rate(told[rows], load[rows], values)
-        return told
+            rates[rows] = effect.rate(rates[rows], load[rows], values)
+        return self._robot.telling(now, rates, self._dt)
 
     def tension(self, cables: Cables) -> Floats:
         """(n, C) extra tension [N]: on taut cables only, and never pushing."""

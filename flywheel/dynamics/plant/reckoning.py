@@ -103,9 +103,10 @@ class Reckoning:
             now = positions[-1]
             if lengths is not None:
                 load = self._load(lengths[step], now)
+                rates = robot.rates(now, command, self.dt)[None]
                 for effect, _, values in groups:
-                    slowed = effect.rate(command[None], load[None], values)[0]
-                    command = np.where(robot.rate_driven, slowed, command)
+                    rates = effect.rate(rates, load[None], values)
+                command = robot.telling(now, rates[0], self.dt)
             after = robot.wound(now, command, self.dt)
             if measured is not None:
                 known = measured[step + 1]
