@@ -18,8 +18,8 @@ class CableLaw:
     """Numbers of C cables.
 
     A cable that an actuator pulls (winched, or passive and clamped) has the tension
-    k (L - l0) + c V, cut off at zero and at the actuator's strongest pull. A tendon's own spring
-    pulls when stretched; a tendon's own damper always acts, and so can push.
+    k (L - l0) + c V, with what effects add, cut off at zero and at the actuator's strongest pull. A
+    tendon's own spring pulls when stretched; a tendon's own damper always acts, and so can push.
 
     Attributes:
       stiffness: (C,) [N/m].
@@ -66,14 +66,16 @@ class CableLaw:
             rest=np.array([cable.rest_length for cable in robot.cables]),
         )
 
-    def tension(self, cables: CableMotion) -> Floats:
-        """Tensions (C,) without effects [N]."""
-        extension, rate = cables.length - cables.rest, cables.rate
-        pulled = np.clip(self.stiffness * extension + self.damping * rate, 0.0, self.strongest)
-        sprung = self.stiffness * np.maximum(extension, 0.0)
-        return np.where(self.clamped, pulled, sprung) + self.free_damping * rate
+    def tension(self, cables: CableMotion, extra: Floats | float = 0.0) -> Floats:
+        """Tensions (C,) [N] with what effects add: nothing when slack, and never a push of their own.
 
-    def with_extra(self, tension: Floats, extra: Floats, taut: np.ndarray) -> Floats:
-        """Tensions (C,) with what effects add: nothing when slack, and never a push of their own."""
-        added = tension + np.where(taut, extra, 0.0)
-        return np.maximum(added, np.minimum(tension, 0.0))
+        No winch pulls with more than it has, whatever is added.
+        """
+        extension, rate = cables.length - cables.rest, cables.rate
+        pulled = np.maximum(self.stiffness * extension + self.damping * rate, 0.0)
+        sprung = self.stiffness * np.maximum(extension, 0.0)
+        free = self.free_damping * rate
+        alone = np.where(self.clamped, pulled, sprung) + free
+        added = alone + np.where(cables.taut, extra, 0.0)
+        most = np.where(self.clamped, self.strongest + free, np.inf)
+        return np.minimum(np.maximum(added, np.minimum(alone, 0.0)), most)

@@ -186,7 +186,7 @@ class _Course:
         for i, effect in enumerate(self.effects.cable):
             added, self.memories[i] = effect.extra(cables, self.memories[i])
             extra = extra + added
-        return self.sim.law.with_extra(self.sim.law.tension(cables), extra, cables.taut)
+        return self.sim.law.tension(cables, extra)
 
     def _push(self, time: float) -> None:
         data, skeleton = self.data, self.skeleton

@@ -29,6 +29,7 @@ class Geometry:
       activation: (C,) place of each cable's rest length in `act`, -1 for passive cables.
       rest: (C,) rest length at the keyframe [m].
       stiffness, damping: (C,).
+      strongest: (C,) pull of each cable's actuator; infinite without one [N].
       loads: (W, C) bool, which cables a winch carries.
     """
 
@@ -36,6 +37,7 @@ class Geometry:
     rest: Floats
     stiffness: Floats
     damping: Floats
+    strongest: Floats
     loads: np.ndarray
 
     @classmethod
@@ -51,8 +53,18 @@ class Geometry:
             np.array([cable.rest_length for cable in cables]),
             parameters.cable_stiffness * np.array([cable.stiffness for cable in cables]),
             parameters.cable_damping * np.array([cable.damping for cable in cables]),
+            _strongest(model, len(cables)),
             loads,
         )
+
+
+def _strongest(model: mujoco.MjModel, cables: int) -> Floats:
+    strongest = np.full(cables, np.inf)
+    limited = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (
+        model.actuator_forcelimited == 1
+    )
+    strongest[model.actuator_trnid[limited, 0]] = -model.actuator_forcerange[limited, 0]
+    return strongest
 
 
 class Laws:
@@ -118,7 +130,7 @@ class Laws:
         return self._robot.telling(now, rates, self._dt)
 
     def tension(self, cables: Cables) -> Floats:
-        """(n, C) extra tension [N]: on taut cables only, and never pushing."""
+        """(n, C) extra tension [N]: on taut cables only, never pushing, and no more than winches have."""
         extra = np.zeros_like(self._none)
         for effect, rows, values in self._tensions:
             held = self.memory[effect.name][rows] if effect.remembers else self._none[rows]
@@ -126,8 +138,10 @@ class Laws:
             extra[rows] += added
             if effect.remembers:
                 self.memory[effect.name][rows] = after
-        pull = np.maximum(cables.elastic + self._geometry.damping * cables.speed, 0.0)
-        return np.where(cables.taut, np.maximum(extra, -pull), 0.0)
+        pull, most = cables.elastic + self._geometry.damping * cables.speed, self._geometry.strongest
+        pull = np.maximum(pull, 0.0)
+        lacking = np.maximum(pull - most, 0.0)  # of what the springs alone would pull with
+        return np.where(cables.taut, np.clip(extra, -pull, most - pull) + lacking, 0.0)
 
 
 def has_laws(terms: Sequence[Terms]) -> bool:
