@@ -25,8 +25,8 @@ class Setting(ResultRecord):
       terrain: kinds of ground that were drawn; none for the plane.
       model: "champion", "oracle", or an iteration.
       digest: of its weights; "" for the oracle.
-      effects: of the plant that the model was told of, beyond the MJCF.
-      hidden: that nobody was told of.
+      effects: of the plant, as everybody was told, beyond the MJCF.
+      hidden: what the plant had in their place; none where it was as told.
       samples, horizon_seconds: of the planner.
       threads: that planned.
       config: digest of the configuration.

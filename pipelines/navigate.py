@@ -44,7 +44,7 @@ class Wish:
       overrides: "key=value" on top of it.
       model: "champion", "oracle", or an iteration of the run.
       seeds: of the tasks and of the planner.
-      hidden: what the plant has and nobody is told of, see `hidden_effects`.
+      hidden: what the plant has in place of what everybody is told, see `hidden_effects`.
       video: where that of the first episode goes; None for the usual place.
       film: make it.
       watch: show the episodes while they happen.
@@ -86,7 +86,8 @@ class Driver:
             wish.source, self.config, self.recorder, wish.model
         )
         self._known = _effects(wish.source, self.config, wish.overrides)
-        self._hidden = hidden_effects(wish.hidden, self.recorder.robot)
+        robot = self.recorder.robot
+        self._hidden = hidden_effects(wish.hidden, robot) if wish.hidden else None
 
     @property
     def setting(self) -> Setting:
@@ -100,7 +101,7 @@ class Driver:
             model=self.wish.model,
             digest=self._digest,
             effects=tuple(effect.label for effect in self._known),
-            hidden=tuple(_written(effect) for effect in self._hidden),
+            hidden=tuple(_written(effect) for effect in self._hidden or ()),
             samples=config.mppi.samples,
             horizon_seconds=config.mppi.horizon_seconds,
             threads=config.sim_threads,

@@ -15,8 +15,8 @@ HiddenOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="EFFECT[@PLACE][:SIZE]",
-        help="Of the plant, and nobody is told: torque_speed:2 is twice its typical size. Or the "
-        "path of an adopted plant.",
+        help="What the plant has beyond its MJCF, in place of what everybody is told: "
+        "torque_speed:2 is twice its typical size. Or the path of an adopted plant.",
         show_default=False,
     ),
 ]

@@ -37,8 +37,8 @@ class EpisodePlan:
       task_seed: of the task; None without one. Evaluation uses the same ones in every iteration.
       effects: of the plant, beyond its MJCF.
       samples: plans that MPPI tries at a time; None for as many as configured.
-      hidden: further effects of the plant that nothing which learns, plans or reckons is told of: a
-        stand-in for a real robot.
+      hidden: what the plant really has in place of `effects`, which is what all that learns, plans and
+        reckons is told: a stand-in for a real robot. None where nothing is hidden.
     """
 
     id: str
@@ -51,12 +51,12 @@ class EpisodePlan:
     task_seed: int | None = None
     effects: Effects = ()
     samples: int | None = None
-    hidden: Effects = ()
+    hidden: Effects | None = None
 
     @property
     def plant_effects(self) -> Effects:
-        """All that the plant has beyond its MJCF."""
-        return (*self.effects, *self.hidden)
+        """What the plant has beyond its MJCF."""
+        return self.effects if self.hidden is None else self.hidden
 
 
 def collection(

@@ -20,6 +20,7 @@ from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, with_effects
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import NAMED, Terms, WrittenTerm
+from flywheel.errors import DataError
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config import RunConfig, config_digest
@@ -124,6 +125,19 @@ class Recorder:
             reckoning=Reckoning(self.robot, plant.dt, self._terms(plan.effects)),
             on_piece=told,
         )
+
+    def check_own(self, episode: Episode) -> None:
+        """Refuse what another run has recorded under the same name.
+
+        Raises:
+          DataError: it has.
+        """
+        if episode.provenance.config != self._digest:
+            raise DataError(
+                f"The store has an episode {episode.id} of another run (configuration "
+                f"{episode.provenance.config[:12] or 'unknown'}, this one's is {self._digest[:12]}). "
+                "Give this run a store of its own; recordings can be imported into that, too."
+            )
 
     def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
         """The episode seen from above; None without a task."""

@@ -121,6 +121,7 @@ class SimWorker:
         """
         self._watch.start(plan.id)
         if (there := self._committed(plan.id)) is not None:
+            self._recorder.check_own(there)
             return self._note(plan, there)
         dynamics: Dynamics | None = None if weights is None else self._model(weights)
         if weights is not None and helpers is not None:

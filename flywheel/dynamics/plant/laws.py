@@ -138,7 +138,10 @@ class Laws:
             extra[rows] += added
             if effect.remembers:
                 self.memory[effect.name][rows] = after
-        pull, most = cables.elastic + self._geometry.damping * cables.speed, self._geometry.strongest
+        pull, most = (
+            cables.elastic + self._geometry.damping * cables.speed,
+            self._geometry.strongest,
+        )
         pull = np.maximum(pull, 0.0)
         lacking = np.maximum(pull - most, 0.0)  # of what the springs alone would pull with
         return np.where(cables.taut, np.clip(extra, -pull, most - pull) + lacking, 0.0)

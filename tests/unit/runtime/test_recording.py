@@ -8,6 +8,7 @@ import pytest
 
 from flywheel.dynamics.plant import PlantDynamics
 from flywheel.effects import WrittenTerm
+from flywheel.errors import DataError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config import CollectConfig, DataSet, RunConfig
@@ -170,3 +171,33 @@ def test_a_task_has_the_same_ground_whoever_plans_for_it() -> None:
         for name, seed in (("a", 1), ("b", 2))
     )
     assert recorder.terrain(first) == recorder.terrain(second) is not None
+
+
+def test_what_is_hidden_is_in_the_plant_and_in_nobody_s_head() -> None:
+    """A planner reckons with the winches that it was told of."""
+    told = WrittenTerm(effect="winch_gain", parameters={"share": 0.2})
+    real = WrittenTerm(effect="winch_gain", parameters={"share": -0.3})
+    collect = CollectConfig(gaits=0, random=6, random_seconds=1.0, validation=0.2, test=0.2)
+    config = RunConfig(collect=collect, seed=int(np.random.default_rng().integers(2**31)))
+    recorder = Recorder(config, load_robot(config.robot))
+    plan = collection(config, 0, "mppi", (told,))[0]
+    hidden = recorder.record(dataclasses.replace(plan, hidden=(real,)), None, "", NobodyWatches())
+    honest, other = (
+        recorder.record(dataclasses.replace(plan, effects=(each,)), None, "", NobodyWatches())
+        for each in (real, told)
+    )
+    states, theirs = hidden.trajectory.states, honest.trajectory.states
+    np.testing.assert_array_equal(states.qpos, theirs.qpos)
+    assert not np.array_equal(states.qpos, other.trajectory.states.qpos)
+    assert hidden.provenance.effects == {"winch_gain": {"share": -0.3}}
+
+
+def test_an_episode_of_another_run_is_not_taken_for_its_own() -> None:
+    collect = CollectConfig(gaits=0, random=6, random_seconds=0.2, validation=0.2, test=0.2)
+    mine, other = (RunConfig(collect=collect, seed=seed) for seed in (1, 2))
+    episode = Recorder(mine, load_robot(mine.robot)).record(
+        collection(mine, 0, "mppi")[0], None, "", NobodyWatches()
+    )
+    Recorder(mine, load_robot(mine.robot)).check_own(episode)
+    with pytest.raises(DataError, match="store of its own"):
+        Recorder(other, load_robot(other.robot)).check_own(episode)
