@@ -174,19 +174,18 @@ def navigate(wish: Wish) -> None:
     """Drive, say how it ended, film it, and keep what is to be kept."""
     driver, out = Driver(wish), console()
     there = read_drives(wish.results) if wish.results else []
-    if wish.logs:
-        wish.logs.mkdir(parents=True, exist_ok=True)
     setting, progress = driver.setting, console_progress()
+    driven = {drive.seed for drive in there if drive.setting == setting}
+    logs = {seed: _log(wish, seed) for seed in wish.seeds if seed not in driven}
     for number, seed in enumerate(wish.seeds):
-        if any(drive.seed == seed and drive.setting == setting for drive in there):
+        if seed in driven:
             out.print(f"Seed {seed} is in {wish.results} already.", soft_wrap=True)
             continue
         label = f"navigate {number + 1}/{len(wish.seeds)}" if len(wish.seeds) > 1 else "navigate"
         with progress.stage(label, 1.0) as stage:
             drive, episode = driver.drive(seed, stage)
         there.append(drive)
-        if wish.logs:
-            log = wish.logs / f"{wish.model}-{seed}.csv"
+        if (log := logs[seed]) is not None:
             write_recording(episode, log, driver.recorder.robot)
         if wish.results:
             append_drive(wish.results, drive)
@@ -202,6 +201,17 @@ def navigate(wish: Wish) -> None:
     if wish.picture:
         drive_picture(there, wish.picture)
         out.print(f"From above: {wish.picture}", soft_wrap=True)
+
+
+def _log(wish: Wish, seed: int) -> Path | None:
+    """Where the log of an episode goes; refused now rather than after it was driven."""
+    if wish.logs is None:
+        return None
+    wish.logs.mkdir(parents=True, exist_ok=True)
+    path = wish.logs / f"{wish.model}-{seed}.csv"
+    if path.exists():
+        raise ConfigError(f"{path} is there already; name another folder for the logs.")
+    return path
 
 
 class _ShownWatch(Watch):
