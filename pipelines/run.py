@@ -75,6 +75,10 @@ def summary_rows(result: RunResult) -> list[tuple[object, ...]]:
         ("floor (MuJoCo)", *_errors(result.floor), None, None, ""),
         ("informed floor", *_errors(result.informed_floor), None, None, ""),
         ("oracle (MPPI)", *_errors(None), *_success(result.oracle), ""),
+        *(
+            (f"champion, {each.course}", *_errors(None), *_success(each.navigation), "")
+            for each in result.unseen
+        ),
     ]
     return [*rows, *(row for row in beside if any(cell is not None for cell in row[1:-1]))]
 

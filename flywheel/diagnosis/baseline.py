@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.prediction import Predictor
 from flywheel.diagnosis.start_fit import StartFitter
@@ -11,10 +13,16 @@ from flywheel.dynamics.plant import Plant, refined
 from flywheel.effects import Terms
 
 
-def fitter_of(windows: Windows, plant: Plant) -> StartFitter:
-    """A fitter that begins with starts estimated from the measurements."""
-    finer = Predictor(windows, refined(plant))
-    return StartFitter(Predictor(windows, plant), estimated_starts(windows, plant), finer)
+def fitter_of(
+    windows: Windows, plant: Plant, busy: Callable[[], None] = lambda: None
+) -> StartFitter:
+    """A fitter that begins with starts estimated from the measurements.
+
+    Args:
+      busy: called before every simulation.
+    """
+    coarse, finer = (Predictor(windows, each, busy) for each in (plant, refined(plant)))
+    return StartFitter(coarse, estimated_starts(windows, plant), finer)
 
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int = 4, seed: int = 0) -> Fit:

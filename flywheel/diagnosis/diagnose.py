@@ -20,6 +20,7 @@ from flywheel.diagnosis.limits import Limits, verdict_of
 from flywheel.diagnosis.network_fit import NetworkFitter
 from flywheel.diagnosis.other_law import OtherLaw, other_law
 from flywheel.diagnosis.probes import PROBES, probed
+from flywheel.diagnosis.pulse import Pulse
 from flywheel.diagnosis.selection import Selection, Step, places
 from flywheel.diagnosis.stand_in import stand_in
 from flywheel.diagnosis.subject import Subject
@@ -71,7 +72,8 @@ def diagnose(
       ModelError: a model for another robot or control step, or that looks back further than windows go.
     """
     begun = time.perf_counter()
-    under_test = UnderTest(plant, model, seed)
+    pulse = Pulse(progress)
+    under_test = UnderTest(plant, model, seed, pulse.again)
     terms = unsure_terms(unsure, plant.terms)
     if model is not None and terms:
         raise ModelError("A trained model has no numbers of an MJCF that one can be unsure of.")
@@ -83,7 +85,7 @@ def diagnose(
         candidates(plant.robot, asked),
         terms,
         limits,
-        progress,
+        pulse,
     )
     found = _concluded(under_test, search, held_out)
     return replace(found, seconds=time.perf_counter() - begun)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,10 +49,13 @@ class Predictor:
     Args:
       windows: to be predicted.
       plant: without effects.
+      busy: called before every simulation.
     """
 
-    def __init__(self, windows: Windows, plant: Plant) -> None:
-        self.windows, self.plant = windows, plant
+    def __init__(
+        self, windows: Windows, plant: Plant, busy: Callable[[], None] = lambda: None
+    ) -> None:
+        self.windows, self.plant, self._busy = windows, plant, busy
         self.augmented = AugmentedPlant(plant)
         self.nominal = nominal_winch(windows)[:, 0]
         scales = Scales.of(windows.robot)
@@ -108,6 +111,7 @@ class Predictor:
         self, starts: Starts, terms: Sequence[Terms]
     ) -> tuple[Floats, list[Carried]]:
         """See `chained`: all windows at once, as steps of large batches cost less."""
+        self._busy()
         windows, count, told = self.windows, len(terms), self.told(terms)
         wound = [
             self._wound(begin + offset, rates)
@@ -151,6 +155,7 @@ class Predictor:
         kept: list[tuple[np.ndarray, Memories]] = []
         held = np.repeat((self.nominal[windows.first == 0] + starts.winch)[None], count, axis=0)
         for members in windows.ranks:
+            self._busy()
             logs = windows.log[members]
             state = _tiled(starts.mechanics[members], count)
             now = held[:, logs]
@@ -192,6 +197,7 @@ class Predictor:
         Returns:
           (n, steps + 1, P, 3) points [m]; NaN where the simulation diverged.
         """
+        self._busy()
         windows = self.windows
         told = self.told([terms])
         places = zip(windows.log[members], windows.first[members], strict=True)

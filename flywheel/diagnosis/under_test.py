@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,11 +27,13 @@ class UnderTest:
       plant: itself, or what says what effects would change.
       model: that is tested in its stead.
       seed: of what is random.
+      busy: called before every simulation.
     """
 
     plant: Plant
     model: Subject | None
     seed: int
+    busy: Callable[[], None] = lambda: None
 
     def fitted(
         self,
@@ -47,13 +49,13 @@ class UnderTest:
         plant, model = self.plant, self.model
         if model is None:
             windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-            fitter = fitter_of(windows, plant)
+            fitter = fitter_of(windows, plant, self.busy)
             return fitter, fitted(fitter, plant.terms, seed=self.seed)
         _check(plant, model)
         seen = model.dynamics.history * plant.dt
         seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
         windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-        world = fitter_of(windows, plant)
+        world = fitter_of(windows, plant, self.busy)
         start = fitted(world, plant.terms if around is None else around, seed=self.seed)
         if around is not None:
             start = world.fit(start, free_values(around, Scales.of(plant.robot)))

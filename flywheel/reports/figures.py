@@ -65,6 +65,11 @@ FIGURES: dict[str, Picture] = {
         "common start (+). Blue, solid: reached its goal (circle, drawn to its tolerance). Orange, "
         "dashed: did not.",
     ),
+    "unseen": Picture(
+        goal_figures.unseen_courses,
+        "Courses that no model was trained on",
+        "The last champion's ways, and beside them those of MPPI that knows the plant.",
+    ),
     "times": Picture(
         goal_figures.times_to_goal,
         "Time to the goal",

@@ -79,6 +79,27 @@ def walks(run: RunResult) -> Figure | None:
     return paths_from_above(_series(run))
 
 
+def unseen_courses(run: RunResult) -> Figure | None:
+    """Paths on courses that no model was trained on: a row each, the champion's and the oracle's."""
+    rows = [
+        [(f"{u.course}\n", style.MPPI, u.navigation)]
+        + ([(f"{u.course},\noracle", style.ORACLE, u.oracle)] if u.oracle is not None else [])
+        for u in run.unseen
+    ]
+    if not rows:
+        return None
+    figure = Figure(figsize=(9.6, 5.0 * len(rows)))
+    for index, series in enumerate(rows):
+        course = _course(series)
+        middle, reach = _frame(series, course)
+        for place, (name, _, navigation) in enumerate(series):
+            axes = figure.add_subplot(len(rows), 2, 2 * index + place + 1)
+            _seen_from_above(axes, name, navigation, course, middle, reach)
+            axes.set_xlabel("x [m]")
+            axes.set_ylabel("y [m]")
+    return figure
+
+
 def paths_from_above(drivers: Series) -> Figure | None:
     """Paths of each of some drivers, side by side, with their goals; None where there is not one.
 
@@ -102,13 +123,7 @@ def paths_from_above(drivers: Series) -> Figure | None:
             axes.tick_params(labelbottom=True)
     middle, reach = _frame(series, course)
     for axes, (name, _, navigation) in zip(grid.flat, series, strict=False):
-        _obstacles(axes, course)
-        _paths(axes, navigation, bool(course))
-        axes.set(aspect="equal")
-        axes.set_xlim(middle[0] - reach, middle[0] + reach)
-        axes.set_ylim(middle[1] - reach, middle[1] + reach)
-        count = navigation.success
-        axes.set_title(f"{' '.join(name.split())}: {count.reached}/{count.total}")
+        _seen_from_above(axes, name, navigation, course, middle, reach)
     for axes in grid[:, 0]:
         axes.set_ylabel("y [m]" if course else "y - start [m]")
     return figure
@@ -175,6 +190,24 @@ def _times(axes: Axes, place: int, colour: str, navigation: Navigation, allowed:
     missed = navigation.success.total - len(times)
     note = f"{missed} missed" if missed else "none missed"
     axes.text(place, 1.04 * allowed, note, ha="center", va="bottom", fontsize=8.5, color=style.INK)
+
+
+def _seen_from_above(
+    axes: Axes,
+    name: str,
+    navigation: Navigation,
+    course: tuple[Box, ...],
+    middle: Floats,
+    reach: float,
+) -> None:
+    """One driver's paths, in a square around (2,) that reaches so far [m]."""
+    _obstacles(axes, course)
+    _paths(axes, navigation, bool(course))
+    axes.set(aspect="equal")
+    axes.set_xlim(middle[0] - reach, middle[0] + reach)
+    axes.set_ylim(middle[1] - reach, middle[1] + reach)
+    count = navigation.success
+    axes.set_title(f"{' '.join(name.split())}: {count.reached}/{count.total}")
 
 
 def _course(series: Series) -> tuple[Box, ...]:

@@ -112,6 +112,8 @@ def result_rows(run: RunResult) -> list[Row]:
         ("informed floor: its twist computed from the cables", run.informed_floor, None),
         ("nothing moves", run.persistence, None),
         ("oracle: MPPI on the plant", None, run.oracle),
+        *((f"{u.course}, never seen", None, u.navigation) for u in run.unseen),
+        *((f"{u.course}: MPPI on the plant", None, u.oracle) for u in run.unseen),
         *((f"{_name(turn)}, on recordings", turn.recordings, None) for turn in run.iterations),
         ("nothing moves, on recordings", run.persistence_on_recordings, None),
     ]
@@ -181,18 +183,27 @@ def _figures(run: RunResult) -> list[Shown]:
 
 
 def _videos(run: RunResult, folder: Path) -> list[Shown]:
-    """Of the first and the last iteration of the MPPI arm that have one."""
+    """Of the first and the last iteration of the MPPI arm that have one, and of unseen courses."""
     turns = [turn for turn in run.of_arm("mppi") if turn.video and (folder / turn.video).is_file()]
-    shown = []
-    for turn in turns if len(turns) < 2 else (turns[0], turns[-1]):
-        title = f"Iteration {turn.iteration}"
-        path = folder / turn.video
-        if path.stat().st_size > LARGEST_VIDEO:
-            shown.append(Shown(title, title, f"Too large for this page: see {turn.video}.", ""))
-        else:
-            uri = data_uri(path.read_bytes(), "video/mp4")
-            shown.append(Shown(title, title, f"MPPI on this iteration's model ({path.name}).", uri))
-    return shown
+    chosen = turns if len(turns) < 2 else [turns[0], turns[-1]]
+    films = [
+        (f"Iteration {turn.iteration}", turn.video, "MPPI on this iteration's model")
+        for turn in chosen
+    ]
+    films += [
+        (f"{unseen.course}, never seen", unseen.video, "MPPI on the last champion's model")
+        for unseen in run.unseen
+        if unseen.video and (folder / unseen.video).is_file()
+    ]
+    return [_video(folder, *film) for film in films]
+
+
+def _video(folder: Path, title: str, name: str, who: str) -> Shown:
+    path = folder / name
+    if path.stat().st_size > LARGEST_VIDEO:
+        return Shown(title, title, f"Too large for this page: see {name}.", "")
+    words = f"{who} ({path.name}); on the ground the ways that the planner foresees."
+    return Shown(title, title, words, data_uri(path.read_bytes(), "video/mp4"))
 
 
 def data_uri(content: bytes, kind: str) -> str:

@@ -19,6 +19,7 @@ from flywheel.runtime.results import (
     LeadTimes,
     Navigation,
     TrainingPoint,
+    UnseenCourse,
 )
 
 Values = dict[str, float]
@@ -79,6 +80,16 @@ def error_values(section: str, errors: Errors) -> Values:
     """Short-horizon and full errors of one set of episodes."""
     values = _totals(section, "short", errors.short)
     return values if errors.full is None else values | _totals(section, "full", errors.full)
+
+
+def unseen_values(unseen: UnseenCourse) -> Values:
+    """What `navigation_values` says of closed loops, under the name of the course."""
+    values = navigation_values(unseen.navigation)
+    return {
+        key.replace("closed_loop", f"closed_loop_{unseen.course}"): value
+        for key, value in values.items()
+        if key.startswith("closed_loop")
+    }
 
 
 def navigation_values(navigation: Navigation) -> Values:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from flywheel.runtime.filming import film
 from flywheel.runtime.jobs import Job
-from flywheel.runtime.plan import ceiling
-from flywheel.runtime.results import PooledTest, RunResult
+from flywheel.runtime.plan import Effects, ceiling, unseen, unseen_ceiling
+from flywheel.runtime.results import PooledTest, RunResult, UnseenCourse
 from flywheel.runtime.run_state import Run, usable
 from flywheel.runtime.scoring import navigation, score_jobs, scored
 from flywheel.runtime.workers import FLOOR, INFORMED_FLOOR, PERSISTENCE
@@ -36,6 +39,7 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
             name = floor.replace(" ", "-")
             scores[floor] = score_jobs(run, name, floor, episodes, effects)
     plans = ceiling(run.config, effects)
+    elsewhere = _on_unseen_courses(run, effects)
     jobs = [*(job for part in scores.values() for job in part), *run.recordings(plans)]
     report = run.do(jobs, "pooled tests")
     errors = {name: scored(report, part) for name, part in scores.items()}
@@ -51,6 +55,32 @@ def conclude(run: Run, so_far: RunResult) -> RunResult:
             "persistence": errors[PERSISTENCE],
             "persistence_on_recordings": errors[ON_RECORDINGS],
             "oracle": navigation(run, "mppi on the plant", report, plans),
+            "unseen": elsewhere,
             "finished": True,
         }
     )
+
+
+def _on_unseen_courses(run: Run, effects: Effects) -> tuple[UnseenCourse, ...]:
+    """The last champion, and the planner that knows the plant, on each course they have not met."""
+    found, champion = [], run.latest_model("mppi")
+    for course in run.config.evaluate.unseen if champion is not None else ():
+        plans, best = (
+            unseen(run.config, course, effects),
+            unseen_ceiling(run.config, course, effects),
+        )
+        jobs = [*run.recordings(plans, champion), *run.recordings(best)]
+        name = Path(course).stem
+        report = run.do(jobs, f"unseen course {name}")
+        driven = navigation(run, "mppi", report, plans)
+        if driven is None:
+            continue
+        found.append(
+            UnseenCourse(
+                course=name,
+                navigation=driven,
+                oracle=navigation(run, "mppi on the plant", report, best),
+                video=film(run, plans, f"unseen-{name}"),
+            )
+        )
+    return tuple(found)

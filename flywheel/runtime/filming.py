@@ -1,13 +1,14 @@
-"""One video per iteration: an evaluation episode, sped up, filmed from its stored states."""
+"""Videos of episodes, sped up, filmed from their stored states."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from flywheel.dynamics.plant import Scenery
 from flywheel.dynamics.plant.render import render_episode, usual_shot
 from flywheel.records import Plans
-from flywheel.runtime.plan import evaluation
+from flywheel.runtime.plan import EpisodePlan, evaluation
 from flywheel.runtime.recording import Recorder
 from flywheel.runtime.results import IterationResult
 from flywheel.runtime.run_folder import name_of
@@ -31,29 +32,35 @@ def _hastened(plans: Plans | None, times: float) -> Plans | None:
 
 
 def filmed(run: Run, result: IterationResult) -> IterationResult:
-    """The result with a video of its first evaluation episode, where one was asked for.
+    """The result with a video of its first evaluation episode, where one was asked for."""
+    if result.navigation is None:
+        return result
+    plans = evaluation(run.config, result.iteration, result.arm)
+    name = name_of(result.iteration, result.arm)
+    return result.model_copy(update={"video": film(run, plans, name)})
+
+
+def film(run: Run, plans: Sequence[EpisodePlan], name: str) -> str:
+    """Make a video of the first of these episodes that there is; its path in the run folder, or "".
 
     A machine that cannot render has no video; that is no reason to end a run.
     """
-    wanted = run.config.evaluate.video and result.navigation is not None
-    plans = [p for p in evaluation(run.config, result.iteration, result.arm) if wanted]
-    there = run.store.committed()
+    there = run.store.committed() if run.config.evaluate.video else ()
     plan = next((plan for plan in plans if plan.id in there), None)
     if plan is None:
-        return result
-    name = f"videos/{name_of(result.iteration, result.arm)}.mp4"
-    recorder = Recorder(run.config, run.robot)
-    task, episode = recorder.task(plan), run.store.read(plan.id)
+        return ""
+    path = f"videos/{name}.mp4"
+    task, episode = Recorder(run.config, run.robot).task(plan), run.store.read(plan.id)
     trajectory = episode.trajectory
     if task is None or trajectory.states is None:
-        return result
+        return ""
     scenery = scenery_of(task, episode.terrain)
     stride = max(1, round(SPEED / FPS / trajectory.dt))
     try:
         render_episode(
             run.robot,
             trajectory.states[::stride],
-            run.folder.path / name,
+            run.folder.path / path,
             scenery,
             FPS,
             dt=1.0 / FPS,
@@ -61,6 +68,6 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
             plans=_hastened(episode.plans, stride * trajectory.dt * FPS),
         )
     except Exception as error:  # whatever a graphics driver throws
-        run.progress.say(f"No video of iteration {result.iteration}: {error}")
-        return result
-    return result.model_copy(update={"video": name})
+        run.progress.say(f"No video {path}: {error}")
+        return ""
+    return path

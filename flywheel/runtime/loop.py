@@ -104,7 +104,8 @@ def turn(run: Run, identity: Identity) -> RunResult:
         result.save(run.folder.path)
     result = conclude(run, result)
     if run.tracker is not None:
-        publish_end(run.tracker, result, write_report(result, run.folder.path))
+        videos = [run.folder.path / each.video for each in result.unseen if each.video]
+        publish_end(run.tracker, result, [*write_report(result, run.folder.path), *videos])
     result.save(run.folder.path)
     return result
 

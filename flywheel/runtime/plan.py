@@ -5,8 +5,9 @@ The plan never depends on what has happened so far, so that a resumed run knows 
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +38,7 @@ class EpisodePlan:
       task_seed: of the task; None without one. Evaluation uses the same ones in every iteration.
       effects: of the plant, beyond its MJCF.
       samples: plans that MPPI tries at a time; None for as many as configured.
+      course: that its task leads through, in place of the configured task; "" for that one.
       hidden: what the plant really has in place of `effects`, which is what all that learns, plans and
         reckons is told: a stand-in for a real robot. None where nothing is hidden.
     """
@@ -51,6 +53,7 @@ class EpisodePlan:
     task_seed: int | None = None
     effects: Effects = ()
     samples: int | None = None
+    course: str = ""
     hidden: Effects | None = None
 
     @property
@@ -110,6 +113,28 @@ def evaluation(
 def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
     """The same tasks for the planner that knows the plant itself."""
     return _navigation(config, ORACLE, ORACLE, -1, effects) if config.evaluate.oracle else []
+
+
+def unseen(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
+    """Closed-loop episodes of the last champion on a course that is not the run's."""
+    return _elsewhere(_navigation(config, _unseen_name(course), "mppi", -1, effects), course)
+
+
+def unseen_ceiling(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
+    """The same for the planner that knows the plant itself."""
+    if not config.evaluate.oracle:
+        return []
+    name = f"{_unseen_name(course)}-{ORACLE}"
+    return _elsewhere(_navigation(config, name, ORACLE, -1, effects), course)
+
+
+def _unseen_name(course: str) -> str:
+    """Of a path its hash: names of episodes have few letters."""
+    return f"unseen-{zlib.crc32(course.encode()):08x}" if "." in course else f"unseen-{course}"
+
+
+def _elsewhere(plans: list[EpisodePlan], course: str) -> list[EpisodePlan]:
+    return [replace(plan, course=course) for plan in plans]
 
 
 def _navigation(

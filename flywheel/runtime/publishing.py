@@ -21,6 +21,7 @@ from flywheel.runtime.charts import (
     iteration_values,
     lead_time_values,
     navigation_values,
+    unseen_values,
 )
 from flywheel.runtime.results import Arm, IterationResult, RunResult, TrainingPoint
 from flywheel.runtime.tracker import Tracker
@@ -117,6 +118,8 @@ def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path]
             _constant(tracker, name, error_values("error_pooled", floor), steps)
     if result.oracle is not None:
         _constant(tracker, "oracle", navigation_values(result.oracle), steps)
+    for unseen in result.unseen:
+        tracker.log(tracker.key, unseen_values(unseen), max(steps, default=0))
     if result.persistence is not None:
         values = error_values("persistence", result.persistence)
         tracker.log(tracker.key, values, max(steps, default=0))

@@ -27,7 +27,7 @@ from flywheel.runtime.config import RunConfig, config_digest
 from flywheel.runtime.measures import Walk
 from flywheel.runtime.plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.watch import Watch
-from flywheel.tasks import Task, sample_task
+from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain
 
 WALK_SECONDS = 0.5  # between two points of a walk
@@ -79,7 +79,14 @@ class Recorder:
         settled = self._settled_state(0, plan.effects)
         points = self.plant(0, plan.effects).observe(settled).points[0]
         rng = np.random.default_rng(plan.task_seed)
-        return sample_task(self.config.task.name, self.robot, points, rng, self.config.task)
+        task = self._task_config(plan)
+        return sample_task(task.name, self.robot, points, rng, task)
+
+    def _task_config(self, plan: EpisodePlan) -> TaskConfig:
+        task = self.config.task
+        if not plan.course:
+            return task
+        return task.model_copy(update={"name": "obstacle_course", "course": plan.course})
 
     def record(
         self,
@@ -203,7 +210,7 @@ class Recorder:
             dataset=data.name,
             controller=plan.controller,
             model=model,
-            task=self.config.task.name if plan.task_seed is not None else "",
+            task=self._task_config(plan).name if plan.task_seed is not None else "",
             seed=plan.seed,
             iteration=plan.iteration,
             config=self._digest,

@@ -83,6 +83,22 @@ class PooledTest(ResultRecord):
     errors: Errors
 
 
+class UnseenCourse(ResultRecord):
+    """Closed-loop episodes on a course that no model was trained on.
+
+    Attributes:
+      course: its name.
+      navigation: of the last champion.
+      oracle: of MPPI on the plant itself; None where not run.
+      video: path relative to the run folder, or "".
+    """
+
+    course: str
+    navigation: Navigation
+    oracle: Navigation | None = None
+    video: str = ""
+
+
 class RunResult(ResultRecord):
     """A run so far. The loop saves it after every iteration; reports read it, finished or not.
 
@@ -99,6 +115,7 @@ class RunResult(ResultRecord):
       persistence: "nothing moves", on the same set.
       persistence_on_recordings: the same on the recordings that are kept for tests.
       oracle: MPPI on the plant itself; the ceiling of success.
+      unseen: the last champion on courses that it never met.
       notes: sentences that the page must show among its limits.
     """
 
@@ -118,6 +135,7 @@ class RunResult(ResultRecord):
     persistence: Errors | None = None
     persistence_on_recordings: Errors | None = None
     oracle: Navigation | None = None
+    unseen: tuple[UnseenCourse, ...] = ()
     finished: bool = False
     notes: tuple[str, ...] = ()
 

@@ -7,6 +7,7 @@ import hashlib
 import numpy as np
 
 from flywheel.effects import WrittenTerm
+from flywheel.robots import load_course
 from flywheel.runtime.results import (
     Arm,
     DiagnosisNote,
@@ -20,6 +21,7 @@ from flywheel.runtime.results import (
     PooledTest,
     RunResult,
     TrainingPoint,
+    UnseenCourse,
     Walk,
 )
 
@@ -99,6 +101,20 @@ def fake_overlay(rng: Rng) -> Overlay:
         predicted=guess,
         rods=((0, 1), (2, 3), (4, 5)),
         episode="i0002-mppi-0003",
+    )
+
+
+def fake_unseen(rng: np.random.Generator) -> UnseenCourse:
+    """Walks in the maze."""
+    boxes = load_course("maze").obstacles
+
+    def among(rate: float, controller: str) -> Navigation:
+        found = fake_navigation(rng, rate, controller=controller)
+        walks = [walk.model_copy(update={"obstacles": boxes}) for walk in found.walks]
+        return found.model_copy(update={"walks": tuple(walks)})
+
+    return UnseenCourse(
+        course="maze", navigation=among(0.7, "mppi"), oracle=among(0.9, "mppi on the plant")
     )
 
 
@@ -210,6 +226,7 @@ def fake_run(
         informed_floor=fake_errors(0.1) if finished else None,
         persistence=fake_errors(7.0) if finished else None,
         oracle=fake_navigation(rng, 0.9, controller="mppi on the plant") if finished else None,
+        unseen=(fake_unseen(rng),) if finished else (),
         finished=finished,
         notes=("Simulation only.",),
     )

@@ -8,7 +8,7 @@ from matplotlib.patches import Rectangle
 
 from flywheel.errors import UnknownNameError
 from flywheel.reports.figures import FIGURES, draw, write_figures
-from flywheel.reports.goal_figures import walks
+from flywheel.reports.goal_figures import unseen_courses, walks
 from flywheel.robots import Box, load_course
 from flywheel.runtime.results import RunResult
 from tests.unit.reports.fake_run import fake_errors, fake_run
@@ -30,9 +30,23 @@ def test_a_figure_is_the_same_file_for_the_same_run(run):
     assert draw("success", run) == draw("success", run)
 
 
-@pytest.mark.parametrize("name", [name for name in FIGURES if name != "ladder"])
+@pytest.mark.parametrize("name", sorted({*FIGURES} - {"ladder", "unseen"}))
 def test_a_figure_of_one_iteration_or_of_an_unfinished_run_is_drawn(name):
     assert draw(name, fake_run(1, finished=False)) is not None
+
+
+def test_unseen_courses_have_a_row_each_and_the_walls_of_their_own(run):
+    (maze,) = run.unseen
+    alone = maze.model_copy(update={"course": "alone", "oracle": None})
+    figure = unseen_courses(run.model_copy(update={"unseen": (maze, alone)}))
+    assert [axes.get_title().split(":")[0] for axes in figure.axes] == [
+        "maze",
+        "maze, oracle",
+        "alone",
+    ]
+    walls = len(load_course("maze").obstacles)
+    for axes in figure.axes:
+        assert sum(isinstance(patch, Rectangle) for patch in axes.patches) == walls
 
 
 def test_a_run_with_holes_is_drawn_around_them(run):
@@ -90,7 +104,7 @@ def test_walks_among_obstacles_of_their_own_begin_at_one_point(run):
 
 
 def test_figures_are_written_under_their_names(tmp_path, run):
-    small = run.model_copy(update={"iterations": (), "oracle": None})
+    small = run.model_copy(update={"iterations": (), "oracle": None, "unseen": ()})
     assert write_figures(small, tmp_path) == []
     only = run.model_copy(update={"iterations": run.iterations[:1], "pooled": (), "oracle": None})
     written = write_figures(only, tmp_path / "figures")

@@ -93,6 +93,8 @@ def test_the_table_shows_both_arms_beside_floor_and_oracle(shown):
         "informed floor: its twist computed from the cables",
         "nothing moves",
         "oracle: MPPI on the plant",
+        "maze, never seen",
+        "maze: MPPI on the plant",
     ]
     errors = run.pooled[1].errors.short
     assert rows["iteration 1"].short_rotation == f"{errors.e_rot:.2f}"

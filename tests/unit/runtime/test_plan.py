@@ -6,7 +6,7 @@ import pytest
 
 from flywheel.errors import ConfigError
 from flywheel.runtime.config import CollectConfig, DataSet, EvaluateConfig, RunConfig
-from flywheel.runtime.plan import ceiling, collection, evaluation
+from flywheel.runtime.plan import ceiling, collection, evaluation, unseen, unseen_ceiling
 
 CONFIG = RunConfig(
     collect=CollectConfig(gaits=6, random=10, drops=5, mppi=10, validation=0.2, test=0.2),
@@ -19,7 +19,12 @@ def everything(config: RunConfig):
     arms = ("mppi", "control")
     later = [p for i in (1, 2) for arm in arms for p in collection(config, i, arm)]
     judged = [p for i in (0, 1, 2) for p in evaluation(config, i, "mppi")]
-    return [*collection(config, 0, "mppi"), *later, *judged, *ceiling(config)]
+    elsewhere = [
+        p
+        for course in ("maze", "a/wall.xml", "b/wall.xml")
+        for p in (*unseen(config, course), *unseen_ceiling(config, course))
+    ]
+    return [*collection(config, 0, "mppi"), *later, *judged, *ceiling(config), *elsewhere]
 
 
 def test_every_episode_of_a_run_has_its_own_name():

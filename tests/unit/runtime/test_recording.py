@@ -6,13 +6,14 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from flywheel.control import MppiConfig
 from flywheel.dynamics.plant import PlantDynamics
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import TerrainConfig, load_course, load_robot
-from flywheel.runtime.config import CollectConfig, DataSet, RunConfig
-from flywheel.runtime.plan import EpisodePlan, collection
+from flywheel.runtime.config import CollectConfig, DataSet, EvaluateConfig, RunConfig
+from flywheel.runtime.plan import EpisodePlan, collection, unseen, unseen_ceiling
 from flywheel.runtime.recording import Recorder
 from flywheel.runtime.winches import EpisodeWinches
 from flywheel.tasks import TaskConfig
@@ -201,3 +202,23 @@ def test_an_episode_of_another_run_is_not_taken_for_its_own() -> None:
     Recorder(mine, load_robot(mine.robot)).check_own(episode)
     with pytest.raises(DataError, match="store of its own"):
         Recorder(other, load_robot(other.robot)).check_own(episode)
+
+
+def test_an_unseen_course_takes_the_place_of_the_task() -> None:
+    config = RunConfig(robot="icosa6", task=TaskConfig(seconds=1.0))
+    recorder, course = Recorder(config, load_robot("icosa6")), load_course("maze")
+    for plan in (*unseen(config, "maze"), *unseen_ceiling(config, "maze")):
+        task = recorder.task(plan)
+        assert task.obstacles == course.obstacles
+        assert np.linalg.norm(task.last_goal - course.goals[-1]) <= config.task.spread * 2.95
+        assert task.seconds == 1.0
+    plan = dataclasses.replace(unseen_ceiling(config, "maze")[0], seconds=0.5)
+    recorder = Recorder(config.model_copy(update={"mppi": MppiConfig(samples=2)}), recorder.robot)
+    assert recorder.record(plan, None, "", NobodyWatches()).provenance.task == "obstacle_course"
+
+
+def test_unseen_courses_that_cannot_be_read_are_refused_before_a_run_begins() -> None:
+    with pytest.raises(ValueError, match="maze"):
+        EvaluateConfig(unseen=("mase",))
+    with pytest.raises(ValueError, match="cannot be read"):
+        EvaluateConfig(unseen=("nowhere.xml",))
