@@ -123,11 +123,12 @@ class Laws:
     def told(self, told: Floats, cables: Cables) -> Floats:
         """What winches (n, W) that are told (n, W) do as if they had been told it, under their load."""
         load = (cables.elastic[:, None] * self._geometry.loads).max(axis=-1)
-        now = self._act[:, self._drums]
+        now, asked = self._act[:, self._drums], told.copy()
         rates = self._robot.rates(now, told, self._dt)
         for effect, rows, values in self._rates:
             rates[rows] = effect.rate(rates[rows], load[rows], values)
-        return self._robot.telling(now, rates, self._dt)
+            asked[rows] = self._robot.telling(now[rows], rates[rows], self._dt)
+        return asked
 
     def tension(self, cables: Cables) -> Floats:
         """(n, C) extra tension [N]: on taut cables only, never pushing, and no more than winches have."""
