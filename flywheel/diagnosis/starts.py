@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.diagnosis.windows import REACH, Windows
+from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import Scales
 from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Past, State, Trajectory
 
+REACH = 1.0  # of the samples to either side of a start that are looked at [sqrt(L / g)]
 # What is usual, in natural units: speeds, accelerations, and how these change.
 SPEED, ACCELERATION, JERK = 0.5, 1.0, 4.0
 

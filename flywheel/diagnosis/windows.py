@@ -15,7 +15,6 @@ from flywheel.robots import Robot
 
 WINDOW = 1.8  # length of a window [sqrt(L / g)]
 REMNANT = 0.5  # of that, below which a recording gives no window if others do
-REACH = 1.0  # of the samples to either side of a start that tell where it was [sqrt(L / g)]
 FEWEST_SAMPLES = 0.3  # share of its samples that a window needs
 
 
@@ -51,8 +50,7 @@ class Windows:
       steps: of each window.
       log: (K,) index of each window's log.
       first: (K,) the step of the log at which each begins.
-      measured: (K, steps + 1, P, 3) [m]; NaN where missing, and all of a window that nobody can say where
-        it began, for a point was out of sight then.
+      measured: (K, steps + 1, P, 3) [m].
       sigma: noise of each coordinate [m].
       doubt: standard deviation of one over its square, relative to that; 0 where it was given.
     """
@@ -92,8 +90,7 @@ class Windows:
         if len(steps_of) > 1:
             raise DataError(f"Recordings need one control step, got {sorted(steps_of)} s.")
         dt = trajectories[0].dt
-        time = Scales.of(robot).time
-        wanted, reach = seconds or WINDOW * time, round(REACH * time / dt)
+        wanted = seconds or WINDOW * Scales.of(robot).time
         logs = tuple(Log.of(t) for t in trajectories)
         lengths = [len(log.controls) for log in logs]
         # What is left behind a gap may be too short for a window, and does not shorten all others.
@@ -113,9 +110,6 @@ class Windows:
                 f"No window has {FEWEST_SAMPLES:.0%} of its points measured; the fullest has "
                 f"{known.max():.0%}."
             )
-        unplaced = np.array([_unplaced(logs[i].points, f, reach) for i, f in places])
-        if not (unplaced | (known < FEWEST_SAMPLES)).all():
-            measured[unplaced] = np.nan
         return cls(
             robot=robot,
             logs=logs,
@@ -145,9 +139,3 @@ class Windows:
         """The same of windows `members` (n,): (n, D) of (n, steps + 1, P, 3)."""
         off = (self.measured[members] - points) / self.sigma
         return np.nan_to_num(off, nan=0.0).reshape(len(members), -1)
-
-
-def _unplaced(points: Floats, first: int, reach: int) -> bool:
-    """Some point of (T + 1, P, 3) is not seen once around a start: what follows begins anywhere."""
-    around = points[max(0, first - reach) : first + reach + 1]
-    return not np.isfinite(around).all(axis=-1).any(axis=0).all()
