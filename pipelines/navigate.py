@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -160,7 +160,7 @@ class Driver:
         task = self.recorder.task(plan)
         assert task is not None, "an episode that is driven has a task"
         scenery = scenery_of(task, self.recorder.terrain(plan))
-        with LiveView(self.recorder.robot, scenery) as view:
+        with closing(LiveView(self.recorder.robot, scenery)) as view:
 
             def show(piece: Piece) -> None:
                 assert piece.simulated.states is not None

@@ -7,8 +7,7 @@ import threading
 import time
 import warnings
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -67,17 +66,6 @@ class LiveView:
         self._window.cam.elevation, self._window.cam.azimuth = shot.elevation, shot.azimuth
         self._player = threading.Thread(target=self._play, name="live view", daemon=True)
         self._player.start()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def show(self, states: State, dt: float, paths: Floats | None = None) -> None:
         """Play a piece as soon as those before have been played.

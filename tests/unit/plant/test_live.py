@@ -61,7 +61,7 @@ def test_every_piece_is_played_before_the_window_closes(monkeypatch, robot, stat
 
     monkeypatch.setattr(live, "_check_display", lambda: None)
     monkeypatch.setattr(live, "_open_window", opened)
-    with LiveView(robot, Scenery(goal=np.zeros(2))) as view:
+    with contextlib.closing(LiveView(robot, Scenery(goal=np.zeros(2)))) as view:
         view.show(states[:20], DT, np.zeros((2, 3, 2)))
         view.show(states[20:40], DT)
     shown = states.qpos[[*range(0, 20, 3), *range(20, 40, 3)]][:patience]
