@@ -135,7 +135,7 @@ class Bench:
 
     def _fitter(self, windows: Windows, plant: Plant) -> StartFitter:
         predictor = Predictor(windows, plant)
-        return StartFitter(predictor, estimated_starts(windows, self.plant), finer=predictor)
+        return StartFitter(predictor, estimated_starts(windows, self.plant))
 
 
 def study(

@@ -1,16 +1,19 @@
-"""Start a fit: first estimates, and another try where a window got stuck."""
+"""Start a fit: first estimates, time steps as short as they have to be, other starts for stuck windows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.prediction import Predictor
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.starts import estimated_starts
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import Plant, refined
+from flywheel.dynamics.plant import Plant
 from flywheel.effects import Terms
+
+BEFORE, COMPARED = 2, 1  # rounds of a fit before time steps are halved, and until both are compared
 
 
 def fitter_of(
@@ -21,8 +24,25 @@ def fitter_of(
     Args:
       busy: called before every simulation.
     """
-    coarse, finer = (Predictor(windows, each, busy) for each in (plant, refined(plant)))
-    return StartFitter(coarse, estimated_starts(windows, plant), finer)
+    return StartFitter(Predictor(windows, plant, busy), estimated_starts(windows, plant))
+
+
+def refined_fit(fitter: StartFitter, terms: Terms = (), seed: int = 0) -> tuple[StartFitter, Fit]:
+    """Starts that fit, under terms that stay as they are, and a fitter with time steps that will do.
+
+    A plant's own may be too coarse where caps hit the ground. What it does in shorter ones is taken where
+    that fits better: recordings of a simulation may well have been made in the plant's own.
+    """
+    fit = fitter.fit(fitter.beginning(terms), rounds=BEFORE)
+    while (coarse := fitter.coarse(fit)).any():
+        finer = fitter.refined(coarse)
+        held = None if fit.held is None else fit.held | coarse
+        begun = replace(finer.under(fit, terms), held=held)
+        fit, other = fitter.fit(fit, rounds=COMPARED), finer.fit(begun, rounds=COMPARED)
+        if other.cost >= fit.cost:
+            break
+        fitter, fit = finer, other
+    return fitter, settled(fitter, fit, seed=seed)
 
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int = 4, seed: int = 0) -> Fit:

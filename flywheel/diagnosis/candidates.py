@@ -53,10 +53,10 @@ class Candidate:
         )
         return Term(self.effect, self.place, values + self.shapes[shape])
 
-    def unit_terms(self) -> list[Term]:
-        """Each size alone at its typical value, for each shape: shapes outside, sizes inside."""
+    def unit_terms(self, share: float = 1.0) -> list[Term]:
+        """Each size alone at a share of its typical value: shapes outside, sizes inside."""
         count = len(self.typical)
-        units = [tuple(float(i == j) for j in range(count)) for i in range(count)]
+        units = [tuple(share * float(i == j) for j in range(count)) for i in range(count)]
         return [self.term(unit, shape) for shape in range(len(self.shapes)) for unit in units]
 
 

@@ -19,7 +19,7 @@ from flywheel.diagnosis.score import CRITICAL, DEAD, Projection, slices_of, smal
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant, refined
+from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
 from flywheel.effects import Scales
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
@@ -161,7 +161,7 @@ def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory
 def _grams(plant: Plant, windows: Windows, states: State, library: Sequence[Candidate]) -> Floats:
     """(S, n, n) of the candidates; every script by itself, as if it were the only recording."""
     starts = states[windows.log, windows.first]
-    fitter = StartFitter(Predictor(windows, plant), starts, Predictor(windows, refined(plant)))
+    fitter = StartFitter(Predictor(windows, plant), starts)
     fit = fitter.beginning(plant.terms)
     terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
     shared = [fitter.step_error(fit), Selection(fitter, library, CRITICAL).known(fit)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from flywheel.diagnosis.starts import nominal_winch
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import AugmentedPlant, Plant, moved, turning
+from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant, moved, refined, turning
 from flywheel.effects import Scales, TensionEffect, Terms, WinchEffect
 from flywheel.records import Floats, State
 
@@ -43,6 +43,21 @@ class Carried:
     memory: Memories
 
 
+class Refinements(dict[int, AugmentedPlant]):
+    """One plant by how many times shorter than its own MuJoCo's steps are.
+
+    Args:
+      plant: without effects.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+
+    def __missing__(self, times: int) -> AugmentedPlant:
+        plant = self.plant if times == 1 else refined(self.plant, times)
+        return self.setdefault(times, AugmentedPlant(plant))
+
+
 class Predictor:
     """Predicts windows with one plant.
 
@@ -50,13 +65,22 @@ class Predictor:
       windows: to be predicted.
       plant: without effects.
       busy: called before every simulation.
+      fineness: (K,) how many times shorter MuJoCo's steps are in each window than the plant's; None for
+        once.
     """
 
     def __init__(
-        self, windows: Windows, plant: Plant, busy: Callable[[], None] = lambda: None
+        self,
+        windows: Windows,
+        plant: Plant | Refinements,
+        busy: Callable[[], None] = lambda: None,
+        fineness: np.ndarray | None = None,
     ) -> None:
+        self._plants = plant if isinstance(plant, Refinements) else Refinements(plant)
+        plant = self._plants.plant
         self.windows, self.plant, self._busy = windows, plant, busy
-        self.augmented = AugmentedPlant(plant)
+        self.fineness = np.ones(len(windows), int) if fineness is None else fineness
+        self.augmented = self._plants[1]
         self.nominal = nominal_winch(windows)[:, 0]
         scales = Scales.of(windows.robot)
         angles = turning(plant)
@@ -66,6 +90,11 @@ class Predictor:
             [np.where(angles, 1.0, length), np.where(angles, 1.0, length) / time]
         )
         self.length = length
+
+    def finer(self, where: np.ndarray | bool = True) -> Predictor:
+        """The same with steps of half the length in windows `where` (K,), by default in all."""
+        fineness = np.where(where, 2 * self.fineness, self.fineness)
+        return Predictor(self.windows, self._plants, self._busy, fineness)
 
     @property
     def tangent(self) -> int:
@@ -125,8 +154,9 @@ class Predictor:
         rows = (count * len(windows), -1)
         state = self.with_winch(_tiled(starts.mechanics, count), winch.reshape(rows))
         each = [t for t in terms for _ in range(len(windows))]
-        motion = self.augmented.simulate(
-            state, commands.reshape(rows[0], *commands.shape[2:]), each
+        members = np.tile(np.arange(len(windows)), count)
+        motion = self._simulated(
+            members, state, commands.reshape(rows[0], *commands.shape[2:]), each
         )
         seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
         points = seen.reshape(count, *windows.measured.shape)
@@ -168,7 +198,7 @@ class Predictor:
             ]
             commands = np.stack(pieces, axis=1).reshape(-1, *pieces[0].shape[1:])
             carried = _of_logs(memory, count, logs)
-            motion = self.augmented.simulate(state, commands, each, carried)
+            motion = self._simulated(np.tile(members, count), state, commands, each, carried)
             kept.append((members, _started_with(carried, motion.memory)))
             seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
             points[:, members] = seen.reshape(count, len(members), *seen.shape[1:])
@@ -204,8 +234,27 @@ class Predictor:
         commands = np.stack([told[i][0, f : f + windows.steps] for i, f in places])
         memory = {name: values[members] for name, values in carried.memory.items()}
         state = self.with_winch(starts, carried.winch[members] if winch is None else winch)
-        motion = self.augmented.simulate(state, commands, [terms] * len(members), memory)
+        motion = self._simulated(members, state, commands, [terms] * len(members), memory)
         return np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+
+    def _simulated(
+        self,
+        members: np.ndarray,
+        state: State,
+        told: Floats,
+        terms: Sequence[Terms],
+        memory: Memories | None = None,
+    ) -> Motion:
+        """Of windows `members` (n,), each in steps as short as it needs; see `AugmentedPlant.simulate`."""
+        fineness = self.fineness[members]
+        pieces, order = [], []
+        for times in np.unique(fineness):
+            rows = np.flatnonzero(fineness == times)
+            part = {name: held[rows] for name, held in (memory or {}).items()}
+            here = [terms[int(row)] for row in rows]
+            pieces.append(self._plants[int(times)].simulate(state[rows], told[rows], here, part))
+            order.append(rows)
+        return Motion.joined(pieces, order)
 
     def with_winch(self, state: State, winch: Floats) -> State:
         """The states with winches at (n, W) [m], within their ranges."""

@@ -17,6 +17,9 @@ from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.fit import Fit, Fitter, Linear
 from flywheel.records import Floats
 
+# A sensitivity is the change that a typical size makes. Where that is large, in some window [sigma], the
+# change that a share of it makes may be a better promise: where a robot rolls, it soon rolls elsewhere.
+LARGE, SHARE = 1.0, 0.1
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
 
 
@@ -191,6 +194,44 @@ def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
     return sizes, float(b @ sizes)
 
 
+def sensitivities(
+    fitter: Fitter,
+    fit: Fit,
+    library: Sequence[Candidate],
+    projection: Projection,
+    residual: Floats,
+) -> Floats:
+    """(N, n) with every size of every shape, projected: of two secants the one that promises more."""
+
+    def secants(chosen: Sequence[Candidate], share: float) -> Floats:
+        terms = [(*fit.terms, term) for c in chosen for term in c.unit_terms(share)]
+        return fitter.columns(fit, terms) / share
+
+    raw, slices = secants(library, 1.0), slices_of(library)
+    measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
+    change = np.sqrt((raw**2).sum(axis=1) / np.maximum(measured, 1)[:, None]).max(axis=0)
+    found = projection(raw)
+    large = [i for i, own in enumerate(slices) if any(change[s].max() > LARGE for s in own)]
+    if not large:
+        return found
+    again = [library[i] for i in large]
+    shorter = projection(secants(again, SHARE))
+    for candidate, whole, part in zip(
+        again, (slices[i] for i in large), slices_of(again), strict=True
+    ):
+        for own, other in zip(whole, part, strict=True):
+            if _promise(shorter[:, other], residual, candidate) > _promise(
+                found[:, own], residual, candidate
+            ):
+                found[:, own] = shorter[:, other]
+    return found
+
+
+def _promise(columns: Floats, residual: Floats, candidate: Candidate) -> float:
+    """How much of a residual (N,) sizes with these sensitivities (N, d) explain."""
+    return _solved(columns.T @ columns, columns.T @ residual, candidate)[1]
+
+
 def score_test(
     fitter: Fitter,
     fit: Fit,
@@ -207,8 +248,6 @@ def score_test(
       linear: of the fit, where it is at hand.
     """
     linear = linear or fitter.linear(fit)
-    terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
-    columns = fitter.columns(fit, terms)
     square = (fit.residual**2).sum(axis=1)
     measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
     mean = square / np.maximum(measured, 1)
@@ -223,7 +262,7 @@ def score_test(
     return ScoreTest(
         tuple(library),
         residual,
-        projection(columns),
+        sensitivities(fitter, fit, library, projection, residual),
         slices_of(library),
         noise,
         freedom,

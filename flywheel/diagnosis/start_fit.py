@@ -23,6 +23,10 @@ NEAR = (0.1, 1.0, 10.0)  # times what suited a window's last step, all of which 
 MOST_DAMPING = 1e4
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
+# Root mean square of what half the time step changes in a window [sigma], above which it is halved: more
+# tells in the fit, and contacts in coarse steps make cliffs in its cost that no start gets over.
+TOLERATED = 0.3
+FINEST = 4  # times shorter, at most
 TRIES = 4  # of such a window with its bodies turned
 TURN = 0.4  # standard deviation of their turns about axes that no point shows [rad]
 SCALES = (
@@ -39,13 +43,12 @@ class StartFitter(Fitter):
     Args:
       predictor: of the windows.
       first: (K,) first estimates of the starts.
-      finer: of the same windows, with smaller time steps.
     """
 
-    def __init__(self, predictor: Predictor, first: State, finer: Predictor) -> None:
+    def __init__(self, predictor: Predictor, first: State) -> None:
         prior = np.repeat([PRIOR_PLACE, PRIOR_SPEED], predictor.tangent // 2)
         super().__init__(predictor.windows, prior, PRIOR_WINCH * predictor.length)
-        self.predictor, self.first, self.finer = predictor, first, finer
+        self.predictor, self.first, self.finer = predictor, first, predictor.finer()
 
     def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
         """Predictions and cost at given unknowns."""
@@ -128,6 +131,16 @@ class StartFitter(Fitter):
         points, _ = self.finer.chained(fit.starts, [fit.terms])
         difference = (points - fit.points[None]).swapaxes(0, 1)
         return self.slope(difference, 1.0, np.arange(len(fit.points)))
+
+    def coarse(self, fit: Fit) -> np.ndarray:
+        """(K,) windows that smaller time steps would change too much, and could be simulated with."""
+        measured = np.isfinite(self.windows.measured).sum(axis=(1, 2, 3))
+        square = (self.step_error(fit) ** 2).sum(axis=(1, 2)) / np.maximum(measured, 1)
+        return np.asarray((square > TOLERATED**2) & (self.predictor.fineness < FINEST))
+
+    def refined(self, where: np.ndarray) -> StartFitter:
+        """The same with time steps of half the length in windows `where` (K,)."""
+        return StartFitter(self.predictor.finer(where), self.first)
 
     def rms(self, fit: Fit) -> float:
         """See `Fitter`; the fitted starts count as degrees of freedom."""

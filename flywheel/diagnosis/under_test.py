@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.baseline import fitted, fitter_of
+from flywheel.diagnosis.baseline import fitter_of, refined_fit
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.network_fit import NetworkFitter
@@ -49,14 +49,13 @@ class UnderTest:
         plant, model = self.plant, self.model
         if model is None:
             windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-            fitter = fitter_of(windows, plant, self.busy)
-            return fitter, fitted(fitter, plant.terms, seed=self.seed)
+            return refined_fit(fitter_of(windows, plant, self.busy), plant.terms, self.seed)
         _check(plant, model)
         seen = model.dynamics.history * plant.dt
         seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
         windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-        world = fitter_of(windows, plant, self.busy)
-        start = fitted(world, plant.terms if around is None else around, seed=self.seed)
+        terms = plant.terms if around is None else around
+        world, start = refined_fit(fitter_of(windows, plant, self.busy), terms, self.seed)
         if around is not None:
             start = world.fit(start, free_values(around, Scales.of(plant.robot)))
         rng = np.random.default_rng(self.seed)

@@ -49,6 +49,24 @@ class Motion:
         memory = {name: held[rows] for name, held in self.memory.items()}
         return Motion(self.points[rows], self.states[rows], self.finite[rows], memory)
 
+    @classmethod
+    def joined(cls, pieces: Sequence[Motion], rows: Sequence[np.ndarray]) -> Motion:
+        """One of several, each of which has these rows of the whole."""
+
+        def together(arrays: list[Floats]) -> Floats:
+            return np.concatenate(arrays)
+
+        states = [p.states for p in pieces]
+        whole = cls(
+            together([p.points for p in pieces]),
+            State(
+                *(together([getattr(s, name) for s in states]) for name in ("qpos", "qvel", "act"))
+            ),
+            np.concatenate([p.finite for p in pieces]),
+            {name: together([p.memory[name] for p in pieces]) for name in pieces[0].memory},
+        )
+        return whole[np.argsort(np.concatenate(rows))]
+
 
 class AugmentedPlant:
     """The robot's MJCF with effects, stepped in batches.
@@ -125,7 +143,7 @@ class AugmentedPlant:
                     here = [terms[row] for row in rows]
                     pieces.append(self._simulate(base, start[rows], told[rows], here, part))
                     order.append(rows)
-        return _joined(pieces)[np.argsort(np.concatenate(order))]
+        return Motion.joined(pieces, order)
 
     def _simulate(
         self,
@@ -284,19 +302,3 @@ def _hold_diverged(states: Floats, points: Floats, alive: np.ndarray) -> None:
     """Let simulations that diverged repeat their start: nothing there means anything."""
     for row in np.flatnonzero(~alive):
         states[row, 1:], points[row, 1:] = states[row, 0], points[row, 0]
-
-
-def _joined(pieces: list[Motion]) -> Motion:
-    def together(arrays: list[Floats]) -> Floats:
-        return np.concatenate(arrays)
-
-    return Motion(
-        together([p.points for p in pieces]),
-        State(
-            together([p.states.qpos for p in pieces]),
-            together([p.states.qvel for p in pieces]),
-            together([p.states.act for p in pieces]),
-        ),
-        np.concatenate([p.finite for p in pieces]),
-        {name: together([p.memory[name] for p in pieces]) for name in pieces[0].memory},
-    )
