@@ -13,7 +13,7 @@ from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import Terms
 
-BEFORE, COMPARED = 2, 1  # rounds of a fit before time steps are halved, and until both are compared
+BEFORE, COMPARED = 2, 2  # rounds of a fit before time steps are halved, and until both are compared
 
 
 def fitter_of(

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.calibration import calibrated, unsure_terms
 from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.diagnosis import Diagnosis, StandIn
+from flywheel.diagnosis.diagnosis import Diagnosis, StandIn, TimeSteps
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.exchange import exchanged
 from flywheel.diagnosis.fit import Fit, Fitter, Linear
@@ -183,6 +183,7 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
         stand_in=_stand_in(fitter, last, judge, under_test.seed) if left else None,
         model="" if under_test.model is None else under_test.model.name,
         calibration=tuple(each for each in judged.effects if each.term.known),
+        time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
     )
 
 

@@ -82,6 +82,28 @@ class StandIn:
 
 
 @dataclass(frozen=True)
+class TimeSteps:
+    """How finely windows had to be simulated: what is numbers is told from what is physics.
+
+    Attributes:
+      own: the plant's [s].
+      taken: (K,) in each window [s].
+    """
+
+    own: float
+    taken: tuple[float, ...]
+
+    @property
+    def shorter(self) -> int:
+        """Windows in which the plant's own are too long."""
+        return sum(each < self.own for each in self.taken)
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {"own": self.own, "taken": list(self.taken), "unit": "s"}
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
 
@@ -101,6 +123,7 @@ class Diagnosis:
       where: what no effect explains acts; None where nothing is left.
       stand_in: a learned law for it, likewise.
       calibration: what the plant was not sure of, as fitted beside the first answer.
+      time_steps: of the simulations.
     """
 
     verdict: Verdict
@@ -119,6 +142,7 @@ class Diagnosis:
     where: Whereabouts | None = None
     stand_in: StandIn | None = None
     calibration: Alternative = ()
+    time_steps: TimeSteps = TimeSteps(0.0, ())
 
     @property
     def next_experiment(self) -> NextExperiment:
@@ -153,6 +177,7 @@ class Diagnosis:
             "unexplained": None if self.where is None else self.where.summary(),
             "stand_in": None if self.stand_in is None else self.stand_in.summary(),
             "next_experiment": self.next_experiment.summary(),
+            "time_steps": self.time_steps.summary(),
             "seconds": self.seconds,
         }
 

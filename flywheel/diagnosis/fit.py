@@ -115,6 +115,11 @@ class Fitter(ABC):
     def __init__(self, windows: Windows, prior: Floats, winch_prior: float) -> None:
         self.windows, self.prior, self.winch_prior = windows, prior, winch_prior
 
+    @property
+    @abstractmethod
+    def time_steps(self) -> Floats:
+        """(K,) MuJoCo's steps in each window [s]."""
+
     @abstractmethod
     def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
         """Predictions and cost at given unknowns."""

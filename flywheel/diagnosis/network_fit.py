@@ -105,6 +105,11 @@ class NetworkFitter(Fitter):
         self._modes = self._modes * size[:, None]
         self.prior = np.ones(self._modes.shape[2])
 
+    @property
+    def time_steps(self) -> Floats:
+        """See `Fitter`: of the plant that says what effects change."""
+        return self._world.time_steps
+
     def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
         """See `Fitter`; `change` does not matter, since the best is known."""
         del change, winch

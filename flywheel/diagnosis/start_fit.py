@@ -50,6 +50,11 @@ class StartFitter(Fitter):
         super().__init__(predictor.windows, prior, PRIOR_WINCH * predictor.length)
         self.predictor, self.first, self.finer = predictor, first, predictor.finer()
 
+    @property
+    def time_steps(self) -> Floats:
+        """See `Fitter`."""
+        return np.asarray(self.windows.robot.timestep / self.predictor.fineness)
+
     def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
         """Predictions and cost at given unknowns."""
         predictor = self.predictor

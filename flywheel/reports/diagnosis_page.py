@@ -54,6 +54,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         found=found,
         sentence=sentence(found),
         other_form=other_form(found),
+        numbers=numbers(found),
         figures=_figures(found),
         about=about,
         limits=LIMITS,
@@ -92,6 +93,18 @@ def other_form(found: Diagnosis) -> str:
             f"{law.gain:.0f}, BIC)"
         )
     return f"of what can be explained, {law.name}, which is none of them, explains {law.share:.0%} besides"
+
+
+def numbers(found: Diagnosis) -> str:
+    """Where the plant's own time steps are too long for these recordings; "" where they will do."""
+    steps = found.time_steps
+    if not steps.shorter:
+        return ""
+    return (
+        f"The plant's own time steps of {1000 * steps.own:g} ms are too long for {steps.shorter} of "
+        f"{len(steps.taken)} windows, which fit better in steps of down to {1000 * min(steps.taken):g} ms. "
+        "What that changes is numbers, and counts for no effect."
+    )
 
 
 def _subject(found: Diagnosis) -> str:

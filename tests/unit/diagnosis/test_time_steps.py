@@ -1,0 +1,70 @@
+"""Steps as short as the contacts of a window ask for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel.diagnosis.baseline import fitted, fitter_of, refined_fit
+from flywheel.diagnosis.start_fit import StartFitter
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant, refined
+from flywheel.records import Observation, State, Trajectory
+from flywheel.robots import Robot
+
+SECONDS, NOISE = 0.8, 0.001
+FALLS = 3
+TIMES = 8  # shorter steps are what is taken for the truth
+
+
+def fallen(robot: Robot, seed: int, times: int) -> Trajectory:
+    """A robot that is thrown to the ground, as measured, simulated in steps so many times shorter."""
+    rng, own = np.random.default_rng(seed), Plant(robot)
+    augmented = AugmentedPlant(refined(own, times) if times > 1 else own)
+    rest = own.settle(1.0)
+    qpos, qvel = rest.qpos.copy(), rest.qvel.copy()
+    qpos.reshape(-1, 7)[:, 2] += 0.2 * robot.length
+    qvel.reshape(-1, 6)[:, :3] += [*rng.normal(0.0, 0.5, 2), -2.0]
+    still = np.zeros((1, round(SECONDS / own.dt), len(robot.winches)))
+    motion = augmented.simulate(State(qpos, qvel, rest.act), still, [()])
+    blind = np.full((motion.points.shape[1], len(robot.winches)), np.nan)
+    seen = MeasurementModel(noise=NOISE).apply(Observation(motion.points[0], blind), robot, rng)
+    return Trajectory(seen, still[0], own.dt)
+
+
+def fitter_for(robot: Robot, seed: int, times: int) -> StartFitter:
+    logs = [fallen(robot, seed + i, times) for i in range(FALLS)]
+    windows = Windows.cut(robot, logs, seconds=0.4, sigma=NOISE * robot.length)
+    return fitter_of(windows, Plant(robot))
+
+
+def test_every_window_is_simulated_in_its_own_steps(robot: Robot, seed: int) -> None:
+    fitter = fitter_for(robot, seed, 1)
+    fit, own = fitter.beginning(), fitter.predictor
+    members = np.arange(len(fitter.windows))
+    halved = members % 2 == seed % 2
+    mixed, finer = own.finer(halved), own.finer()
+    with_own, with_finer, with_both = (
+        each.parallel(fit.starts.mechanics, fit.carried, (), members)
+        for each in (own, finer, mixed)
+    )
+    assert np.array_equal(with_both[halved], with_finer[halved])
+    assert np.array_equal(with_both[~halved], with_own[~halved])
+    assert not np.array_equal(with_own[halved], with_finer[halved])
+    assert mixed.fineness.tolist() == [2 if each else 1 for each in halved]
+
+
+def test_steps_are_halved_where_a_fall_asks_for_it(robot: Robot, seed: int) -> None:
+    own = fitter_for(robot, seed, TIMES)
+    fitter, fit = refined_fit(own)
+    shorter = fitter.time_steps < robot.timestep
+    assert shorter.any(), seed
+    before, after = own.mean_squares(fitted(own))[shorter], fitter.mean_squares(fit)[shorter]
+    assert after.mean() < 0.97 * before.mean(), seed
+
+
+def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) -> None:
+    own = fitter_for(robot, seed, 1)
+    fitter, fit = refined_fit(own)
+    # Should shorter ones fit by chance, then as well.
+    assert (fitter.time_steps == robot.timestep).all() or fit.cost < 1.02 * fitted(own).cost, seed
+    assert fitter.mean_squares(fit).mean() < 1.2, seed
