@@ -10,7 +10,7 @@ from flywheel.reports.page import PAGE_FILE
 from flywheel.runtime.config import load_config
 from flywheel.runtime.dashboard import DATABASE
 from flywheel.runtime.loop import run
-from flywheel.runtime.measures import Errors, Navigation
+from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.progress import console_progress
 from flywheel.runtime.results import RunResult
 from flywheel.runtime.run_folder import name_of
@@ -83,16 +83,18 @@ def summary_rows(result: RunResult) -> list[tuple[object, ...]]:
     return [*rows, *(row for row in beside if any(cell is not None for cell in row[1:-1]))]
 
 
-def _errors(errors: Errors | None) -> tuple[float | None, ...]:
+def _errors(errors: Errors | None) -> tuple[float | str | None, ...]:
     if errors is None:
         return (None,) * 4
-    full = errors.full
-    return (
-        errors.short.e_pos_rmse,
-        errors.short.e_rot,
-        None if full is None else full.e_pos_rmse,
-        None if full is None else full.e_rot,
-    )
+    return (*_totals(errors.short), *_totals(errors.full))
+
+
+def _totals(numbers: ErrorNumbers | None) -> tuple[float | str | None, ...]:
+    if numbers is None:
+        return None, None
+    if numbers.diverged:
+        return "diverged", "diverged"
+    return numbers.e_pos_rmse, numbers.e_rot
 
 
 def _success(navigation: Navigation | None) -> tuple[str | None, float | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -108,6 +109,7 @@ def _by_lead_time(axes: Axes, errors: Errors, measure: str, **look: Any) -> None
 
 def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
     iterations: set[int] = {0}
+    lost: dict[int, str] = {}
     for arm in reversed(run.arms):  # the MPPI arm lies on top
         points = [
             (turn.iteration, getattr(numbers, measure))
@@ -122,10 +124,29 @@ def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
             color=style.ARM_COLOURS[arm],
             label=style.ARM_NAMES[arm],
         )
+        lost |= {k: style.ARM_COLOURS[arm] for k, error in points if math.isnan(error)}
+    for iteration, colour in lost.items():
+        _diverged(axes, iteration, colour)
     for name, errors, line in _floors(run):
         if (floor := getattr(errors, kind)) is not None:
             axes.axhline(getattr(floor, measure), label=name, **line)
     style.whole_steps(axes, sorted(iterations))
+
+
+def _diverged(axes: Axes, iteration: int, colour: str) -> None:
+    """Say why a point is missing."""
+    above = axes.get_xaxis_transform()
+    axes.plot([iteration], [0.93], marker="x", color=colour, transform=above, clip_on=False)
+    axes.annotate(
+        "diverged",
+        (iteration, 0.93),
+        xycoords=above,
+        xytext=(6, 0),
+        textcoords="offset points",
+        va="center",
+        color=colour,
+        fontsize="small",
+    )
 
 
 def _floors(run: RunResult) -> list[tuple[str, Errors, dict[str, Any]]]:

@@ -142,10 +142,12 @@ def _name(turn: IterationResult) -> str:
 
 
 def _errors(errors: Errors | None) -> dict[str, str]:
-    cells = {}
+    cells: dict[str, str] = {}
     if errors is not None:
         for kind, numbers in (("short", errors.short), ("full", errors.full)):
-            if numbers is not None:
+            if numbers is not None and numbers.diverged:
+                cells |= {f"{kind}_position": "diverged", f"{kind}_rotation": "diverged"}
+            elif numbers is not None:
                 position = f"{_number(numbers.e_pos_rmse)} ({_number(numbers.e_pos_mse)})"
                 cells[f"{kind}_position"] = position
                 cells[f"{kind}_rotation"] = _number(numbers.e_rot)

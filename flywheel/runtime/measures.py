@@ -94,6 +94,11 @@ class ErrorNumbers(ResultRecord):
             windows=table.windows,
         )
 
+    @property
+    def diverged(self) -> bool:
+        """Whether a rollout was not finite, so that there is no error to speak of."""
+        return math.isnan(self.e_pos_rmse)
+
 
 class LeadTimes(ResultRecord):
     """Short-horizon errors by lead time; all tuples are equally long."""

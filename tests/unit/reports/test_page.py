@@ -8,10 +8,13 @@ import pytest
 
 from flywheel.errors import DataError
 from flywheel.reports import page
+from flywheel.reports.figures import FIGURES
 from flywheel.reports.page import result_rows, write_page
+from flywheel.runtime.measures import ErrorNumbers, Errors
 from flywheel.runtime.results import RunResult
 from tests.unit.reports.fake_run import fake_errors, fake_run
 
+NAN = float("nan")
 VIDEO = b"\x00\x00\x00\x18ftypmp42 not much of a video"
 VOID = {"meta", "img", "br", "link", "input"}
 
@@ -114,6 +117,19 @@ def test_errors_on_recordings_have_lines_of_their_own():
     assert own.short_rotation == f"{turn.recordings.short.e_rot:.2f}"
     assert own.full_rotation == ""
     assert rows["nothing moves, on recordings"].full_position
+
+
+def test_a_model_that_diverged_is_said_to_have():
+    run = fake_run(2)
+    nothing = Errors(short=ErrorNumbers(e_pos_mse=NAN, e_pos_rmse=NAN, e_rot=NAN))
+    first, *others = run.iterations
+    first = first.model_copy(update={"test": nothing})
+    run = run.model_copy(update={"iterations": (first, *others), "pooled": ()})
+    row = result_rows(run)[0]
+    assert row.short_position == row.short_rotation == "diverged"
+    drawn = FIGURES["errors"].draw(run)
+    said = [text.get_text() for axes in drawn.axes for text in axes.texts]
+    assert said == ["diverged"] * 2  # in the two panels of the short horizon
 
 
 def test_an_unfinished_run_has_a_page_that_says_so_and_what_is_missing(tmp_path, one_figure):
