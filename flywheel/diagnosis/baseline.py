@@ -13,7 +13,8 @@ from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import Terms
 
-BEFORE, COMPARED = 2, 2  # rounds of a fit before time steps are halved, and until both are compared
+# Rounds of a fit before stuck windows begin elsewhere, and after; and in which halved steps must win.
+BEFORE, AFTER, COMPARED = 2, 4, 2
 
 
 def fitter_of(
@@ -33,24 +34,25 @@ def refined_fit(fitter: StartFitter, terms: Terms = (), seed: int = 0) -> tuple[
     A plant's own may be too coarse where caps hit the ground. What it does in shorter ones is taken where
     that fits better: recordings of a simulation may well have been made in the plant's own.
     """
-    fit = fitter.fit(fitter.beginning(terms), rounds=BEFORE)
-    while (coarse := fitter.coarse(fit)).any():
+    fit, better = fitter.fit(fitter.beginning(terms), rounds=BEFORE), True
+    while better and (coarse := fitter.coarse(fit)).any():
         finer = fitter.refined(coarse)
         held = None if fit.held is None else fit.held | coarse
-        begun = replace(finer.under(fit, terms), held=held)
-        fit, other = fitter.fit(fit, rounds=COMPARED), finer.fit(begun, rounds=COMPARED)
-        if other.cost >= fit.cost:
-            break
-        fitter, fit = finer, other
-    return fitter, settled(fitter, fit, seed=seed)
+        other = replace(finer.under(fit, terms), held=held)
+        for _ in range(COMPARED):
+            fit, other = fitter.fit(fit, rounds=1), finer.fit(other, rounds=1)
+            if better := other.cost < fit.cost:
+                fitter, fit = finer, other
+                break
+    return fitter, fitter.fit(fitter.elsewhere(fit, seed), rounds=AFTER)
 
 
-def fitted(fitter: Fitter, terms: Terms = (), rounds: int = 4, seed: int = 0) -> Fit:
+def fitted(fitter: Fitter, terms: Terms = (), rounds: int = AFTER, seed: int = 0) -> Fit:
     """Starts that fit, under terms that stay as they are."""
     return settled(fitter, fitter.beginning(terms), rounds, seed)
 
 
-def settled(fitter: Fitter, fit: Fit, rounds: int = 4, seed: int = 0) -> Fit:
+def settled(fitter: Fitter, fit: Fit, rounds: int = AFTER, seed: int = 0) -> Fit:
     """A fit whose starts were fitted under its terms, those that got stuck from elsewhere."""
-    fit = fitter.elsewhere(fitter.fit(fit, rounds=2), seed)
+    fit = fitter.elsewhere(fitter.fit(fit, rounds=BEFORE), seed)
     return fitter.fit(fit, rounds=rounds)
