@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from flywheel.diagnosis import score
 from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.fit import Fit, Held, Linear
@@ -151,6 +152,24 @@ def test_a_planted_sensitivity_is_found_with_its_size(
         assert scores[index].power == pytest.approx(best.power, rel=1e-6), (seed, candidate.label)
         assert scores[index].sizes[0] == pytest.approx(strength, rel=1e-6)
         assert scores[index].power == pytest.approx(1600.0, rel=1e-6)
+
+
+def test_of_two_secants_the_one_that_promises_more_counts(
+    fitter: StartFitter, fit: Fit, library: tuple[Candidate, ...], seed: int, monkeypatch
+) -> None:
+    """Of all effects here, however little they move."""
+    rng = np.random.default_rng(seed)
+    off = replace(fit, residual=fit.residual + rng.normal(0.0, 1.0, fit.residual.shape))
+
+    def powers(large: float, share: float) -> list[float]:
+        monkeypatch.setattr(score, "LARGE", large)
+        monkeypatch.setattr(score, "SHARE", share)
+        return [each.power for each in score_test(fitter, off, library).scores()]
+
+    whole, both, same = powers(np.inf, 0.1), powers(0.0, 0.1), powers(0.0, 1.0)
+    assert np.allclose(same, whole, rtol=1e-6)
+    assert all(b >= w - 1e-6 for b, w in zip(both, whole, strict=True)), seed
+    assert any(b > w + 1e-6 for b, w in zip(both, whole, strict=True)), seed
 
 
 def test_a_one_sided_effect_cannot_explain_its_opposite(
