@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,44 +44,25 @@ class Carried:
     memory: Memories
 
 
-class Refinements(dict[int, AugmentedPlant]):
-    """One plant by how many times shorter than its own MuJoCo's steps are.
-
-    Args:
-      plant: without effects.
-    """
-
-    def __init__(self, plant: Plant) -> None:
-        self.plant = plant
-
-    def __missing__(self, times: int) -> AugmentedPlant:
-        plant = self.plant if times == 1 else refined(self.plant, times)
-        return self.setdefault(times, AugmentedPlant(plant))
-
-
 class Predictor:
-    """Predicts windows with one plant.
+    """Predicts windows with one plant, each in time steps of its own.
 
     Args:
       windows: to be predicted.
       plant: without effects.
       busy: called before every simulation.
-      fineness: (K,) how many times shorter MuJoCo's steps are in each window than the plant's; None for
-        once.
+
+    Attributes:
+      fineness: (K,) how many times shorter than the plant's MuJoCo's steps are in each window; see `finer`.
     """
 
     def __init__(
-        self,
-        windows: Windows,
-        plant: Plant | Refinements,
-        busy: Callable[[], None] = lambda: None,
-        fineness: np.ndarray | None = None,
+        self, windows: Windows, plant: Plant, busy: Callable[[], None] = lambda: None
     ) -> None:
-        self._plants = plant if isinstance(plant, Refinements) else Refinements(plant)
-        plant = self._plants.plant
         self.windows, self.plant, self._busy = windows, plant, busy
-        self.fineness = np.ones(len(windows), int) if fineness is None else fineness
-        self.augmented = self._plants[1]
+        self.fineness = np.ones(len(windows), int)
+        self.augmented = AugmentedPlant(plant)
+        self._refined = {1: self.augmented}  # by fineness, in common with all finer ones
         self.nominal = nominal_winch(windows)[:, 0]
         scales = Scales.of(windows.robot)
         angles = turning(plant)
@@ -93,8 +75,9 @@ class Predictor:
 
     def finer(self, where: np.ndarray | bool = True) -> Predictor:
         """The same with steps of half the length in windows `where` (K,), by default in all."""
-        fineness = np.where(where, 2 * self.fineness, self.fineness)
-        return Predictor(self.windows, self._plants, self._busy, fineness)
+        finer = copy(self)
+        finer.fineness = np.where(where, 2 * self.fineness, self.fineness)
+        return finer
 
     @property
     def tangent(self) -> int:
@@ -248,11 +231,13 @@ class Predictor:
         """Of windows `members` (n,), each in steps as short as it needs; see `AugmentedPlant.simulate`."""
         fineness = self.fineness[members]
         pieces, order = [], []
-        for times in np.unique(fineness):
+        for times in np.unique(fineness).tolist():
+            if times not in self._refined:
+                self._refined[times] = AugmentedPlant(refined(self.plant, times))
             rows = np.flatnonzero(fineness == times)
             part = {name: held[rows] for name, held in (memory or {}).items()}
             here = [terms[int(row)] for row in rows]
-            pieces.append(self._plants[int(times)].simulate(state[rows], told[rows], here, part))
+            pieces.append(self._refined[times].simulate(state[rows], told[rows], here, part))
             order.append(rows)
         return Motion.joined(pieces, order)
 
