@@ -27,6 +27,7 @@ class Setting(ResultRecord):
       digest: of its weights; "" for the oracle.
       effects: of the plant, as everybody was told, beyond the MJCF.
       hidden: what the plant had in their place; none where it was as told.
+      fineness: how many times shorter its MuJoCo steps were than its MJCF's.
       samples, horizon_seconds: of the planner.
       threads: that planned.
       config: digest of the configuration.
@@ -40,6 +41,7 @@ class Setting(ResultRecord):
     digest: str = ""
     effects: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
+    fineness: int = 1
     samples: int
     horizon_seconds: float
     threads: int

@@ -44,7 +44,8 @@ class Wish:
       overrides: "key=value" on top of it.
       model: "champion", "oracle", or an iteration of the run.
       seeds: of the tasks and of the planner.
-      hidden: what the plant has in place of what everybody is told, see `hidden_effects`.
+      hidden: what the plant has in place of what everybody is told, see `hidden_effects`; it is then
+        simulated in shorter steps, too.
       video: where that of the first episode goes; None for the usual place.
       film: make it.
       watch: show the episodes while they happen.
@@ -102,6 +103,7 @@ class Driver:
             digest=self._digest,
             effects=tuple(effect.label for effect in self._known),
             hidden=tuple(_written(effect) for effect in self._hidden or ()),
+            fineness=self.plan(0).fineness,
             samples=config.mppi.samples,
             horizon_seconds=config.mppi.horizon_seconds,
             threads=config.sim_threads,

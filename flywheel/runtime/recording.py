@@ -17,7 +17,7 @@ from flywheel.control import (
 )
 from flywheel.control.gaits import Gait
 from flywheel.control.protocol import OnPiece, Piece
-from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, with_effects
+from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, with_effects
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import NAMED, Terms, WrittenTerm
 from flywheel.errors import DataError
@@ -60,8 +60,9 @@ class Recorder:
         effects: Effects = (),
         task: Task | None = None,
         terrain: Terrain | None = None,
+        fineness: int = 1,
     ) -> Plant:
-        """The plant of a data set, with effects, the obstacles of a task, and a ground."""
+        """The plant of a data set, with effects, the obstacles of a task, a ground, and shorter steps."""
         plant = Plant(
             self.robot,
             self.config.network.dt,
@@ -70,7 +71,7 @@ class Recorder:
             threads=self.config.sim_threads,
             terrain=terrain,
         )
-        return with_effects(plant, self._terms(effects))
+        return with_effects(refined(plant, fineness), self._terms(effects))
 
     def task(self, plan: EpisodePlan) -> Task | None:
         """The task of a planned episode."""
@@ -109,7 +110,9 @@ class Recorder:
           ModelError: the plant diverged, or the model did.
         """
         task = self.task(plan)
-        plant = self.plant(plan.dataset, plan.plant_effects, task, self.terrain(plan))
+        plant = self.plant(
+            plan.dataset, plan.plant_effects, task, self.terrain(plan), plan.fineness
+        )
         if plan.controller == ORACLE:
             dynamics = PlantDynamics(plant)
 

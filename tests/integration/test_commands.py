@@ -96,6 +96,7 @@ def test_navigate_goes_on_after_the_episodes_it_has_results_of(stranger: Strange
     lines = (stranger.folder / "drives/all.jsonl").read_text().splitlines()
     assert [json.loads(line)["seed"] for line in lines] == [0, 1]
     assert all("slope" in json.loads(line)["setting"]["hidden"][0] for line in lines)
+    assert all(json.loads(line)["setting"]["fineness"] == 4 for line in lines)
     assert sorted(p.name for p in (stranger.folder / "logs").iterdir()) == [
         "oracle-0.csv",
         "oracle-1.csv",

@@ -182,15 +182,19 @@ def test_what_is_hidden_is_in_the_plant_and_in_nobody_s_head() -> None:
     config = RunConfig(collect=collect, seed=int(np.random.default_rng().integers(2**31)))
     recorder = Recorder(config, load_robot(config.robot))
     plan = collection(config, 0, "mppi", (told,))[0]
-    hidden = recorder.record(dataclasses.replace(plan, hidden=(real,)), None, "", NobodyWatches())
-    honest, other = (
-        recorder.record(dataclasses.replace(plan, effects=(each,)), None, "", NobodyWatches())
-        for each in (real, told)
-    )
-    states, theirs = hidden.trajectory.states, honest.trajectory.states
-    np.testing.assert_array_equal(states.qpos, theirs.qpos)
-    assert not np.array_equal(states.qpos, other.trajectory.states.qpos)
+    stand_in = dataclasses.replace(plan, hidden=(real,))
+    hidden = recorder.record(stand_in, None, "", NobodyWatches())
+    went = hidden.trajectory
+    again = {
+        (effects, fineness): recorder.plant(plan.dataset, effects, fineness=fineness)
+        .simulate(went.states[:1], went.controls[None])
+        .states.qpos[0]
+        for effects, fineness in (((real,), stand_in.fineness), ((real,), 1), ((told,), 1))
+    }
+    same = {key: np.array_equal(went.states.qpos, qpos) for key, qpos in again.items()}
+    assert same == {((real,), 4): True, ((real,), 1): False, ((told,), 1): False}
     assert hidden.provenance.effects == {"winch_gain": {"share": -0.3}}
+    assert plan.fineness == 1
 
 
 def test_an_episode_of_another_run_is_not_taken_for_its_own() -> None:
