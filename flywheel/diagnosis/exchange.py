@@ -28,7 +28,7 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
     last, found = steps[-1].fit, []
     for term in selection.new(steps):
         others = without(last.terms, term)
-        step = steps[0] if not others else selection.look(selection.dropped(last, term))
+        step = steps[0] if not others else selection.look(_without(selection, steps, term))
         least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
         for scores in (step.scores, step.probes):
             near = [s for s in scores if s.power > least and not same_place(s, term)]
@@ -37,6 +37,12 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
         if selection.criterion(fit) < selection.criterion(last):
             last = _from_its_starts(selection, last, fit)
     return last, found
+
+
+def _without(selection: Selection, steps: Sequence[Step], term: Term) -> Fit:
+    """The last model without a term; steps before it may know good starts."""
+    *earlier, last = (step.fit for step in steps)
+    return selection.dropped(last, term, earlier)
 
 
 def _in_place(

@@ -53,6 +53,7 @@ class Held:
       stale: (K,) windows that went otherwise than they said.
       own: (K,) damping that suited each window's last step.
       common: index of the damping that suited the last step of what windows share.
+      bold: no such step was taken with these sensitivities yet.
       number: how often they were computed anew.
     """
 
@@ -60,6 +61,7 @@ class Held:
     stale: np.ndarray
     own: Floats
     common: int = 0
+    bold: bool = True
     number: int = 0
 
     @classmethod
@@ -68,11 +70,21 @@ class Held:
         fresh = np.zeros(len(linear.by_start), bool)
         if before is None:
             return cls(linear, fresh, np.full(len(fresh), OWN_DAMPING))
-        return cls(linear, fresh, np.minimum(before.own, FRESH_DAMPING), number=before.number + 1)
+        own = np.minimum(before.own, FRESH_DAMPING)
+        return cls(linear, fresh, own, before.common, number=before.number + 1)
 
     def __or__(self, stale: np.ndarray) -> Held:
         """With further stale windows (K,)."""
         return replace(self, stale=self.stale | stale)
+
+    @property
+    def tried(self) -> list[int]:
+        """Indices of the dampings of what windows share, in the order in which they are tried.
+
+        From a little less than suited the last time; before that, with new sensitivities, the least of all.
+        """
+        usual = list(range(max(0, self.common - 1), len(SHARED_DAMPING)))
+        return [0, *usual] if self.bold and usual[0] > 0 else usual
 
 
 @dataclass(frozen=True)
@@ -138,7 +150,10 @@ class Fitter(ABC):
 
     @abstractmethod
     def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
-        """A fit with other offsets and terms, its windows' own unknowns moved towards `left` (K, D)."""
+        """A fit with other offsets and terms, its windows' own unknowns moved towards `left` (K, D).
+
+        Where none of it makes the cost fall, they may as well stay.
+        """
 
     @abstractmethod
     def rms(self, fit: Fit) -> float:
@@ -240,7 +255,7 @@ class Fitter(ABC):
         by_shared = self.shared(linear, sizes)
         winches = fit.starts.winch
         matrix, pull = self._shared_normal(fit, linear, by_shared, free)
-        for index in range(max(0, held.common - 1), len(SHARED_DAMPING)):
+        for index in held.tried:
             step = _damped_step(matrix, pull, SHARED_DAMPING[index])
             winch = winches + step[: winches.size].reshape(winches.shape)
             terms = fit.terms
@@ -253,7 +268,7 @@ class Fitter(ABC):
             if after.cost < fit.cost:
                 own = np.einsum("kdx,kx->kd", linear.by_start, after.change - fit.change)
                 astray = _astray(fit.residual, left - own, after.residual)
-                return replace(after, held=replace(held, common=index) | astray)
+                return replace(after, held=replace(held, common=index, bold=False) | astray)
         return None
 
     def shared(self, linear: Linear, sizes: Floats | None) -> Floats:

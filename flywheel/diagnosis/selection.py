@@ -23,7 +23,7 @@ MORE = 1.2  # times what the best explains alone, from which a pair is tried
 TURNS = 6  # of the selection, at most
 MOST = 3  # effects found together
 ROUNDS = 10  # of a fit
-HOPE = 4.0  # further rounds like the last one, after which a model must have reached its target
+HOPE = 2.0  # further rounds like the last one, after which a model must have reached its target
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Selection:
             proposals += self._pairs(step)
         begun = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
         first, *others = self.race(begun)
-        return self.pruned(first, others)
+        return self.pruned(first, (step.fit, *others))
 
     def race(self, begun: Sequence[Fit]) -> list[Fit]:
         """Several models, each fitted on for as long as it may become the best; the best one first.
@@ -203,12 +203,13 @@ class Selection:
 
     def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
         """A fit without a term, as far as that may be as good; `others` may know better starts."""
-        limit = self.criterion(fit) + self._worth(term)
-        less = self.shortened(fit, term, limit)
+        less = self.fitter.under(fit, without(fit.terms, term))
         for other in others:
-            if places(other) == places(less):
-                less = self.combined(less, other, limit)
-        return less
+            if places(other) == places(
+                less
+            ):  # fitted already: each window begins where it is better
+                less = self.fitter.best_of(*sorted((less, other), key=self.criterion))
+        return self.pursued(less, self.criterion(fit) + self._worth(term))
 
     def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
         """The better of two fits of one model, with the starts that are better in the other, fitted on."""

@@ -62,10 +62,14 @@ class StartFitter(Fitter):
         points, carried = predictor.chained(starts, [terms])
         residual = predictor.windows.residual(points[0])
         cost = float((residual**2).sum() + self.prior_cost(change).sum())
-        cost += float(((winch / self.winch_prior) ** 2).sum()) + term_cost(terms)
+        cost += self._shared_cost(winch, terms)
         if not np.isfinite(points).all():
             cost = np.inf
         return Fit(starts, terms, change, points[0], residual, carried[0], cost)
+
+    def _shared_cost(self, winch: Floats, terms: Terms) -> float:
+        """Of what windows share, by what is known before."""
+        return float(((winch / self.winch_prior) ** 2).sum()) + term_cost(terms)
 
     def linear(self, fit: Fit, precise: bool = True) -> Linear:
         """Differences around a fit, in one batch for all windows: of both sides where precise.
@@ -158,11 +162,15 @@ class StartFitter(Fitter):
         by_start = held.linear.by_start
         steps = np.stack([self._steps(fit.change, by_start, left, each) for each in tried])
         steps = np.concatenate([np.zeros_like(fit.change)[None], steps])
-        best = self._best_of_each(fit.change, steps, winch, terms)
+        unmoved = terms == fit.terms and np.array_equal(winch, fit.starts.winch)
+        stay = fit if unmoved else self.at(fit.change, winch, terms)
+        costs = self._costs_of_each(stay, steps)
+        best, windows = costs.argmin(axis=0), np.arange(len(steps[0]))
         own = np.concatenate([tried[-1:], tried])
-        windows = np.arange(len(best))
-        after = self.at(fit.change + steps[best, windows], winch, terms)
-        return replace(after, held=replace(held, own=own[best, windows]))
+        held = replace(held, own=own[best, windows])
+        if costs[best, windows].sum() + self._shared_cost(winch, terms) >= fit.cost:
+            return replace(stay, held=held)
+        return replace(self.at(fit.change + steps[best, windows], winch, terms), held=held)
 
     def elsewhere(
         self, fit: Fit, seed: int = 0, stuck: float = STUCK, usual: float | None = None
@@ -206,16 +214,15 @@ class StartFitter(Fitter):
             change[:, turn] += rng.normal(0.0, TURN, (len(change), 1)) * axis
         return change
 
-    def _best_of_each(
-        self, change: Floats, steps: Floats, winch: Floats, terms: Terms
-    ) -> np.ndarray:
-        """(K,) which of the steps (n, K, X), the first of which is none, makes a window's cost least."""
-        count, stay = len(change), self.at(change, winch, terms)
-        tried = steps[1:] + change
+    def _costs_of_each(self, stay: Fit, steps: Floats) -> Floats:
+        """(n, K) cost of each window alone after the steps (n, K, X), the first of which is none."""
+        count, tried = len(stay.change), steps[1:] + stay.change
         members = np.tile(np.arange(count), len(tried))
-        cost = self.costs(stay.carried, terms, members, tried.reshape(-1, change.shape[1]))
-        own = self._cost(stay.points, np.arange(count), change)
-        return np.concatenate([own[None], cost.reshape(len(tried), count)]).argmin(axis=0)
+        cost = self.costs(
+            stay.carried, stay.terms, members, tried.reshape(-1, stay.change.shape[1])
+        )
+        own = self._cost(stay.points, np.arange(count), stay.change)
+        return np.concatenate([own[None], cost.reshape(len(tried), count)])
 
     def costs(self, carried: Carried, terms: Terms, members: np.ndarray, change: Floats) -> Floats:
         """(n,) cost of each window alone, at changes (n, X)."""
