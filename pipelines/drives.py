@@ -12,6 +12,7 @@ from rich.table import Table
 from flywheel.errors import DataError
 from flywheel.evaluation.intervals import success_interval
 from flywheel.reports import style
+from flywheel.reports.figures import as_file
 from flywheel.reports.goal_figures import paths_from_above
 from flywheel.runtime.measures import Navigation, ResultRecord, Walk
 from pipelines.show import table
@@ -111,11 +112,11 @@ def drive_picture(drives: Sequence[Drive], path: Path) -> None:
     series = [
         (_title(group[0].setting), style.MPPI, _navigation(group)) for group in _groups(drives)
     ]
-    figure = paths_from_above(series)
-    if figure is None:
+    image = as_file(lambda: paths_from_above(series), "png")
+    if image is None:
         raise DataError("Not one of these episodes has a path to draw.")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130, bbox_inches="tight")
+    path.write_bytes(image)
 
 
 def _groups(drives: Sequence[Drive]) -> list[list[Drive]]:

@@ -13,8 +13,9 @@ from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.diagnosis import Diagnosis, StandIn, TimeSteps
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.exchange import exchanged
-from flywheel.diagnosis.fit import Fit, Fitter, Linear
+from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.held import Linear
 from flywheel.diagnosis.held_out import HeldOut, errors
 from flywheel.diagnosis.limits import Limits, verdict_of
 from flywheel.diagnosis.network_fit import NetworkFitter

@@ -11,80 +11,24 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from flywheel.diagnosis.free import Free
+from flywheel.diagnosis.held import SHARED_DAMPING, Held, Linear
 from flywheel.diagnosis.prediction import Carried, Starts
 from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
 from flywheel.records import Floats
 
-SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
-# Of a window's own steps: the least, the first one, and at most after new sensitivities.
-LEAST_DAMPING, OWN_DAMPING, FRESH_DAMPING = 1e-4, 0.1, 1.0
+LEAST_DAMPING = 1e-4  # of a window's own steps
 STUCK = 1.3  # mean square of a window, over the usual one, at which its start is doubted
 STEPS = 3  # of a fit between two linearisations
 # Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
 ENOUGH, LITTLE = 0.001, 2.0
 # Where a window went otherwise than its sensitivities said: share of the way, and square [sigma^2].
 ASTRAY, UNNOTICED = 0.3, 0.3
-
-
-@dataclass(frozen=True)
-class Linear:
-    """How residuals depend on what is unknown about windows, in sigmas; X unknowns per window.
-
-    Attributes:
-      by_start: (K, D, X) change of the prediction with each of them.
-      by_winch: (K, D, W) with the offsets of the winches of the window's log.
-    """
-
-    by_start: Floats
-    by_winch: Floats
-
-
-@dataclass(frozen=True)
-class Held:
-    """Sensitivities that were computed somewhere on the way to a fit, and how far they were followed.
-
-    Attributes:
-      linear: they.
-      stale: (K,) windows that went otherwise than they said.
-      own: (K,) damping that suited each window's last step.
-      common: index of the damping that suited the last step of what windows share.
-      bold: no such step was taken with these sensitivities yet.
-      number: how often they were computed anew.
-    """
-
-    linear: Linear
-    stale: np.ndarray
-    own: Floats
-    common: int = 0
-    bold: bool = True
-    number: int = 0
-
-    @classmethod
-    def fresh(cls, linear: Linear, before: Held | None = None) -> Held:
-        """Of which nothing is known against them; windows that were damped less `before` still are."""
-        fresh = np.zeros(len(linear.by_start), bool)
-        if before is None:
-            return cls(linear, fresh, np.full(len(fresh), OWN_DAMPING))
-        own = np.minimum(before.own, FRESH_DAMPING)
-        return cls(linear, fresh, own, before.common, number=before.number + 1)
-
-    def __or__(self, stale: np.ndarray) -> Held:
-        """With further stale windows (K,)."""
-        return replace(self, stale=self.stale | stale)
-
-    @property
-    def tried(self) -> list[int]:
-        """Indices of the dampings of what windows share, in the order in which they are tried.
-
-        From a little less than suited the last time; before that, with new sensitivities, the least of all.
-        """
-        usual = list(range(max(0, self.common - 1), len(SHARED_DAMPING)))
-        return [0, *usual] if self.bold and usual[0] > 0 else usual
 
 
 @dataclass(frozen=True)
@@ -159,6 +103,15 @@ class Fitter(ABC):
     def rms(self, fit: Fit) -> float:
         """What a fit is off, per degree of freedom [m]."""
 
+    def coarse(self, fit: Fit) -> np.ndarray:
+        """(K,) windows that should be, and can be, simulated in shorter time steps."""
+        return np.zeros(len(fit.change), bool)
+
+    def refined(self, where: np.ndarray) -> Self:
+        """The same with time steps of half the length in windows `where` (K,)."""
+        del where
+        return self
+
     def renewed(self, fit: Fit) -> Held:
         """Sensitivities around a fit, computed anew where those that it holds are stale."""
         if fit.held is not None and not fit.held.stale.any():
@@ -194,8 +147,7 @@ class Fitter(ABC):
 
     def mean_squares(self, fit: Fit) -> Floats:
         """(K,) mean square residual of each window [sigma^2]."""
-        measured = np.isfinite(self.windows.measured).sum(axis=(1, 2, 3))
-        return np.asarray((fit.residual**2).sum(axis=1) / np.maximum(measured, 1))
+        return self.windows.mean_square(fit.residual)
 
     def prior_cost(self, change: Floats) -> Floats:
         """(...) of changes (..., X)."""

@@ -23,8 +23,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.adequacy import sample_correlation
-from flywheel.diagnosis.fit import Fit, Fitter, Held, Linear
+from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import term_cost
+from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.starts import nominal_winch

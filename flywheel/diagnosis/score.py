@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.diagnosis.candidates import Candidate
-from flywheel.diagnosis.fit import Fit, Fitter, Linear
+from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.held import Linear
 from flywheel.records import Floats
 
 # A sensitivity is the change that a typical size makes. Where that is large, in some window [sigma], the
@@ -208,8 +209,7 @@ def sensitivities(
         return fitter.columns(fit, terms) / share
 
     raw, slices = secants(library, 1.0), slices_of(library)
-    measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
-    change = np.sqrt((raw**2).sum(axis=1) / np.maximum(measured, 1)[:, None]).max(axis=0)
+    change = np.sqrt(fitter.windows.mean_square(raw)).max(axis=0)
     found = projection(raw)
     large = [i for i, own in enumerate(slices) if any(change[s].max() > LARGE for s in own)]
     if not large:
@@ -248,16 +248,15 @@ def score_test(
       linear: of the fit, where it is at hand.
     """
     linear = linear or fitter.linear(fit)
-    square = (fit.residual**2).sum(axis=1)
-    measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
-    mean = square / np.maximum(measured, 1)
+    mean = fitter.mean_squares(fit)
     usual = max(float(np.median(mean)), 1e-9)  # nothing is left of windows that diverged
     weights = 1.0 / np.sqrt(np.maximum(1.0, mean / usual))
     projection = Projection.of(fitter, linear, known, weights)
     whole = Projection.of(fitter, linear, known, np.ones(len(mean)))
     residual = projection(fit.residual[..., None])[:, 0]
     entries = linear.by_start.shape[2]
-    freedom = float(measured.sum() - len(measured) * entries - projection.shared.shape[2])
+    measured = int(np.isfinite(fitter.windows.measured).sum())
+    freedom = float(measured - len(mean) * entries - projection.shared.shape[2])
     noise = float(residual @ residual) / max(freedom, 1.0)
     return ScoreTest(
         tuple(library),

@@ -9,9 +9,11 @@ from itertools import combinations
 import numpy as np
 
 from flywheel.diagnosis.candidates import Candidate
-from flywheel.diagnosis.fit import Fit, Fitter, Held, Linear
+from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.score import Score, ScoreTest, score_test
+from flywheel.diagnosis.time_steps import shorter_steps
 from flywheel.effects import Scales, Term, Terms
 from flywheel.records import Floats
 
@@ -51,7 +53,7 @@ class Selection:
     """Adds effects to a fitted model until none explains any more.
 
     Args:
-      fitter: of the windows.
+      fitter: of the windows; its time steps may become shorter as effects are found.
       library: what may be added.
       threshold: score from which an effect counts as seen.
       progress: told what has been done.
@@ -154,8 +156,21 @@ class Selection:
         for fit in others:
             ended.append(self.pursued(fit, min(map(self.criterion, ended))))
         best, *beaten = sorted(ended, key=self.criterion)
+        best = self._in_time_steps(best)
         elsewhere = self.fitter.elsewhere(best)
         return [best if elsewhere is best else self.pursued(elsewhere), *beaten]
+
+    def _in_time_steps(self, fit: Fit) -> Fit:
+        """A fit in time steps that will do for it, which are those of all fits from here on.
+
+        Without the effect that it has now, nobody could see what shorter steps make better.
+        """
+        free = free_values(fit.terms, self.scales)
+        fitter, fit = shorter_steps(self.fitter, fit, free)
+        if fitter is self.fitter:
+            return fit
+        self.fitter = fitter
+        return self.pursued(fit)
 
     def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target."""
@@ -205,10 +220,9 @@ class Selection:
         """A fit without a term, as far as that may be as good; `others` may know better starts."""
         less = self.fitter.under(fit, without(fit.terms, term))
         for other in others:
-            if places(other) == places(
-                less
-            ):  # fitted already: each window begins where it is better
-                less = self.fitter.best_of(*sorted((less, other), key=self.criterion))
+            if places(other) == places(less):  # fitted, but maybe in other time steps
+                again = self.fitter.under(other, other.terms)
+                less = self.fitter.best_of(*sorted((less, again), key=self.criterion))
         return self.pursued(less, self.criterion(fit) + self._worth(term))
 
     def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:

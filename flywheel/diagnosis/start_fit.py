@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import cycle, islice
+from typing import Self
 
 import numpy as np
 
-from flywheel.diagnosis.fit import LEAST_DAMPING, STUCK, Fit, Fitter, Held, Linear
+from flywheel.diagnosis.fit import LEAST_DAMPING, STUCK, Fit, Fitter
 from flywheel.diagnosis.free import term_cost
+from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.prediction import Carried, Predictor, Starts
 from flywheel.dynamics.plant import unseen_axes
 from flywheel.dynamics.plant.restarted import FREE_VELOCITIES
@@ -142,14 +144,13 @@ class StartFitter(Fitter):
         return self.slope(difference, 1.0, np.arange(len(fit.points)))
 
     def coarse(self, fit: Fit) -> np.ndarray:
-        """(K,) windows that smaller time steps would change too much, and could be simulated with."""
-        measured = np.isfinite(self.windows.measured).sum(axis=(1, 2, 3))
-        square = (self.step_error(fit) ** 2).sum(axis=(1, 2)) / np.maximum(measured, 1)
+        """See `Fitter`: those that shorter steps would change by more than is tolerated."""
+        square = self.windows.mean_square(self.step_error(fit)[..., 0])
         return np.asarray((square > TOLERATED**2) & (self.predictor.fineness < FINEST))
 
-    def refined(self, where: np.ndarray) -> StartFitter:
-        """The same with time steps of half the length in windows `where` (K,)."""
-        return StartFitter(self.predictor.finer(where), self.first)
+    def refined(self, where: np.ndarray) -> Self:
+        """See `Fitter`."""
+        return type(self)(self.predictor.finer(where), self.first)
 
     def rms(self, fit: Fit) -> float:
         """See `Fitter`; the fitted starts count as degrees of freedom."""

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.fit import Fit, Fitter, Linear
+from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free
+from flywheel.diagnosis.held import Linear
 from flywheel.diagnosis.score import Projection
 from flywheel.records import Floats
 

@@ -131,6 +131,12 @@ class Windows:
         number = self.first // self.steps
         return [np.flatnonzero(number == rank) for rank in range(number.max() + 1)]
 
+    def mean_square(self, off: Floats) -> Floats:
+        """(K, ...) of what each window is off (K, D, ...), per measured coordinate."""
+        measured = np.isfinite(self.measured).sum(axis=(1, 2, 3))
+        whole: Floats = (off**2).sum(axis=1)
+        return (whole.T / np.maximum(measured, 1)).T
+
     def residual(self, points: Floats) -> Floats:
         """(K, D) measured minus predicted (K, steps + 1, P, 3), in sigmas; 0 where missing."""
         return self.residual_of(np.arange(len(self)), points)

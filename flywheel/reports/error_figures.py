@@ -135,13 +135,11 @@ def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
 
 def _diverged(axes: Axes, iteration: int, colour: str) -> None:
     """Say why a point is missing."""
-    above = axes.get_xaxis_transform()
-    axes.plot([iteration], [0.93], marker="x", color=colour, transform=above, clip_on=False)
     axes.annotate(
-        "diverged",
+        "\N{MULTIPLICATION SIGN} diverged",
         (iteration, 0.93),
-        xycoords=above,
-        xytext=(6, 0),
+        xycoords=axes.get_xaxis_transform(),
+        xytext=(-4, 0),
         textcoords="offset points",
         va="center",
         color=colour,

@@ -102,8 +102,13 @@ def draw(name: str, run: RunResult, format: Literal["svg", "png"] = "svg") -> by
       UnknownNameError: no such figure.
     """
     picture = lookup(FIGURES, name, "figure")
+    return as_file(lambda: picture.draw(run), format)
+
+
+def as_file(drawn: Callable[[], Figure | None], format: Literal["svg", "png"]) -> bytes | None:
+    """A figure in our style as a file's bytes; None where there is nothing to show."""
     with matplotlib.rc_context(style.RC):
-        figure = picture.draw(run)
+        figure = drawn()
         if figure is None:
             return None
         file = BytesIO()

@@ -11,7 +11,8 @@ import pytest
 from flywheel.diagnosis import score
 from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.fit import Fit, Held, Linear
+from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.score import Projection, score_test
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.dynamics.plant import between, moved

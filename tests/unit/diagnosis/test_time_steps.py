@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis.baseline import fitted, fitter_of, refined_fit
+from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant, refined
@@ -60,6 +61,19 @@ def test_steps_are_halved_where_a_fall_asks_for_it(robot: Robot, seed: int) -> N
     assert shorter.any(), seed
     before, after = own.mean_squares(fitted(own))[shorter], fitter.mean_squares(fit)[shorter]
     assert after.mean() < 0.97 * before.mean(), seed
+
+
+def test_steps_are_asked_for_again_once_there_is_a_model(robot: Robot, seed: int) -> None:
+    own = fitter_for(robot, seed, TIMES)
+    selection = Selection(own, (), 25.0)
+    before = own.fit(own.beginning())
+    (after,) = selection.race([before])
+    shorter = selection.fitter.time_steps < robot.timestep
+    assert shorter.any(), seed
+    assert own.time_steps.tolist() == [robot.timestep] * FALLS * 2
+    assert after.cost < before.cost, seed
+    again = selection.fitter.under(after, after.terms)
+    np.testing.assert_allclose(again.cost, after.cost, rtol=1e-9)  # it is a fit of the new fitter
 
 
 def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) -> None:
