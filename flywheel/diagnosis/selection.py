@@ -184,9 +184,16 @@ class Selection:
         return fit
 
     def with_terms(self, step: Step, terms: Terms) -> Fit:
-        """The model with these terms instead, fitted from the step's starts."""
+        """The model with these terms instead, fitted from the step's starts or the first estimates.
+
+        Each window begins where it is better: starts that made up for a wrong model may lead astray.
+        """
         self.progress(f"fitting {', '.join(term.effect.name for term in terms)}")
         fit = self.fitter.under(step.fit, terms)
+        assert fit.held is not None
+        held = fit.held | np.ones(len(fit.change), bool)
+        anew = replace(self.fitter.beginning(terms), held=held)
+        fit = self.fitter.best_of(*sorted((fit, anew), key=self.criterion))
         return self.fitter.fit(fit, free_values(terms, self.scales), rounds=1)
 
     def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:

@@ -129,7 +129,9 @@ def test_a_model_that_diverged_is_said_to_have():
     assert row.short_position == row.short_rotation == "diverged"
     drawn = FIGURES["errors"].draw(run)
     said = [text.get_text() for axes in drawn.axes for text in axes.texts]
-    assert said == ["\N{MULTIPLICATION SIGN} diverged"] * 2  # in the two panels of the short horizon
+    assert (
+        said == ["\N{MULTIPLICATION SIGN} diverged"] * 2
+    )  # in the two panels of the short horizon
 
 
 def test_an_unfinished_run_has_a_page_that_says_so_and_what_is_missing(tmp_path, one_figure):
