@@ -141,6 +141,13 @@ class Fitter(ABC):
         winch = np.zeros((len(windows.logs), len(windows.robot.winches)))
         return self.at(np.zeros((len(windows), len(self.prior))), winch, terms)
 
+    def roughly(self, terms: Terms, free: Sequence[Free]) -> Fit:
+        """The first estimates as they are, with sizes of effects that suit them."""
+        begun = self.beginning(terms)
+        unknowns = len(self.prior), begun.starts.winch.shape[1]
+        nothing = Linear(*(np.zeros((*begun.residual.shape, count)) for count in unknowns))
+        return self.refit(replace(begun, held=Held.fresh(nothing)), free)
+
     def under(self, fit: Fit, terms: Terms) -> Fit:
         """The same unknowns with other terms, before anything is fitted to them."""
         return replace(self.at(fit.change, fit.starts.winch, terms), held=fit.held)

@@ -156,9 +156,7 @@ class Selection:
         for fit in others:
             ended.append(self.pursued(fit, min(map(self.criterion, ended))))
         best, *beaten = sorted(ended, key=self.criterion)
-        best = self._in_time_steps(best)
-        elsewhere = self.fitter.elsewhere(best)
-        return [best if elsewhere is best else self.pursued(elsewhere), *beaten]
+        return [self._in_time_steps(self._from_elsewhere(best)), *beaten]
 
     def _in_time_steps(self, fit: Fit) -> Fit:
         """A fit in time steps that will do for it, which are those of all fits from here on.
@@ -170,7 +168,12 @@ class Selection:
         if fitter is self.fitter:
             return fit
         self.fitter = fitter
-        return self.pursued(fit)
+        return self._from_elsewhere(self.pursued(fit))
+
+    def _from_elsewhere(self, fit: Fit) -> Fit:
+        """A fit, fitted on where windows that got stuck begin better elsewhere."""
+        elsewhere = self.fitter.elsewhere(fit)
+        return fit if elsewhere is fit else self.pursued(elsewhere)
 
     def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target."""
@@ -186,15 +189,17 @@ class Selection:
     def with_terms(self, step: Step, terms: Terms) -> Fit:
         """The model with these terms instead, fitted from the step's starts or the first estimates.
 
-        Each window begins where it is better: starts that made up for a wrong model may lead astray.
+        Each window begins where it is better: starts that made up for a wrong model may lead astray, and
+        so may sizes that were seen from there.
         """
         self.progress(f"fitting {', '.join(term.effect.name for term in terms)}")
+        free = free_values(terms, self.scales)
         fit = self.fitter.under(step.fit, terms)
         assert fit.held is not None
         held = fit.held | np.ones(len(fit.change), bool)
-        anew = replace(self.fitter.beginning(terms), held=held)
+        anew = replace(self.fitter.roughly(terms, free), held=held)
         fit = self.fitter.best_of(*sorted((fit, anew), key=self.criterion))
-        return self.fitter.fit(fit, free_values(terms, self.scales), rounds=1)
+        return self.fitter.fit(fit, free, rounds=1)
 
     def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
         """The model without the terms that it does nearly as well without.

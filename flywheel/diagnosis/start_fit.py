@@ -165,6 +165,8 @@ class StartFitter(Fitter):
         steps = np.concatenate([np.zeros_like(fit.change)[None], steps])
         unmoved = terms == fit.terms and np.array_equal(winch, fit.starts.winch)
         stay = fit if unmoved else self.at(fit.change, winch, terms)
+        if not steps.any():
+            return replace(stay, held=held)
         costs = self._costs_of_each(stay, steps)
         best, windows = costs.argmin(axis=0), np.arange(len(steps[0]))
         own = np.concatenate([tried[-1:], tried])
