@@ -8,7 +8,7 @@ from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.prediction import Predictor
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.starts import estimated_starts
-from flywheel.diagnosis.time_steps import shorter_steps
+from flywheel.diagnosis.time_steps import F, shorter_steps
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import Terms
@@ -27,21 +27,13 @@ def fitter_of(
     return StartFitter(Predictor(windows, plant, busy), estimated_starts(windows, plant))
 
 
-def refined_fit(fitter: StartFitter, terms: Terms = (), seed: int = 0) -> tuple[StartFitter, Fit]:
+def refined_fit(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
     """Starts that fit, under terms that stay as they are, and a fitter with time steps that will do."""
-    fitter, fit = shorter_steps(fitter, fitter.fit(fitter.beginning(terms), rounds=BEFORE))
-    return fitter, _on_from_elsewhere(fitter, fit, AFTER, seed)
+    fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=BEFORE))
+    return fitter, fitter.fit(fitter.elsewhere(fit, seed), rounds=AFTER)
 
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int = AFTER, seed: int = 0) -> Fit:
-    """Starts that fit, under terms that stay as they are."""
-    return settled(fitter, fitter.beginning(terms), rounds, seed)
-
-
-def settled(fitter: Fitter, fit: Fit, rounds: int = AFTER, seed: int = 0) -> Fit:
-    """A fit whose starts were fitted under its terms, those that got stuck from elsewhere."""
-    return _on_from_elsewhere(fitter, fitter.fit(fit, rounds=BEFORE), rounds, seed)
-
-
-def _on_from_elsewhere(fitter: Fitter, fit: Fit, rounds: int, seed: int) -> Fit:
+    """Starts that fit, under terms that stay as they are, in the time steps that the fitter has."""
+    fit = fitter.fit(fitter.beginning(terms), rounds=BEFORE)
     return fitter.fit(fitter.elsewhere(fit, seed), rounds=rounds)

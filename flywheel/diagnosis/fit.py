@@ -148,6 +148,17 @@ class Fitter(ABC):
         nothing = Linear(*(np.zeros((*begun.residual.shape, count)) for count in unknowns))
         return self.refit(replace(begun, held=Held.fresh(nothing)), free)
 
+    def under_or_anew(self, fit: Fit, terms: Terms, free: Sequence[Free] = ()) -> Fit:
+        """Other terms, before starts are fitted to them: each window begins as before or as first estimated.
+
+        What is better is taken: starts that made up for a wrong model may lead astray, and so may sizes
+        that were seen from there.
+        """
+        here, first = self.under(fit, terms), self.roughly(terms, free)
+        stale = np.ones(len(fit.change), bool)
+        first = replace(first, held=None if here.held is None else here.held | stale)
+        return self.best_of(*sorted((here, first), key=lambda each: each.cost))
+
     def under(self, fit: Fit, terms: Terms) -> Fit:
         """The same unknowns with other terms, before anything is fitted to them."""
         return replace(self.at(fit.change, fit.starts.winch, terms), held=fit.held)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flywheel.diagnosis.baseline import settled
+from flywheel.diagnosis.baseline import refined_fit
 from flywheel.diagnosis.diagnosis import Errors
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.under_test import UnderTest
@@ -47,10 +47,11 @@ class HeldOut:
         return found
 
     def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> Fit:
-        """Starts that fit under other terms."""
+        """Starts that fit under other terms, in time steps that will do for them."""
         if terms == before.terms:
             return before
-        return settled(fitter, fitter.under(before, terms), seed=self._under_test.seed)
+        begun = fitter.under_or_anew(before, terms)
+        return refined_fit(fitter, begun, self._under_test.seed)[1]
 
 
 def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:

@@ -187,19 +187,10 @@ class Selection:
         return fit
 
     def with_terms(self, step: Step, terms: Terms) -> Fit:
-        """The model with these terms instead, fitted from the step's starts or the first estimates.
-
-        Each window begins where it is better: starts that made up for a wrong model may lead astray, and
-        so may sizes that were seen from there.
-        """
+        """The model with these terms instead, fitted from the step's starts or the first estimates."""
         self.progress(f"fitting {', '.join(term.effect.name for term in terms)}")
         free = free_values(terms, self.scales)
-        fit = self.fitter.under(step.fit, terms)
-        assert fit.held is not None
-        held = fit.held | np.ones(len(fit.change), bool)
-        anew = replace(self.fitter.roughly(terms, free), held=held)
-        fit = self.fitter.best_of(*sorted((fit, anew), key=self.criterion))
-        return self.fitter.fit(fit, free, rounds=1)
+        return self.fitter.fit(self.fitter.under_or_anew(step.fit, terms, free), free, rounds=1)
 
     def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
         """The model without the terms that it does nearly as well without.

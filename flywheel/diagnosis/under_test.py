@@ -49,13 +49,15 @@ class UnderTest:
         plant, model = self.plant, self.model
         if model is None:
             windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-            return refined_fit(fitter_of(windows, plant, self.busy), plant.terms, self.seed)
+            fitter = fitter_of(windows, plant, self.busy)
+            return refined_fit(fitter, fitter.beginning(plant.terms), self.seed)
         _check(plant, model)
         seen = model.dynamics.history * plant.dt
         seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
         windows = Windows.cut(plant.robot, recordings, seconds, sigma)
         terms = plant.terms if around is None else around
-        world, start = refined_fit(fitter_of(windows, plant, self.busy), terms, self.seed)
+        world = fitter_of(windows, plant, self.busy)
+        world, start = refined_fit(world, world.beginning(terms), self.seed)
         if around is not None:
             start = world.fit(start, free_values(around, Scales.of(plant.robot)))
         rng = np.random.default_rng(self.seed)

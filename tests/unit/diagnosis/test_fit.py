@@ -72,7 +72,7 @@ def test_windows_that_go_otherwise_than_their_sensitivities_said_become_stale(
     begun, wrong = fitter.beginning(), seed % len(fitter.windows)
     linear = fitter.linear(begun)
     by_start = linear.by_start.copy()
-    by_start[wrong] *= 3.0  # that window goes a third of the way that it is promised
+    by_start[wrong] *= 10.0  # that window goes a tenth of the way that it is promised
     held = Held.fresh(Linear(by_start, linear.by_winch))
     after = fitter.improved(replace(begun, held=held), ())
     assert after is not None and after.held is not None

@@ -56,7 +56,7 @@ def test_every_window_is_simulated_in_its_own_steps(robot: Robot, seed: int) -> 
 
 def test_steps_are_halved_where_a_fall_asks_for_it(robot: Robot, seed: int) -> None:
     own = fitter_for(robot, seed, TIMES)
-    fitter, fit = refined_fit(own)
+    fitter, fit = refined_fit(own, own.beginning())
     shorter = fitter.time_steps < robot.timestep
     assert shorter.any(), seed
     before, after = own.mean_squares(fitted(own))[shorter], fitter.mean_squares(fit)[shorter]
@@ -78,7 +78,7 @@ def test_steps_are_asked_for_again_once_there_is_a_model(robot: Robot, seed: int
 
 def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) -> None:
     own = fitter_for(robot, seed, 1)
-    fitter, fit = refined_fit(own)
+    fitter, fit = refined_fit(own, own.beginning())
     # Should shorter ones fit by chance, then as well.
     assert (fitter.time_steps == robot.timestep).all() or fit.cost < 1.02 * fitted(own).cost, seed
     assert fitter.mean_squares(fit).mean() < 1.2, seed
