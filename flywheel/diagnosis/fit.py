@@ -144,6 +144,8 @@ class Fitter(ABC):
     def roughly(self, terms: Terms, free: Sequence[Free]) -> Fit:
         """The first estimates as they are, with sizes of effects that suit them."""
         begun = self.beginning(terms)
+        if not free:
+            return begun
         unknowns = len(self.prior), begun.starts.winch.shape[1]
         nothing = Linear(*(np.zeros((*begun.residual.shape, count)) for count in unknowns))
         return self.refit(replace(begun, held=Held.fresh(nothing)), free)

@@ -9,10 +9,8 @@ import numpy as np
 from flywheel.records import Floats
 
 SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
-OWN_DAMPING, FRESH_DAMPING = (
-    0.1,
-    1.0,
-)  # of a window's own steps: at first, and at most after new ones
+# Of a window's own steps: at first, and at most with new sensitivities.
+OWN_DAMPING, FRESH_DAMPING = 0.1, 1.0
 
 
 @dataclass(frozen=True)

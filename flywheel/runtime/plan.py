@@ -20,9 +20,8 @@ from flywheel.runtime.seeds import derive_seed
 
 GAITS = ("roll", "cw", "ccw")
 ORACLE = "oracle"
-STAND_IN_FINENESS = (
-    4  # from icosa6's 5 ms to about the 1 ms in which contacts hardly change any more
-)
+# From the 5 ms of icosa6 to about the one in which contacts hardly change any more.
+STAND_IN_FINENESS = 4
 Effects = tuple[WrittenTerm, ...]
 
 
