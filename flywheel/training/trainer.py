@@ -24,6 +24,7 @@ from flywheel.dynamics.gnn import (
     load_weights,
     save_weights,
     weights_digest,
+    widen_winches,
 )
 from flywheel.errors import ConfigError, ModelError
 from flywheel.robots import Robot
@@ -182,6 +183,7 @@ class Trainer:
                     f"The weights in {self._initial_weights} are of another network: "
                     f"{network.config}, wanted {self._network_config}."
                 )
+            widen_winches(self._simulator, network, [self._objective.measured()])
             return network
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self._config.seed)

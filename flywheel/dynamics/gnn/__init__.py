@@ -4,7 +4,7 @@ from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.ground import Ground, View, ground_of
 from flywheel.dynamics.gnn.learned import LearnedDynamics
 from flywheel.dynamics.gnn.network import ChunkNetwork
-from flywheel.dynamics.gnn.normalisation import fit_normalisation
+from flywheel.dynamics.gnn.normalisation import fit_normalisation, widen_winches
 from flywheel.dynamics.gnn.simulator import Simulator, Unrolled
 from flywheel.dynamics.gnn.weights import load_weights, save_weights, weights_digest
 
@@ -21,4 +21,5 @@ __all__ = [
     "load_weights",
     "save_weights",
     "weights_digest",
+    "widen_winches",
 ]

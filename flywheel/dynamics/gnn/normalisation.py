@@ -15,6 +15,7 @@ from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.errors import DataError, ModelError
 
 _LEAST = 1e-3  # of an output's natural size: what it keeps however little it changes in the data
+_WIDER = 2.0  # times its size, from which an output of a trained network gets a larger one
 
 
 class Windows(Protocol):
@@ -70,11 +71,12 @@ class _Moments:
         mean = self._sum / count
         return mean, (self._squares / count - mean * mean).clamp(min=0.0).sqrt()
 
-    def size(self, natural: Tensor) -> Tensor:
-        """Root mean square, at least a small part of the natural size; that itself without data."""
+    def size(self, natural: Tensor, without: float = 1.0) -> Tensor:
+        """Root mean square, at least a small part of the natural size; `without` data so many times that."""
         count = torch.as_tensor(self._count)
         size = (self._squares / count.clamp(min=1)).sqrt().to(natural)
-        return torch.where(count.to(natural) > 0, torch.maximum(size, _LEAST * natural), natural)
+        found = torch.maximum(size, _LEAST * natural)
+        return torch.where(count.to(natural) > 0, found, without * natural)
 
 
 @torch.no_grad()
@@ -115,6 +117,32 @@ def fit_normalisation(
     natural = natural_scales(simulator.robot, network.config)
     network.velocity_scale.copy_(velocity.size(natural[0]))
     network.winch_scale.copy_(winch.size(natural[1]))
+
+
+@torch.no_grad()
+def widen_winches(simulator: Simulator, network: ChunkNetwork, batches: Iterable[Windows]) -> None:
+    """Let a trained network speak of its winches in larger units, where new data ask for it.
+
+    It predicts what it did. Where winches had done as they were told, there was next to nothing to correct,
+    and the cable decoder's units are as small. A winch that is found to slow under load is hundreds of
+    them away, which no fine-tuning reaches. Without winch truth nothing is changed.
+
+    Args:
+      simulator: of the network's robot.
+      network: that goes on learning.
+      batches: training windows of at least one prediction chunk.
+    """
+    if network.cable_decoder is None:
+        return
+    winch = _Moments()
+    for batch in batches:
+        winch.add(_winch_changes(simulator, batch))
+    _, natural = natural_scales(simulator.robot, network.config)
+    before, wanted = network.winch_scale.clone(), winch.size(natural, without=0.0)
+    network.winch_scale.copy_(torch.where(wanted > _WIDER * before, wanted, before))
+    share, last = before / network.winch_scale, network.cable_decoder.linears[-1]
+    last.weight.mul_(share[:, None])
+    last.bias.mul_(share)
 
 
 def _features(simulator: Simulator, batch: Windows) -> GraphFeatures:

@@ -7,7 +7,13 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, Simulator, fit_normalisation
+from flywheel.dynamics.gnn import (
+    ChunkNetwork,
+    NetworkConfig,
+    Simulator,
+    fit_normalisation,
+    widen_winches,
+)
 from flywheel.dynamics.gnn.ground import flat_ground
 from flywheel.errors import DataError
 
@@ -74,6 +80,29 @@ def test_without_winch_truth_its_scale_stays(robots, make_window, seed):
     batch = split(make_window(robot, config, seed, steps=6))
     fit_normalisation(Simulator(robot, config), network, [batch])
     assert torch.equal(network.winch_scale, before)
+
+
+def test_a_trained_network_speaks_in_larger_units_and_says_the_same(robots, make_window, seed):
+    robot, config = robots["prism3"], NetworkConfig.lean(width=8)
+    simulator, network = Simulator(robot, config), ChunkNetwork(robot, config)
+    window = make_window(robot, config, seed, steps=config.chunk)
+    obedient, slower = split(window), split(window)
+    winches = simulator.parts().winches
+    present = window.past_winch[:, -1].t()
+    commands = winches.clipped(window.controls[:, : config.chunk].permute(1, 2, 0))
+    obedient.winch = winches.nominal(present, commands).permute(2, 0, 1)
+    slower.winch = winches.nominal(present, 0.8 * commands).permute(2, 0, 1)
+    fit_normalisation(simulator, network, [obedient])
+    small, last = network.winch_scale.clone(), network.cable_decoder.linears[-1]
+    said = [(p * s).clone() for p, s in ((last.weight.t(), small), (last.bias, small))]
+    widen_winches(simulator, network, [obedient, split(window)])
+    assert torch.equal(network.winch_scale, small)
+    widen_winches(simulator, network, [slower])
+    off = (slower.winch - obedient.winch).square().mean((0, 2)).sqrt()
+    torch.testing.assert_close(network.winch_scale, off)
+    assert (network.winch_scale > 10 * small).all()
+    for before, now in zip(said, (last.weight.t(), last.bias), strict=True):
+        torch.testing.assert_close(now * network.winch_scale, before)
 
 
 def test_no_windows_and_short_windows_are_refused(robots, make_window, seed):
