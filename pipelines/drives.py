@@ -160,5 +160,6 @@ def _where(setting: Setting) -> str:
 
 
 def _title(setting: Setting) -> str:
+    told = f", told {', '.join(setting.effects)}" if setting.effects else ""
     hidden = f", hidden {', '.join(setting.hidden)}" if setting.hidden else ""
-    return f"{setting.model}, {_where(setting)}{hidden}"
+    return f"{setting.model} {setting.digest[:8]}, {_where(setting)}{told}{hidden}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ from flywheel.robots import Box
 from flywheel.runtime.results import Navigation, RunResult
 
 Series = list[tuple[str, str, Navigation]]
+TITLE = 30  # letters in a line above one of three panels
 
 
 def success_over_iterations(run: RunResult) -> Figure | None:
@@ -114,7 +116,7 @@ def paths_from_above(drivers: Series) -> Figure | None:
     course = _course(series)
     columns = min(len(series), 4 if len(series) in (4, 7, 8) else 3)
     rows = math.ceil(len(series) / columns)
-    figure = Figure(figsize=(9.6, (9.6 / columns + 0.35) * rows))
+    figure = Figure(figsize=(9.6, (9.6 / columns + 0.35) * rows), layout="constrained")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for place, axes in enumerate(grid.flat):
         axes.set_visible(place < len(series))
@@ -207,7 +209,8 @@ def _seen_from_above(
     axes.set_xlim(middle[0] - reach, middle[0] + reach)
     axes.set_ylim(middle[1] - reach, middle[1] + reach)
     count = navigation.success
-    axes.set_title(f"{' '.join(name.split())}: {count.reached}/{count.total}")
+    title = f"{' '.join(name.split())}: {count.reached}/{count.total}"
+    axes.set_title(textwrap.fill(title, TITLE))
 
 
 def _course(series: Series) -> tuple[Box, ...]:
