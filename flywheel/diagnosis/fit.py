@@ -132,7 +132,7 @@ class Fitter(ABC):
         return fit
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
-        """The better of two fits of one model; or the first with what is better in the second."""
+        """The better of two fits of one model, with what is better in the other one."""
         return min(fit, other, key=lambda each: each.cost)
 
     def beginning(self, terms: Terms = ()) -> Fit:
@@ -159,7 +159,7 @@ class Fitter(ABC):
         here, first = self.under(fit, terms), self.roughly(terms, free)
         stale = np.ones(len(fit.change), bool)
         first = replace(first, held=None if here.held is None else here.held | stale)
-        return self.best_of(*sorted((here, first), key=lambda each: each.cost))
+        return self.best_of(here, first)
 
     def under(self, fit: Fit, terms: Terms) -> Fit:
         """The same unknowns with other terms, before anything is fitted to them."""

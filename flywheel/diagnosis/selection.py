@@ -106,9 +106,9 @@ class Selection:
             t for t in asked(steps[-1].fit.terms) if (t.effect.name, t.place) not in before
         )
 
-    def shortened(self, fit: Fit, term: Term, target: float = np.inf) -> Fit:
-        """A fit without a term, fitted anew; see `pursued` for the target."""
-        return self.pursued(self.fitter.under(fit, without(fit.terms, term)), target)
+    def shortened(self, fit: Fit, term: Term) -> Fit:
+        """A fit without a term, fitted anew."""
+        return self.pursued(self.fitter.under(fit, without(fit.terms, term)))
 
     def look(self, fit: Fit) -> Step:
         """Test all candidates and probes on top of a model."""
@@ -225,13 +225,12 @@ class Selection:
         for other in others:
             if places(other) == places(less):  # fitted, but maybe in other time steps
                 again = self.fitter.under(other, other.terms)
-                less = self.fitter.best_of(*sorted((less, again), key=self.criterion))
+                less = self.fitter.best_of(less, again)
         return self.pursued(less, self.criterion(fit) + self._worth(term))
 
     def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
         """The better of two fits of one model, with the starts that are better in the other, fitted on."""
-        better, worse = sorted((fit, other), key=self.criterion)
-        return self.pursued(self.fitter.best_of(better, worse), target)
+        return self.pursued(self.fitter.best_of(fit, other), target)
 
     def criterion(self, fit: Fit) -> float:
         """Cost with what every fitted value costs (BIC)."""

@@ -198,6 +198,7 @@ class StartFitter(Fitter):
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
         """See `Fitter`: each window begins where it fits better."""
+        fit, other = sorted((fit, other), key=lambda each: each.cost)
         members = np.arange(len(fit.change))
         own, its = (
             self.costs(fit.carried, fit.terms, members, each.change) for each in (fit, other)
