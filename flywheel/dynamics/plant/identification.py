@@ -73,7 +73,8 @@ class Identification:
     """What sysid found.
 
     Attributes:
-      xml: MJCF with the fitted numbers. Its winches may have gains that `Robot.from_mjcf` refuses.
+      xml: MJCF with the fitted numbers, in six digits: MuJoCo writes no more. Its winches may have gains
+        that `Robot.from_mjcf` refuses.
       numbers: of the MJCF.
       ended: why, in sysid's words.
     """
