@@ -16,7 +16,8 @@ from flywheel.robots import Box
 from flywheel.runtime.results import Navigation, RunResult
 
 Series = list[tuple[str, str, Navigation]]
-TITLE = 30  # letters in a line above one of three panels
+WIDTH = 9.6  # of paths from above [in]
+LETTERS = 90  # of a title across all of that
 
 
 def success_over_iterations(run: RunResult) -> Figure | None:
@@ -90,13 +91,14 @@ def unseen_courses(run: RunResult) -> Figure | None:
     ]
     if not rows:
         return None
-    figure = Figure(figsize=(9.6, 5.0 * len(rows)))
+    figure = Figure(figsize=(WIDTH, 5.0 * len(rows)))
     for index, series in enumerate(rows):
         course = _course(series)
         middle, reach = _frame(series, course)
         for place, (name, _, navigation) in enumerate(series):
             axes = figure.add_subplot(len(rows), 2, 2 * index + place + 1)
-            _seen_from_above(axes, name, navigation, course, middle, reach)
+            axes.set_title(_titled(name, navigation, 2))
+            _seen_from_above(axes, navigation, course, middle, reach)
             axes.set_xlabel("x [m]")
             axes.set_ylabel("y [m]")
     return figure
@@ -116,7 +118,10 @@ def paths_from_above(drivers: Series) -> Figure | None:
     course = _course(series)
     columns = min(len(series), 4 if len(series) in (4, 7, 8) else 3)
     rows = math.ceil(len(series) / columns)
-    figure = Figure(figsize=(9.6, (9.6 / columns + 0.35) * rows), layout="constrained")
+    titles = [_titled(name, navigation, columns) for name, _, navigation in series]
+    lines = 1 + max(title.count("\n") for title in titles)
+    height = (WIDTH / columns + 0.15 + 0.2 * lines) * rows
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for place, axes in enumerate(grid.flat):
         axes.set_visible(place < len(series))
@@ -124,8 +129,9 @@ def paths_from_above(drivers: Series) -> Figure | None:
             axes.set_xlabel("x [m]" if course else "x - start [m]")
             axes.tick_params(labelbottom=True)
     middle, reach = _frame(series, course)
-    for axes, (name, _, navigation) in zip(grid.flat, series, strict=False):
-        _seen_from_above(axes, name, navigation, course, middle, reach)
+    for axes, title, (_, _, navigation) in zip(grid.flat, titles, series, strict=False):
+        axes.set_title(title)
+        _seen_from_above(axes, navigation, course, middle, reach)
     for axes in grid[:, 0]:
         axes.set_ylabel("y [m]" if course else "y - start [m]")
     return figure
@@ -194,9 +200,15 @@ def _times(axes: Axes, place: int, colour: str, navigation: Navigation, allowed:
     axes.text(place, 1.04 * allowed, note, ha="center", va="bottom", fontsize=8.5, color=style.INK)
 
 
+def _titled(name: str, navigation: Navigation, columns: int) -> str:
+    """Who drove and how often that reached its goal, above one of so many panels."""
+    count = navigation.success
+    title = f"{' '.join(name.split())}: {count.reached}/{count.total}"
+    return textwrap.fill(title, LETTERS // columns)
+
+
 def _seen_from_above(
     axes: Axes,
-    name: str,
     navigation: Navigation,
     course: tuple[Box, ...],
     middle: Floats,
@@ -208,9 +220,6 @@ def _seen_from_above(
     axes.set(aspect="equal")
     axes.set_xlim(middle[0] - reach, middle[0] + reach)
     axes.set_ylim(middle[1] - reach, middle[1] + reach)
-    count = navigation.success
-    title = f"{' '.join(name.split())}: {count.reached}/{count.total}"
-    axes.set_title(textwrap.fill(title, TITLE))
 
 
 def _course(series: Series) -> tuple[Box, ...]:
