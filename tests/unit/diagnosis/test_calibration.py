@@ -37,6 +37,17 @@ def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(
     assert adopted == {name: value.in_plant}
 
 
+@pytest.mark.parametrize("seed", [1120288754, 917180660])
+def test_a_number_is_not_left_in_the_hollow_that_it_begins_in(robot: Robot, seed: int) -> None:
+    """Recordings with which a fit from what was said ended there, sure of it and wrong."""
+    told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.06))
+    log = recorded(robot, (), seed)
+    unsure = {"cable_stiffness": 0.05}
+    found = diagnose(told, [log], (), FEW, window_seconds=0.4, seed=seed, unsure=unsure)
+    (value,) = found.calibration[0].values
+    assert value.value > 0.025, value
+
+
 def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> None:
     hidden = (Term(EFFECTS["winch_gain"], None, (0.15,)),)
     told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.05))
