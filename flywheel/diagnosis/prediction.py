@@ -101,7 +101,7 @@ class Predictor:
           began with.
         """
         ways = (self._beside_each_other, self._one_after_the_other)
-        apart = np.array([self._apart(each) for each in terms])
+        apart = np.array([self.apart(each) for each in terms])
         points = np.empty((len(terms), *self.windows.measured.shape))
         carried: dict[int, Carried] = {}
         for predict, members in zip(ways, (apart, ~apart), strict=True):
@@ -111,7 +111,7 @@ class Predictor:
                 carried |= dict(zip(rows.tolist(), began, strict=True))
         return points, [carried[i] for i in range(len(terms))]
 
-    def _apart(self, terms: Terms) -> bool:
+    def apart(self, terms: Terms) -> bool:
         """Whether what a window begins with is known without simulating those before."""
         return bool(self.windows.robot.rate_driven.all()) and not any(
             isinstance(term.effect, WinchEffect)
@@ -125,14 +125,8 @@ class Predictor:
         """See `chained`: all windows at once, as steps of large batches cost less."""
         self._busy()
         windows, count, told = self.windows, len(terms), self.told(terms)
-        wound = [
-            self._wound(begin + offset, rates)
-            for begin, offset, rates in zip(
-                self.nominal[windows.first == 0], starts.winch, told, strict=True
-            )
-        ]
+        winch = self._winches(starts.winch, told)
         at = list(zip(windows.log, windows.first, strict=True))
-        winch = np.stack([wound[log][:, first] for log, first in at], axis=1)
         commands = np.stack([told[log][:, f : f + windows.steps] for log, f in at], axis=1)
         rows = (count * len(windows), -1)
         state = self.with_winch(_tiled(starts.mechanics, count), winch.reshape(rows))
@@ -144,6 +138,18 @@ class Predictor:
         seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
         points = seen.reshape(count, *windows.measured.shape)
         return points, [Carried(winch[i], {}) for i in range(count)]
+
+    def began(self, winch: Floats, terms: Terms) -> Carried:
+        """What windows begin with under terms that leave them `apart`, with offsets (logs, W) [m]."""
+        return Carried(self._winches(winch, self.told([terms]))[0], {})
+
+    def _winches(self, offsets: Floats, told: Sequence[Floats]) -> Floats:
+        """(n, K, W) where windows begin, of what each log is told (n, T, W), with offsets (logs, W)."""
+        windows = self.windows
+        begins = self.nominal[windows.first == 0] + offsets
+        wound = [self._wound(*each) for each in zip(begins, told, strict=True)]
+        at = zip(windows.log, windows.first, strict=True)
+        return np.stack([wound[log][:, first] for log, first in at], axis=1)
 
     def _wound(self, start: Floats, told: Floats) -> Floats:
         """(n, T + 1, W) positions of rate-driven winches that begin at (W,) and are told (n, T, W)."""

@@ -61,13 +61,19 @@ class StartFitter(Fitter):
         """Predictions and cost at given unknowns."""
         predictor = self.predictor
         starts = Starts(predictor.moved(self.first, change), winch)
-        points, carried = predictor.chained(starts, [terms])
-        residual = predictor.windows.residual(points[0])
+        (points,), (carried,) = predictor.chained(starts, [terms])
+        return self._predicted(starts, terms, change, points, carried)
+
+    def _predicted(
+        self, starts: Starts, terms: Terms, change: Floats, points: Floats, carried: Carried
+    ) -> Fit:
+        """What these points (K, steps + 1, P, 3) cost."""
+        residual = self.windows.residual(points)
         cost = float((residual**2).sum() + self.prior_cost(change).sum())
-        cost += self._shared_cost(winch, terms)
+        cost += self._shared_cost(starts.winch, terms)
         if not np.isfinite(points).all():
             cost = np.inf
-        return Fit(starts, terms, change, points[0], residual, carried[0], cost)
+        return Fit(starts, terms, change, points, residual, carried, cost)
 
     def _shared_cost(self, winch: Floats, terms: Terms) -> float:
         """Of what windows share, by what is known before."""
@@ -162,18 +168,22 @@ class StartFitter(Fitter):
         tried = np.clip(np.multiply.outer(NEAR, held.own), LEAST_DAMPING, MOST_DAMPING)
         by_start = held.linear.by_start
         steps = np.stack([self._steps(fit.change, by_start, left, each) for each in tried])
-        steps = np.concatenate([np.zeros_like(fit.change)[None], steps])
-        unmoved = terms == fit.terms and np.array_equal(winch, fit.starts.winch)
-        stay = fit if unmoved else self.at(fit.change, winch, terms)
         if not steps.any():
-            return replace(stay, held=held)
-        costs = self._costs_of_each(stay, steps)
-        best, windows = costs.argmin(axis=0), np.arange(len(steps[0]))
-        own = np.concatenate([tried[-1:], tried])
+            return replace(self.at(fit.change, winch, terms), held=held)
+        changes = fit.change + np.concatenate([np.zeros_like(fit.change)[None], steps])
+        points, carried = self._trials(fit, winch, terms, changes)
+        windows = np.arange(len(fit.change))
+        costs = np.stack([self._cost(p, windows, c) for p, c in zip(points, changes, strict=True)])
+        best, own = costs.argmin(axis=0), np.concatenate([tried[-1:], tried])
         held = replace(held, own=own[best, windows])
         if costs[best, windows].sum() + self._shared_cost(winch, terms) >= fit.cost:
-            return replace(stay, held=held)
-        return replace(self.at(fit.change + steps[best, windows], winch, terms), held=held)
+            best = np.zeros_like(best)
+        change = changes[best, windows]
+        if best.any() and not self.predictor.apart(terms):  # what windows begin with changes, too
+            return replace(self.at(change, winch, terms), held=held)
+        starts = Starts(self.predictor.moved(self.first, change), winch)
+        after = self._predicted(starts, terms, change, points[best, windows], carried)
+        return replace(after, held=held)
 
     def elsewhere(
         self, fit: Fit, seed: int = 0, stuck: float = STUCK, usual: float | None = None
@@ -218,15 +228,26 @@ class StartFitter(Fitter):
             change[:, turn] += rng.normal(0.0, TURN, (len(change), 1)) * axis
         return change
 
-    def _costs_of_each(self, stay: Fit, steps: Floats) -> Floats:
-        """(n, K) cost of each window alone after the steps (n, K, X), the first of which is none."""
-        count, tried = len(stay.change), steps[1:] + stay.change
-        members = np.tile(np.arange(count), len(tried))
-        cost = self.costs(
-            stay.carried, stay.terms, members, tried.reshape(-1, stay.change.shape[1])
-        )
-        own = self._cost(stay.points, np.arange(count), stay.change)
-        return np.concatenate([own[None], cost.reshape(len(tried), count)])
+    def _trials(
+        self, fit: Fit, winch: Floats, terms: Terms, changes: Floats
+    ) -> tuple[Floats, Carried]:
+        """Windows with other offsets and terms at changes (n, K, X), the first of which is the fit's.
+
+        Returns:
+          (n, K, steps + 1, P, 3) points of each window alone [m], and what the first begin with.
+        """
+        if terms == fit.terms and np.array_equal(winch, fit.starts.winch):
+            known, carried = fit.points[None], fit.carried
+        elif self.predictor.apart(terms):  # all in one batch
+            known, carried = np.empty((0, *fit.points.shape)), self.predictor.began(winch, terms)
+        else:
+            stay = self.at(fit.change, winch, terms)
+            known, carried = stay.points[None], stay.carried
+        new = changes[len(known) :]
+        members = np.tile(np.arange(len(fit.change)), len(new))
+        states = self.predictor.moved(self.first[members], new.reshape(len(members), -1))
+        points = self.predictor.parallel(states, carried, terms, members)
+        return np.concatenate([known, points.reshape(*new.shape[:2], *points.shape[1:])]), carried
 
     def costs(self, carried: Carried, terms: Terms, members: np.ndarray, change: Floats) -> Floats:
         """(n,) cost of each window alone, at changes (n, X)."""

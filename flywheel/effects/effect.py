@@ -150,6 +150,8 @@ class Cables:
         return np.tanh(self.speed / self.slow)
 
     def __getitem__(self, rows: Any) -> Cables:
+        if isinstance(rows, slice) and rows == slice(None):
+            return self
         return Cables(
             self.length[rows],
             self.speed[rows],

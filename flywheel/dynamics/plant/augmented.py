@@ -22,7 +22,7 @@ from flywheel.robots import Robot
 TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
 )
-WORTH_A_THREAD = 8  # simulations: with fewer, threads wait for each other
+WORTH_A_THREAD = 3  # simulations: with fewer, threads wait for each other
 EDITED = 256  # models with effects that are kept
 KEPT = 8  # batches of different sizes
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)

@@ -100,7 +100,8 @@ class Laws:
         self._none = np.zeros((len(terms), cables))
         self._winched = np.flatnonzero(geometry.activation >= 0)
         self._spools = geometry.activation[self._winched]
-        self._stiffness = np.broadcast_to(geometry.stiffness, self._none.shape)
+        self._rest = np.tile(geometry.rest, (len(terms), 1))
+        self._stiffness = np.tile(geometry.stiffness, (len(terms), 1))
 
     @property
     def on_rates(self) -> bool:
@@ -114,10 +115,9 @@ class Laws:
 
     def cables(self) -> Cables:
         """All cables as they are now."""
-        rest = np.repeat(self._geometry.rest[None], len(self._none), axis=0)
-        rest[:, self._winched] = self._act[:, self._spools]
-        elastic = self._stiffness * np.maximum(self._length - rest, 0.0)
-        stiffness = self._stiffness
+        rest, stiffness = self._rest.copy(), self._stiffness
+        rest[:, self._winched] = self._act.take(self._spools, axis=1)
+        elastic = stiffness * np.maximum(self._length - rest, 0.0)
         return Cables(self._length, self._speed, rest, stiffness, elastic, self._dt, self._slow)
 
     def told(self, told: Floats, cables: Cables) -> Floats:
@@ -132,20 +132,19 @@ class Laws:
 
     def tension(self, cables: Cables) -> Floats:
         """(n, C) extra tension [N]: on taut cables only, never pushing, and no more than winches have."""
-        extra = np.zeros_like(self._none)
+        extra = self._none.copy()
         for effect, rows, values in self._tensions:
             held = self.memory[effect.name][rows] if effect.remembers else self._none[rows]
             added, after = effect.tension(cables[rows], held, values)
             extra[rows] += added
             if effect.remembers:
                 self.memory[effect.name][rows] = after
-        pull, most = (
-            cables.elastic + self._geometry.damping * cables.speed,
-            self._geometry.strongest,
-        )
-        pull = np.maximum(pull, 0.0)
-        lacking = np.maximum(pull - most, 0.0)  # of what the springs alone would pull with
-        return np.where(cables.taut, np.clip(extra, -pull, most - pull) + lacking, 0.0)
+        pull = np.maximum(cables.elastic + self._geometry.damping * cables.speed, 0.0)
+        spare = (
+            self._geometry.strongest - pull
+        )  # negative: what the springs alone pull with too much
+        within = np.minimum(np.maximum(extra, -pull), spare) - np.minimum(spare, 0.0)
+        return np.where(cables.taut, within, 0.0)
 
 
 def has_laws(terms: Sequence[Terms]) -> bool:
