@@ -140,9 +140,7 @@ class Laws:
             if effect.remembers:
                 self.memory[effect.name][rows] = after
         pull = np.maximum(cables.elastic + self._geometry.damping * cables.speed, 0.0)
-        spare = (
-            self._geometry.strongest - pull
-        )  # negative: what the springs alone pull with too much
+        spare = self._geometry.strongest - pull  # below 0 where the springs alone are too strong
         within = np.minimum(np.maximum(extra, -pull), spare) - np.minimum(spare, 0.0)
         return np.where(cables.taut, within, 0.0)
 
