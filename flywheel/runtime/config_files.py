@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 import yaml
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel, ValidationError
 
@@ -21,7 +21,8 @@ EXTENDS = "extends"
 def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
-    A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs.
+    A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs; or with
+    a list of others, of which later ones win.
 
     Args:
       schema: what the result must be.
@@ -72,15 +73,24 @@ def _with_parents(path: Path, children: tuple[Path, ...]) -> DictConfig:
         raise ConfigError(f"{path} is not a YAML file: {error}") from None
     if not isinstance(loaded, DictConfig):
         raise ConfigError(f"{path} must hold `key: value` lines, got {type(loaded).__name__}.")
-    parent = loaded.pop(EXTENDS, None)
-    if parent is None:
-        return loaded
-    parent = (path.parent / str(parent)).resolve()
-    if parent in children:
-        raise ConfigError(f"{path} extends itself, by way of {parent}.")
-    merged = OmegaConf.merge(_with_parents(parent, (*children, path.resolve())), loaded)
+    own = (*children, path.resolve())
+    parents = [path.parent / name for name in _names(path, loaded.pop(EXTENDS, []))]
+    for parent in parents:
+        if parent.resolve() in own:
+            raise ConfigError(f"{path} extends itself, by way of {parent.resolve()}.")
+    merged = OmegaConf.merge(*(_with_parents(parent, own) for parent in parents), loaded)
     assert isinstance(merged, DictConfig)
     return merged
+
+
+def _names(path: Path, extended: Any) -> list[str]:
+    """Of the files that one extends."""
+    names = list(extended) if isinstance(extended, list | ListConfig) else [extended]
+    if not all(isinstance(name, str) and name for name in names):
+        raise ConfigError(
+            f"{path}: {EXTENDS} takes another file or a list of them, got {extended!r}."
+        )
+    return names
 
 
 def _near(path: Path) -> str:

@@ -44,7 +44,22 @@ def test_a_file_that_extends_another_holds_only_what_differs(write):
     assert read_config(Whole, path) == Whole(name="base", training=Part(steps=7, rate=0.1))
 
 
+def test_of_several_files_that_one_extends_later_ones_win(write):
+    write("one.yaml", "name: one\ntraining: {steps: 5, rate: 0.1}\n")
+    write("two.yaml", "training: {steps: 6}\n")
+    path = write("more.yaml", "extends: [one.yaml, two.yaml]\nname: more\n")
+    assert read_config(Whole, path) == Whole(name="more", training=Part(steps=6, rate=0.1))
+
+
+@pytest.mark.parametrize("extended", ["3", "[a.yaml, 3]", "''", "{a: b}", "null"])
+def test_what_names_no_file_to_extend_is_refused(write, extended):
+    with pytest.raises(ConfigError, match="another file or a list of them, got"):
+        read_config(Whole, write("a.yaml", f"extends: {extended}\n"))
+
+
 def test_a_file_that_extends_itself_is_refused(write):
+    with pytest.raises(ConfigError, match="extends itself"):
+        read_config(Whole, write("own.yaml", "extends: [own.yaml]\n"))
     write("a.yaml", "extends: b.yaml\n")
     with pytest.raises(ConfigError, match="extends itself"):
         read_config(Whole, write("b.yaml", "extends: a.yaml\n"))
