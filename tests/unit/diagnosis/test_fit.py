@@ -12,11 +12,12 @@ from flywheel.diagnosis import score
 from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.score import Projection, score_test
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.dynamics.plant import between, moved
-from flywheel.effects import EFFECTS
+from flywheel.effects import EFFECTS, Scales
 from flywheel.robots import Robot
 
 
@@ -90,6 +91,23 @@ def test_differences_are_taken_with_other_steps_the_next_time(
         found.append(held.linear.by_start)
     assert not any(np.array_equal(a, b) for a, b in pairwise(found))
     assert np.array_equal(found[0], found[3])  # and then the same ones again
+
+
+@pytest.mark.parametrize("name", ["cable_friction", "hysteresis", "torque_speed", "command_delay"])
+def test_a_step_ends_at_what_its_unknowns_predict(
+    robot: Robot, fitter: StartFitter, seed: int, name: str
+) -> None:
+    # whether its windows were simulated beside each other, as trials, or one after the other
+    (candidate,) = candidates(robot, {name: EFFECTS[name]})
+    begun = fitter.beginning((candidate.term((0.5,)),))
+    free = free_values(begun.terms, Scales.of(robot))
+    after = fitter.improved(replace(begun, held=fitter.renewed(begun)), free)
+    assert after is not None and after.cost < begun.cost, seed
+    again = fitter.at(after.change, after.starts.winch, after.terms)
+    assert (after.change != begun.change).any(), seed
+    assert np.array_equal(after.points, again.points)
+    assert after.cost == again.cost
+    assert np.array_equal(after.carried.winch, again.carried.winch)
 
 
 def test_new_sensitivities_begin_with_bold_steps(fitter: StartFitter, fit: Fit) -> None:
