@@ -107,7 +107,7 @@ def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
     if weights is not None:
         if not weights.exists():
             raise DataError(f"There is no weights file {weights}.")
-        models[weights.stem] = Weights.read(weights, str(weights), run.robot)
+        models[weights.stem] = Weights.read(weights, run.robot)
     else:
         models = {name_of(i.iteration, i.arm): run.weights(i) for i in run.result.iterations}
     beside = {name: name for name in (FLOOR, INFORMED_FLOOR)}

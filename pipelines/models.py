@@ -63,7 +63,7 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     if (path / "config.yaml").exists():
         return _of_run(name, path, "")
     if path.is_file():
-        return TrainedModel(name, Weights.read(path, what, robot))
+        return TrainedModel(name, Weights.read(path, robot))
     run, _, model = what.rpartition(":")
     if run:
         return _of_run(name, Path(run), model)

@@ -52,7 +52,7 @@ class OpenRun:
     def weights(self, iteration: IterationResult) -> Weights:
         """The weights that an iteration trained."""
         path = self.folder.weights(iteration.iteration, iteration.arm)
-        return Weights.read(path, iteration.model, self.robot)
+        return Weights.read(path, self.robot)
 
     def iteration(self, name: str) -> IterationResult:
         """An iteration by its number ("2": MPPI's arm) or name ("i0002-control")."""

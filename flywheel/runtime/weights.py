@@ -8,7 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
-from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays
+from flywheel.dynamics.gnn.weights import (
+    network_from_arrays,
+    weights_arrays,
+    weights_digest,
+)
 from flywheel.robots import Robot
 
 
@@ -27,14 +31,14 @@ class Weights:
     arrays: dict[str, np.ndarray]
 
     @classmethod
-    def read(cls, path: Path, digest: str, robot: Robot) -> Weights:
+    def read(cls, path: Path, robot: Robot) -> Weights:
         """Read the file that `save_weights` wrote.
 
         Raises:
           ModelError: it is missing, damaged, or for another robot.
         """
         network = load_weights(path, robot)
-        return cls(digest, network.config, weights_arrays(network))
+        return cls(weights_digest(network), network.config, weights_arrays(network))
 
     def dynamics(self, robot: Robot, threads: int = 1) -> LearnedDynamics:
         """The model itself."""

@@ -7,12 +7,14 @@ from pathlib import Path
 import pytest
 from mlflow import MlflowClient
 
+from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, save_weights
 from flywheel.errors import ConfigError
 from flywheel.hidden.cases import cases
 from flywheel.robots import load_robot
 from flywheel.runtime.dashboard import DATABASE
 from flywheel.runtime.examination import CaseResult
 from pipelines.diagnose_bench import examine
+from pipelines.models import open_trained
 
 
 def test_a_folder_of_another_model_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
@@ -27,6 +29,20 @@ def test_a_folder_of_another_model_is_refused_and_left_as_it_is(tmp_path: Path) 
     ):
         examine(tmp_path, "prism3", ["none"], [1.0], [0], "", None, None)
     assert kept.read_text() == before
+
+
+def test_another_network_in_the_same_file_is_another_model(tmp_path: Path) -> None:
+    robot, weights, folder = load_robot("prism3"), tmp_path / "weights.npz", tmp_path / "results"
+    folder.mkdir()
+    config = NetworkConfig(dt=0.01, width=8, rounds=1)
+    (case,) = cases(robot, ["none"], (), (0,))
+    digest = save_weights(ChunkNetwork(robot, config), weights)
+    assert open_trained(str(weights), robot).weights.digest == digest
+    done = CaseResult(name=case.name, group="none", robot="prism3", model=digest)
+    (folder / f"{case.name}.json").write_text(done.model_dump_json())
+    save_weights(ChunkNetwork(robot, config), weights)
+    with pytest.raises(ConfigError, match=f"has results of {digest[:12]}; .* is to be tested now"):
+        examine(folder, "prism3", ["none"], [1.0], [0], "", str(weights), None)
 
 
 def test_results_that_are_there_are_shown_and_not_made_again(
