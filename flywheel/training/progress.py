@@ -59,8 +59,8 @@ class TrainingResult:
       weights: file of the best weights.
       digest: sha256 of them.
       best_error: selection error of the best weights, see `SELECTION`.
-      best_step: optimiser steps after which they were found; 0: the initial weights were never
-        bettered.
+      best_step: optimiser steps after which they were found; 0: all that came of the initial
+        weights was worse than they.
       steps: optimiser steps done.
       curve: one point every `report_every` steps and at each validation.
     """

@@ -34,7 +34,12 @@ from flywheel.training.loss import Losses
 from flywheel.training.objective import Objective
 from flywheel.training.progress import CurvePoint, OnProgress, TrainingProgress, TrainingResult
 from flywheel.training.schedules import learning_rate, spans, stage_at
-from flywheel.training.validation import Validation, ValidationErrors, selection_error
+from flywheel.training.validation import (
+    Validation,
+    ValidationErrors,
+    clearly_worse,
+    selection_error,
+)
 
 WEIGHTS = "weights.npz"
 
@@ -73,8 +78,8 @@ class Trainer:
       robot: of the episodes.
       train, validation: windows of the two splits.
       folder: for the checkpoint and the weights; made if need be.
-      initial_weights: file of weights to start from, by the fine-tuning schedule; they are kept if
-        nothing better comes of it.
+      initial_weights: file of weights to start from, by the fine-tuning schedule; they are given back
+        if what comes of it is worse beyond chance.
 
     Raises:
       DataError: a split has no window of the length needed.
@@ -132,9 +137,6 @@ class Trainer:
     def _run(self, on_progress: OnProgress, pool: Executor) -> TrainingResult:
         config, steps = self._config, self._schedule.steps
         state = self._start()
-        if self._initial_weights is not None and not state.best:
-            # They may be better than all that follows.
-            self._consider(state, selection_error(self._measure(state)))
         kept_at = {span.stop for span in spans(self._schedule)}
         began, first = time.perf_counter(), state.step
         while state.step < steps and not self._stale(state):
@@ -220,7 +222,7 @@ class Trainer:
 
     def _validate(self, state: _State, point: CurvePoint) -> None:
         """Add the validation errors to `point`, and keep the weights if they are the best."""
-        errors = self._measure(state)
+        errors = self._measured(state.served)
         table, error = errors.table, selection_error(errors)
         state.curve.append(
             dataclasses.replace(
@@ -233,9 +235,8 @@ class Trainer:
         )
         self._consider(state, error)
 
-    def _measure(self, state: _State) -> ValidationErrors:
-        state.served.eval()
-        return self._validation(self._simulator, state.served, self._config.device)
+    def _measured(self, network: ChunkNetwork) -> ValidationErrors:
+        return self._validation(self._simulator, network.eval(), self._config.device)
 
     def _consider(self, state: _State, error: float) -> None:
         if error < state.best_error or not state.best:
@@ -275,9 +276,15 @@ class Trainer:
         )
 
     def _result(self, state: _State) -> TrainingResult:
-        state.network.load_state_dict(state.best)
+        network = state.network
+        network.load_state_dict(state.best)
+        if self._initial_weights is not None:
+            first = self._first_network().to(self._config.device)
+            before, after = self._measured(first), self._measured(network)
+            if clearly_worse(after, before):
+                network, state.best_error, state.best_step = first, selection_error(before), 0
         path = self._folder / WEIGHTS
-        digest = save_weights(state.network.to("cpu"), path, self._train.digest)
+        digest = save_weights(network.to("cpu"), path, self._train.digest)
         return TrainingResult(
             path, digest, state.best_error, state.best_step, state.step, tuple(state.curve)
         )

@@ -16,7 +16,7 @@ from flywheel.data import WindowCache
 from flywheel.dynamics.gnn import ChunkNetwork, Simulator
 from flywheel.errors import DataError
 from flywheel.evaluation import ErrorTable
-from flywheel.evaluation.statistics import squared_position_error
+from flywheel.evaluation.statistics import rotation_error, squared_position_error
 from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.training.batches import generator, to_batch
@@ -33,7 +33,7 @@ class ValidationErrors:
 
     Attributes:
       table: over all of them.
-      by_window: (windows,) RMSE/L of each window's CoM errors [%].
+      by_window: (windows,) what weights are selected by, see `selection_error`, of each window.
     """
 
     table: ErrorTable
@@ -47,8 +47,17 @@ def selection_error(errors: ValidationErrors) -> float:
     over all windows together will not do: the few in which a robot tips over the other way decide it.
     Infinite where an error is not a number.
     """
-    error = errors.table.e_rot + float(np.nanmean(errors.by_window))
+    error = float(np.nanmean(errors.by_window))
     return error if math.isfinite(error) else math.inf
+
+
+def clearly_worse(after: ValidationErrors, before: ValidationErrors) -> bool:
+    """Whether weights do worse than others on the same windows, by more than two standard errors."""
+    if not math.isfinite(selection_error(after)):
+        return True
+    more = after.by_window - before.by_window
+    more = more[np.isfinite(more)]
+    return bool(more.mean() > 2.0 * more.std() / math.sqrt(len(more))) if len(more) else False
 
 
 class Validation:
@@ -106,7 +115,9 @@ class Validation:
             truth, predicted = self._block(simulator, network, device, slice(i, i + _BLOCK))
             table = table + ErrorTable.between(self._robot, self._dt, truth, predicted)
             squares = squared_position_error(self._robot, truth, predicted)
-            by_window.append(100.0 * np.sqrt(np.nanmean(squares, axis=(1, 2))) / self._robot.length)
+            place = 100.0 * np.sqrt(np.nanmean(squares, axis=(1, 2))) / self._robot.length
+            turn = np.nanmean(rotation_error(self._robot, truth, predicted), axis=(1, 2))
+            by_window.append(place + turn)
         return ValidationErrors(table, np.concatenate(by_window))
 
     def _block(

@@ -13,7 +13,12 @@ from flywheel.errors import ConfigError, DataError, ModelError
 from flywheel.training import Schedule, Stage, Trainer
 from flywheel.training.checkpoint import read_checkpoint
 from flywheel.training.objective import Objective
-from flywheel.training.validation import Validation, selection_error
+from flywheel.training.validation import (
+    Validation,
+    ValidationErrors,
+    clearly_worse,
+    selection_error,
+)
 
 
 class Killed(Exception):
@@ -167,6 +172,39 @@ def test_fine_tuning_that_only_does_harm_gives_the_initial_weights_back(trainer,
     ).run()
     assert after.best_step == 0
     assert after.digest == first.digest
+
+
+def test_fine_tuning_is_kept_unless_it_is_clearly_worse(trainer, make_config, monkeypatch):
+    first = trainer("first", make_config(steps=40)).run()
+    wild = Schedule(steps=5, stages=(Stage(chunks=1, share=1),), learning_rate=0.1, warmup_steps=0)
+    config = make_config(steps=40, fine_tuning=wild)
+    asked = []
+    monkeypatch.setattr(
+        "flywheel.training.trainer.clearly_worse",
+        lambda after, before: asked.append((selection_error(after), selection_error(before))),
+    )
+    after = trainer("after", config, initial_weights=first.weights).run()
+    assert asked == [(after.best_error, pytest.approx(first.best_error, rel=1e-4))]
+    assert after.best_step == 5
+    assert after.digest != first.digest
+
+
+def test_worse_by_chance_is_not_clearly_worse():
+    rng = np.random.default_rng()
+    before = rng.uniform(5.0, 10.0, 128)
+    more = rng.normal(0.0, 1.0, 128)
+    more -= more.mean()
+    error = more.std() / np.sqrt(128)
+
+    def errors(by_window):
+        return ValidationErrors(None, by_window)
+
+    assert not clearly_worse(errors(before + more + 1.9 * error), errors(before))
+    assert clearly_worse(errors(before + more + 2.1 * error), errors(before))
+    assert not clearly_worse(errors(before + more - 5.0 * error), errors(before))
+    assert not clearly_worse(errors(before), errors(before))
+    assert clearly_worse(errors(np.full(128, np.inf)), errors(before))
+    assert not clearly_worse(errors(before), errors(np.full(128, np.inf)))
 
 
 def test_weights_of_another_network_are_refused(
