@@ -19,6 +19,7 @@ SURE = 2.0  # standard deviations of the noise's own error on top
 CORRELATED = 0.05  # correlation from sample to sample, likewise
 INCONSTANT = 1.0  # differences of a size between windows, likewise
 OTHER = 0.1  # of what an answer and another law explain, that the other one does
+MARGIN = 1.5  # times a model's own errors in a few draws, which seldom are the worst of them
 OUTSTANDING = 6.0  # standard deviations of noise by which one window may stand out
 
 
@@ -38,7 +39,7 @@ class Limits:
         """Where a model's own errors are not taken for more."""
         return replace(
             self,
-            threshold=max(self.threshold, own.score),
+            threshold=max(self.threshold, MARGIN * own.score),
             loud=self.loud * max(1.0, own.noise),
             correlated=self.correlated + max(0.0, own.correlation),
         )
