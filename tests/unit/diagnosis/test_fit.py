@@ -223,7 +223,11 @@ def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(
     names = ("torque_speed", "creep", "cable_damping")
     library = candidates(robot, {name: EFFECTS[name] for name in names})
     terms = [(c.term(c.typical, 0),) for c in library]
-    _, (slower, creeping, damped) = fitter.predictor.chained(fit.starts, terms)
+    predictor = fitter.predictor
+    assert [predictor.apart(each) for each in terms] == [False, False, True]
+    _, (slower, creeping, damped) = predictor.chained(fit.starts, terms)
     assert creeping.memory["creep"][1:].any()
     assert not damped.memory
-    assert np.abs(slower.winch - damped.winch).max() > 1e-9
+    # In one of seventy recordings no winch reels in under load: nothing to be seen of it being slower.
+    _, (expected,) = predictor._one_after_the_other(fit.starts, terms[:1])
+    assert np.array_equal(slower.winch, expected.winch)
