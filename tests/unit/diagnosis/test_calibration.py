@@ -33,7 +33,8 @@ def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(
     (value,) = found.calibration[0].values
     assert value.low - 0.03 < 0.06 < value.high + 0.03, (seed, value)
     assert found.errors.augmented < found.errors.baseline
-    adopted = {each.effect: each.parameters["share"] for each in adoptable(found.summary())}
+    # Named: on so short a recording as is held out, what is right may do no better.
+    adopted = {each.effect: each.parameters["share"] for each in adoptable(found.summary(), 1)}
     assert adopted == {name: value.in_plant}
 
 
