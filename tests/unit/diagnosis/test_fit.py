@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import score
-from flywheel.diagnosis.baseline import fitted
+from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.score import Projection, score_test
 from flywheel.diagnosis.start_fit import StartFitter
+from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import between, moved
 from flywheel.effects import EFFECTS, Scales
 from flywheel.robots import Robot
+from tests.unit.diagnosis.conftest import recorded
 
 
 @pytest.fixture(scope="module")
@@ -231,3 +233,7 @@ def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(
     # In one of seventy recordings no winch reels in under load: nothing to be seen of it being slower.
     _, (expected,) = predictor._one_after_the_other(fit.starts, terms[:1])
     assert np.array_equal(slower.winch, expected.winch)
+    # Here one does.
+    known = fitter_of(Windows.cut(robot, [recorded(robot, (), 1)], 0.4), predictor.plant)
+    _, (slower, _, damped) = known.predictor.chained(known.beginning().starts, terms)
+    assert np.abs(slower.winch - damped.winch).max() > 1e-9
