@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
@@ -214,14 +215,18 @@ def _trusted(search: _Search, judged: _Judged) -> _Judged:
 
 
 def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
-    """Before something is said to be left: with other starts for every window that is loud."""
+    """Before something is said to be left: with other starts for every window that is loud.
+
+    Unless the loudest one fits no better from anywhere else: then starts are not what is wrong.
+    """
     selection, last = search.selection, judged.steps[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    begun = selection.fitter.elsewhere(last.fit, seed + 1, SUSPECT, usual=1.0)
-    if begun is last.fit:
+    elsewhere = partial(selection.fitter.elsewhere, seed=seed + 1, stuck=SUSPECT, usual=1.0)
+    begun = elsewhere(last.fit, most=1)
+    if last.fit.cost - begun.cost < search.limits.equally_good:
         return judged
-    fit = selection.pursued(replace(begun, converged=False))
+    fit = selection.pursued(replace(elsewhere(begun), converged=False))
     return _judged(search, [*judged.steps[:-1], selection.look(fit)])
 
 

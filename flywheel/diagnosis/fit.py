@@ -119,7 +119,12 @@ class Fitter(ABC):
         return Held.fresh(self.linear(fit, precise=False), fit.held)
 
     def elsewhere(
-        self, fit: Fit, seed: int = 0, stuck: float = STUCK, usual: float | None = None
+        self,
+        fit: Fit,
+        seed: int = 0,
+        stuck: float = STUCK,
+        usual: float | None = None,
+        most: int | None = None,
     ) -> Fit:
         """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better.
 
@@ -127,8 +132,9 @@ class Fitter(ABC):
           seed: of other beginnings.
           stuck: mean square of a window, over the usual one, from which it may have got stuck.
           usual: mean square of a window that is not stuck [sigma^2]; None for the median one.
+          most: windows that begin elsewhere, the loudest ones; None for all that may have got stuck.
         """
-        del seed, stuck, usual
+        del seed, stuck, usual, most
         return fit
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:

@@ -24,6 +24,7 @@ PAIRS = 1  # pairs on the short list
 MORE = 1.2  # times what the best explains alone, from which a pair is tried
 TURNS = 6  # of the selection, at most
 MOST = 3  # effects found together
+SLIGHT = 0.05  # of what an answer leaves, that another effect must promise to explain
 ROUNDS = 10  # of a fit
 HOPE = 2.0  # further rounds like the last one, after which a model must have reached its target
 
@@ -47,6 +48,12 @@ class Step:
     test: ScoreTest
     scores: tuple[Score, ...]
     probes: tuple[Score, ...]
+
+    @property
+    def futile(self) -> bool:
+        """Much more than noise is left, and no candidate explains a notable part of it."""
+        beyond_noise = (self.test.noise - 1.0) * self.test.freedom
+        return max(score.power for score in self.scores) < SLIGHT * beyond_noise
 
 
 class Selection:
@@ -79,7 +86,7 @@ class Selection:
         if changed := self._moved(first):
             steps.append(self.look(changed))
         for _ in range(TURNS):
-            if len(steps[-1].fit.terms) >= most:
+            if len(steps[-1].fit.terms) >= most or (self.new(steps) and steps[-1].futile):
                 break
             better = self._next(steps[-1], most)
             # A score is a promise of the linearisation; a fit need not keep it.

@@ -18,13 +18,13 @@ from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free, free_values
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.selection import Step
-from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term
+from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term, Terms
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats
 
 UNITS = 6  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
-BEGINNINGS = 5  # random features that are tried
+BEGINNINGS = 5  # random features that are compared
 ROUNDS = 8  # of the best of them
 STEP = 0.05  # of a finite difference of a weight
 SHOWN = 3  # effects that it is said to be like
@@ -86,30 +86,45 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
       step: the model so far, with the test of the library on top of it.
       seed: of the first weights.
     """
-    rng = np.random.default_rng(seed)
-    tried = []
-    for _ in range(BEGINNINGS):
-        begun = _begun(fitter, step.fit, rng)  # a law that adds nothing yet changes no sensitivity
-        tried.append(fitter.refit(begun, _weights_of(fitter, begun, "out")))
-    best = min(tried, key=lambda each: each.cost)
-    trained = fitter.fit(best, _weights_of(fitter, best), ROUNDS)
+    begun = _begun(fitter, step, np.random.default_rng(seed))
+    begun = fitter.refit(begun, _weights_of(fitter, begun.terms, "out"))
+    trained = fitter.fit(begun, _weights_of(fitter, begun.terms), ROUNDS)
     return Learned(trained, _likeness(fitter, trained, step.test))
 
 
-def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator) -> Fit:
-    """A fit and a law that adds nothing yet, with random features."""
-    first = (*rng.normal(size=4 * UNITS).tolist(), *np.zeros(UNITS).tolist())
-    scales = Scales.of(fitter.windows.robot)
+def _begun(fitter: Fitter, step: Step, rng: np.random.Generator) -> Fit:
+    """The step's fit and a law that adds nothing yet, with the random features that promise most.
+
+    Such a law changes no sensitivity, so that the score test says what its outputs would explain.
+    """
+    scales, fit, test = Scales.of(fitter.windows.robot), step.fit, step.test
     known = tuple(size.typical(scales) for size in LearnedTension.sizes)
-    terms = (*fit.terms, Term(LearnedTension(), None, first, known))
-    return fitter.under(fit, terms)
+    laws, nudged = [], []
+    for _ in range(BEGINNINGS):
+        features = rng.normal(size=4 * UNITS).tolist()
+        terms = (*fit.terms, Term(LearnedTension(), None, (*features, *[0.0] * UNITS), known))
+        outputs = _weights_of(fitter, terms, "out")[-UNITS:]
+        laws.append(terms)
+        nudged += [output.moved(terms, STEP) for output in outputs]
+    columns = test.projection(fitter.columns(fit, nudged)) / STEP
+    promises = [
+        _promise(columns[:, UNITS * law : UNITS * (law + 1)], test.residual)
+        for law in range(BEGINNINGS)
+    ]
+    return fitter.under(fit, laws[int(np.argmax(promises))])
 
 
-def _weights_of(fitter: Fitter, fit: Fit, layer: str = "") -> list[Free]:
-    """The weights of a fit's last term that begin with a word, and the values of the other terms."""
-    last = len(fit.terms) - 1
+def _promise(columns: Floats, residual: Floats) -> float:
+    """How far outputs with these sensitivities (N, UNITS), of normal prior, make the cost fall."""
+    pull = columns.T @ residual
+    return float(pull @ np.linalg.solve(columns.T @ columns + np.eye(UNITS), pull))
+
+
+def _weights_of(fitter: Fitter, terms: Terms, layer: str = "") -> list[Free]:
+    """The values of terms; of the last one's weights those that begin with a word."""
+    last = len(terms) - 1
     found = []
-    for value in free_values(fit.terms, Scales.of(fitter.windows.robot)):
+    for value in free_values(terms, Scales.of(fitter.windows.robot)):
         if value.term != last:
             found.append(value)
         elif LearnedTension.sizes[value.index].name.startswith(layer):

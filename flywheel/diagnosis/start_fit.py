@@ -186,7 +186,12 @@ class StartFitter(Fitter):
         return replace(after, held=held)
 
     def elsewhere(
-        self, fit: Fit, seed: int = 0, stuck: float = STUCK, usual: float | None = None
+        self,
+        fit: Fit,
+        seed: int = 0,
+        stuck: float = STUCK,
+        usual: float | None = None,
+        most: int | None = None,
     ) -> Fit:
         """See `Fitter`.
 
@@ -196,7 +201,8 @@ class StartFitter(Fitter):
         """
         square = self.mean_squares(fit)
         usual = float(np.median(square)) if usual is None else usual
-        doubted = np.flatnonzero(square > stuck * max(1.0, usual))
+        loudest = np.argsort(-square)[:most]
+        doubted = np.sort(loudest[square[loudest] > stuck * max(1.0, usual)])
         if not len(doubted):
             return fit
         here = fit.change[doubted]

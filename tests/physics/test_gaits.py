@@ -11,7 +11,7 @@ from flywheel.records import Past
 from flywheel.robots import load_robot
 
 # Two cycles of each: seconds, way of the centre [m] or mean turn of the rods [degrees].
-# Measured elsewhere on a plant with other steps and integrator (FACTS 2).
+# Measured on a plant with other steps and another integrator.
 ROLL_SECONDS, ROLL = 9.0, (-3.42, 1.71)
 CW_SECONDS, CW = 13.6, -61.0
 CCW_SECONDS, CCW = 11.4, 33.0

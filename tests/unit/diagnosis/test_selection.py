@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from flywheel.diagnosis.baseline import fitted
+from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.effects import NAMED
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import NAMED, Term
+from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot
+from tests.unit.diagnosis.conftest import recorded
 
 
 def test_a_model_does_not_begin_where_another_one_was_led_astray(
@@ -42,3 +46,38 @@ def test_sizes_are_made_to_suit_the_first_estimates(
     assert found.cost < begun.cost, seed
     assert np.array_equal(found.change, begun.change), seed  # the starts stay
     assert abs(found.terms[0].values[0]) < 0.5 * terms[0].values[0], seed  # nothing is hidden
+
+
+def jumped(log: Trajectory, point: int, way: float) -> Trajectory:
+    """A recording in which a marker is off by `way` [m] for a while, as no effect makes it."""
+    points = log.observations.points.copy()
+    points[50:60, point] += way
+    return Trajectory(Observation(points, log.observations.winch), log.controls, log.dt)
+
+
+def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(
+    robot: Robot, seed: int
+) -> None:
+    gain = NAMED["winch_gain"]
+    log = recorded(robot, (Term(gain, None, (0.3,)),), seed)
+    wrong = jumped(log, seed % len(robot.points), 0.2 * robot.length)
+    library = candidates(robot, {"winch_gain": gain, "slope": NAMED["slope"]})
+    steps = {}
+    for name, recording in (("right", log), ("wrong", wrong)):
+        fitter = fitter_of(Windows.cut(robot, [recording], seconds=0.4), Plant(robot))
+        steps[name] = Selection(fitter, library, 25.0).look(fitted(fitter))
+    assert not steps["right"].futile, seed
+    assert steps["right"].scores[0].candidate.effect is gain, seed
+    assert steps["wrong"].futile, seed
+
+
+def test_the_loudest_window_alone_begins_elsewhere(fitter: StartFitter, seed: int) -> None:
+    fit = fitted(fitter, rounds=1)
+    rng = np.random.default_rng(seed)
+    bent = fit.change + 3.0 * fitter.prior * rng.choice([-1.0, 1.0], fit.change.shape)
+    astray = fitter.at(bent, fit.starts.winch, ())
+    for most, expected in ((1, 1), (None, len(bent))):
+        found = fitter.elsewhere(astray, seed, usual=1.0, most=most)
+        moved = (found.change != bent).any(axis=1)
+        assert moved.sum() == expected, seed
+        assert moved[fitter.mean_squares(astray).argmax()], seed
