@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flywheel.diagnosis.limits import Limits
+from flywheel.diagnosis.network_fit import OwnErrors
 from flywheel.diagnosis.verdict import Found, found
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
@@ -53,3 +55,19 @@ def test_a_shape_alone_shows_nothing(robot: Robot) -> None:
     creep = EFFECTS["creep"]
     term = Term(creep, None, (0.01, 0.3))
     assert not found(term, np.array([0.02, 0.001]), np.zeros(2), robot).shown
+
+
+def test_what_a_model_does_wrong_by_itself_is_not_taken_for_more() -> None:
+    limits, rng = Limits(), np.random.default_rng()
+    own = OwnErrors(*rng.uniform((25.0, 1.1, 0.1), (100.0, 2.0, 0.5)))
+    beyond = limits.beyond(own)
+    # A few draws seldom show the worst of them: scores somewhat above theirs are no evidence either.
+    assert beyond.threshold > 1.2 * own.score
+    assert beyond.loud > own.noise
+    assert beyond.correlated > own.correlation
+
+
+def test_a_model_that_does_nothing_wrong_is_asked_what_a_plant_is() -> None:
+    rng = np.random.default_rng()
+    quiet = OwnErrors(*rng.uniform((0.0, 0.5, -0.1), (10.0, 1.0, 0.0)))
+    assert Limits().beyond(quiet) == Limits()
