@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from importlib import import_module
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ def models() -> Table:
 def datasets() -> Table:
     """The variations of the plant that the configurations name."""
     rows = [
-        (file.name, data.name, _different(data.plant))
+        (str(file.relative_to(CONFIGS)), data.name, _different(data.plant))
         for file, config in _configs()
         for data in config.datasets
     ]
@@ -69,9 +70,9 @@ def datasets() -> Table:
 
 
 def configs() -> Table:
-    """The configurations in configs/."""
+    """The configurations in configs/ and its folders."""
     rows = [
-        (str(file), config.robot, config.iterations, len(config.datasets), _first_comment(file))
+        (str(file), config.robot, config.iterations, len(config.datasets), _first_sentence(file))
         for file, config in _configs()
     ]
     return table("Configurations", ["file", "robot", "#iterations", "#data sets", "what for"], rows)
@@ -108,7 +109,7 @@ def registry(title: str, module: str, name: str) -> Callable[[], Table]:
 def _configs() -> Iterable[tuple[Path, Any]]:
     from flywheel.runtime.config import load_config
 
-    return [(file, load_config(file)) for file in sorted(CONFIGS.glob("*.yaml"))]
+    return [(file, load_config(file)) for file in sorted(CONFIGS.rglob("*.yaml"))]
 
 
 def _different(plant: Any) -> str:
@@ -117,9 +118,11 @@ def _different(plant: Any) -> str:
     return ", ".join(f"{key} x {value:g}" for key, value in changed.items()) or "nothing"
 
 
-def _first_comment(file: Path) -> str:
-    first = file.read_text().split("\n")[0]
-    return first.removeprefix("#").strip() if first.startswith("#") else ""
+def _first_sentence(file: Path) -> str:
+    """Of the comment that a file begins with."""
+    lines = takewhile(lambda line: line.startswith("#"), file.read_text().splitlines())
+    comment = " ".join(line.removeprefix("#").strip() for line in lines)
+    return comment.split(". ")[0].removesuffix(".")
 
 
 LISTS: dict[str, Callable[[], Table]] = {

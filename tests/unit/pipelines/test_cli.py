@@ -135,7 +135,7 @@ def test_a_list_names_what_is_there(kind: str, monkeypatch: pytest.MonkeyPatch) 
         "models": "lean",
         "controllers": "mppi",
         "datasets": "nominal",
-        "configs": "smoke.yaml",
+        "configs": "paper/training.yaml",
     }
     assert expected.get(kind, "") in done.output
 
