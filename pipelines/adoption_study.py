@@ -7,7 +7,7 @@ diagnosed by its recordings, as in a run of the flywheel, what is found is adopt
 and the network is trained on.
 How much nearer it comes to further recordings, over how near it comes when it is trained on with the true
 effect, is the share of the gap that is closed. Everything that is there already is kept: networks, data,
-and one JSON file per case; the table is that of docs/results/adoption.md.
+and one JSON file per case; the table is that of docs/results/diagnosis.md.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import argparse
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -235,10 +236,11 @@ def row(result: AdoptionStudy) -> str:
         f"{each.effect} {', '.join(f'{value:.3g}' for value in each.values.values())}"
         for each in result.truth
     )
+    closed = "no gap" if isnan(result.closed) else f"{result.closed:.0%}"
     return (
         f"| {truth} | {result.name.split('.')[-1]} | {result.verdict} | "
         f"{', '.join(result.adopted) or result.problem} | {result.before:.2f} | {result.after:.2f} | "
-        f"{result.ceiling:.2f} | {result.closed:.0%} | {', '.join(f'{e:.2f}' for e in result.shorter)} |"
+        f"{result.ceiling:.2f} | {closed} | {', '.join(f'{e:.2f}' for e in result.shorter)} |"
     )
 
 

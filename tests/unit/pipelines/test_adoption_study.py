@@ -62,4 +62,7 @@ def test_the_share_of_a_gap_is_one_where_the_answer_is_as_good_as_the_truth() ->
         rotation=(3.0, 2.0, 1.0),
     )
     assert kept.closed == pytest.approx(0.5)
-    assert np.isnan(kept.model_copy(update={"ceiling": 5.0}).closed)
+    assert "| 50% |" in row(kept)
+    no_gap = kept.model_copy(update={"ceiling": 5.0})
+    assert np.isnan(no_gap.closed)
+    assert "| no gap |" in row(no_gap)
