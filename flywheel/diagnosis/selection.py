@@ -24,7 +24,7 @@ PAIRS = 1  # pairs on the short list
 MORE = 1.2  # times what the best explains alone, from which a pair is tried
 TURNS = 6  # of the selection, at most
 MOST = 3  # effects found together
-SLIGHT = 0.05  # of what an answer leaves, that another effect must promise to explain
+SLIGHT = 0.2  # of what an answer leaves beyond noise, that another effect must promise to explain
 ROUNDS = 10  # of a fit
 HOPE = 2.0  # further rounds like the last one, after which a model must have reached its target
 

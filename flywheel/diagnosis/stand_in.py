@@ -25,7 +25,7 @@ from flywheel.records import Floats
 UNITS = 6  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
 BEGINNINGS = 5  # random features that are compared
-ROUNDS = 8  # of the best of them
+ROUNDS = 5  # of the best of them
 STEP = 0.05  # of a finite difference of a weight
 SHOWN = 3  # effects that it is said to be like
 
