@@ -37,6 +37,7 @@ from flywheel.records import Trajectory
 
 PASSES = 2  # for a model: where the plant starts depends on what it lacks
 SUSPECT = 1.1  # mean square of a window from which its start is doubted before anything is said to be left
+EASED = 0.2  # of what makes a window loud, that goes with another start if its start is to blame
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
 UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
@@ -217,14 +218,16 @@ def _trusted(search: _Search, judged: _Judged) -> _Judged:
 def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
     """Before something is said to be left: with other starts for every window that is loud.
 
-    Unless the loudest one fits no better from anywhere else: then starts are not what is wrong.
+    Unless the loudest one is hardly less so from anywhere else: then starts are not what is wrong.
     """
     selection, last = search.selection, judged.steps[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    elsewhere = partial(selection.fitter.elsewhere, seed=seed + 1, stuck=SUSPECT, usual=1.0)
+    fitter = selection.fitter
+    elsewhere = partial(fitter.elsewhere, seed=seed + 1, stuck=SUSPECT, usual=1.0)
     begun = elsewhere(last.fit, most=1)
-    if last.fit.cost - begun.cost < search.limits.equally_good:
+    before, after = fitter.mean_squares(last.fit), fitter.mean_squares(begun)
+    if (before - after).max() <= EASED * max(0.0, before.max() - 1.0):
         return judged
     fit = selection.pursued(replace(elsewhere(begun), converged=False))
     return _judged(search, [*judged.steps[:-1], selection.look(fit)])
