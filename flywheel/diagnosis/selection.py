@@ -24,7 +24,9 @@ PAIRS = 1  # pairs on the short list
 MORE = 1.2  # times what the best explains alone, from which a pair is tried
 TURNS = 6  # of the selection, at most
 MOST = 3  # effects found together
-SLIGHT = 0.2  # of what an answer leaves beyond noise, that another effect must promise to explain
+# Of what an answer leaves beyond noise, that another effect must promise to explain; and the last one that
+# may be added, without which the answer is not the whole one anyway.
+SLIGHT, MOSTLY = 0.2, 0.4
 ROUNDS = 10  # of a fit
 HOPE = 2.0  # further rounds like the last one, after which a model must have reached its target
 
@@ -49,11 +51,10 @@ class Step:
     scores: tuple[Score, ...]
     probes: tuple[Score, ...]
 
-    @property
-    def futile(self) -> bool:
-        """Much more than noise is left, and no candidate explains a notable part of it."""
+    def explained(self, share: float) -> bool:
+        """Whether some candidate promises to explain that share of what is left beyond noise."""
         beyond_noise = (self.test.noise - 1.0) * self.test.freedom
-        return max(score.power for score in self.scores) < SLIGHT * beyond_noise
+        return max(score.power for score in self.scores) >= share * beyond_noise
 
 
 class Selection:
@@ -86,7 +87,9 @@ class Selection:
         if changed := self._moved(first):
             steps.append(self.look(changed))
         for _ in range(TURNS):
-            if len(steps[-1].fit.terms) >= most or (self.new(steps) and steps[-1].futile):
+            room = most - len(steps[-1].fit.terms)
+            least = SLIGHT if room > 1 else MOSTLY
+            if room < 1 or (self.new(steps) and not steps[-1].explained(least)):
                 break
             better = self._next(steps[-1], most)
             # A score is a promise of the linearisation; a fit need not keep it.
