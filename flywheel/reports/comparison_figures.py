@@ -42,7 +42,7 @@ def lead_time(found: Comparison) -> Figure:
         time, scale * np.sqrt(found.persistence), label="nothing moves", **style.PERSISTENCE_LINE
     )
     axes.axhline(scale, color=NOISE, linestyle=(0, (5, 2)), linewidth=1.4, label="noise")
-    axes.set_yscale("log")
+    style.logarithmic(axes.yaxis)
     axes.set_xlim(0, time[-1])
     axes.set_xlabel("lead time [s]")
     axes.set_ylabel("root mean square error [mm]")
@@ -110,7 +110,7 @@ def _criterion(axes: Axes, models: Sequence[Judgement], bins: Sequence[Bins]) ->
     shares = 100 * counts / counts.sum()
     labels = [f"{bins[0].labels[i]} ({share:.0f}%)" for i, share in zip(there, shares, strict=True)]
     axes.axvline(1.0, color=NOISE, linestyle=(0, (5, 2)), linewidth=1.4)
-    axes.set_xscale("log")
+    style.logarithmic(axes.xaxis)
     axes.set_yticks(place, labels)
     axes.invert_yaxis()
     axes.set_title(f"by {bins[0].by}")

@@ -54,7 +54,7 @@ def ranking(found: Diagnosis) -> Figure:
     axes.barh(range(len(scores)), [s.score for s in scores], color=colours, height=0.7)
     axes.set_yticks(range(len(scores)), [s.candidate.label for s in scores])
     axes.axvline(found.threshold, color=style.INK, linestyle=(0, (1, 1.6)), label="counts as seen")
-    axes.set_xscale("log")
+    style.logarithmic(axes.xaxis)
     axes.set_xlabel("score: what it would explain, in noise variances per size")
     axes.legend(loc="lower right")
     axes.grid(axis="y", visible=False)

@@ -77,7 +77,7 @@ def training_curves(run: RunResult) -> Figure | None:
         ]
         validation.plot([s for s, _ in points], [e for _, e in points], marker="o", **look)
     if all(p.loss > 0 for turn in turns for p in turn.curve):
-        loss.set_yscale("log")
+        style.logarithmic(loss.yaxis)
     loss.set_ylabel("training loss")
     validation.set_ylabel("validation rotation error [deg]")
     validation.set_ylim(0, 1.08 * validation.get_ylim()[1])

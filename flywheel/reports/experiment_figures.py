@@ -35,7 +35,7 @@ def smallest_sizes(found: Power) -> Figure:
     axes.barh(range(len(shown)), [p.smallest for p in shown], color=colours, height=0.7)
     axes.set_yticks(range(len(shown)), [p.candidate.label for p in shown])
     axes.axvline(found.size, color=style.INK, linestyle=(0, (1, 1.6)), label="asked about")
-    axes.set_xscale("log")
+    style.logarithmic(axes.xaxis)
     axes.set_ylim(-0.7, len(shown) - 0.3)
     axes.set_xlabel("smallest size that would be seen, in typical sizes")
     axes.grid(axis="y", visible=False)

@@ -9,8 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from flywheel.runtime.charts import COLOURS
 
@@ -75,6 +77,22 @@ def whole_steps(axes: Axes, iterations: list[int]) -> None:
     room = 0.12 * max(1, high - low)
     axes.set_xlim(low - room, high + room)
     axes.set_xlabel("iteration")
+
+
+class PlainNumbers(LogFormatter):
+    """Numbers of a logarithmic axis as one says them: 0.9 and 1.025, not 9e-01 and 1.025 x 10^0."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """The label of a tick; empty where there is no room for one."""
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
+def logarithmic(axis: Axis) -> None:
+    """Make an axis logarithmic, with labels between the powers of ten where it has few of these."""
+    which = "x" if axis is axis.axes.xaxis else "y"
+    axis.axes.set(**{f"{which}scale": "log"})
+    axis.set_major_formatter(PlainNumbers())
+    axis.set_minor_formatter(PlainNumbers(minor_thresholds=(1.2, 0.5)))
 
 
 def legend_above(figure: Figure, axes: Axes) -> None:
