@@ -14,6 +14,7 @@ from flywheel.data import TrajectoryStore
 from flywheel.data.recordings import (
     Imported,
     ImportReport,
+    counted,
     read_map,
     read_recording,
     store_recording,
@@ -183,7 +184,7 @@ def _show(out: Console, one: Imported, state: str) -> None:
     out.print(
         f"[bold]{report.file}[/bold]: {report.rows} rows, {report.seconds:.4g} s at "
         f"{1 / report.period:.4g} Hz; {100 * report.seen:.4g} % of the points' samples can be used; "
-        f"{len(report.episodes)} episodes for {one.episodes[0].split}; {state}",
+        f"{counted(len(report.episodes), 'episode')} for {one.episodes[0].split}; {state}",
         highlight=False,
         soft_wrap=True,
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.recordings.mapping import RecordingMap
-from flywheel.data.recordings.report import Finding, listed
+from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.data.recordings.table import Table
 from flywheel.errors import DataError
 from flywheel.records import Floats
@@ -157,7 +157,7 @@ def _their_names(table: Table, robot: Robot, how: RecordingMap) -> dict[str, str
         unused = [name for name in how.columns if theirs[name] in missing]
         hint = f" The map renames {listed(unused)}." if unused else ""
         raise DataError(
-            f"{table.file} lacks {len(missing)} columns of the robot {robot.name}: "
+            f"{table.file} lacks {counted(len(missing), 'column')} of the robot {robot.name}: "
             f"{listed(missing)}.{hint}"
         )
     return {ours: name for ours, name in theirs.items() if name in table.header}
@@ -180,7 +180,7 @@ def _refuse_unknown(table: Table, robot: Robot, how: RecordingMap, theirs: dict[
     if len(unknown) > len(table.header) / 2:
         others = " Is it a recording of another robot?"
     raise DataError(
-        f"{table.file} has {len(unknown)} columns that the robot {robot.name} does not have: "
+        f"{table.file} has {counted(len(unknown), 'column')} that the robot {robot.name} does not have: "
         f"{listed(unknown)}.{_near(unknown[0], wanted)}{others} Rename them in the map (columns: "
         "{ours: theirs}) or name them under ignore."
     )

@@ -105,6 +105,11 @@ def spans_of(where: NDArray[np.bool_], time: Floats) -> list[tuple[float, float]
     return [(float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True)]
 
 
+def counted(number: int, what: str) -> str:
+    """`1 column`, `2 columns`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
 def listed(names: Sequence[str], most: int = 8) -> str:
     """Names for a message, at most so many of them."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

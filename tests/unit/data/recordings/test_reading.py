@@ -243,7 +243,7 @@ def test_a_wrong_map_is_refused_with_what_is_allowed(
             RecordingMap(columns={"s0.x": "s1.x"}),
             "takes 's1.x' for more than one|takes s1.x for more",
         ),
-        (RecordingMap(columns={"s0.x": "cap"}, ignore=("s0.x",)), "lacks 1 columns .*: cap"),
+        (RecordingMap(columns={"s0.x": "cap"}, ignore=("s0.x",)), "lacks 1 column .*: cap"),
         (RecordingMap(ignore=("s0.x",)), "ignores s0.x, which the robot needs"),
         (RecordingMap(ignore=("temperature",)), "has no column temperature to ignore"),
         (RecordingMap(dt=0.01), "has a time column 'time', and the map gives dt too"),
