@@ -25,6 +25,7 @@ from flywheel.records import Floats
 LEAST_DAMPING = 1e-4  # of a window's own steps
 STUCK = 1.3  # mean square of a window, over the usual one, at which its start is doubted
 STEPS = 3  # of a fit between two linearisations
+MANY = 12  # sizes from which their sensitivities, too, are held for all of these
 # Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
 ENOUGH, LITTLE = 0.001, 2.0
 # Where a window went otherwise than its sensitivities said: share of the way, and square [sigma^2].
@@ -196,8 +197,11 @@ class Fitter(ABC):
 
     def refit(self, fit: Fit, free: Sequence[Free], rounds: int = STEPS) -> Fit:
         """Steps with the starts' sensitivities held, as the fit has them: they are what costs time."""
+        sizes = None
         for _ in range(rounds):
-            after = self.improved(fit, free)
+            if sizes is None or len(free) < MANY:
+                sizes = self.by_size(fit, free)
+            after = self.improved(fit, free, sizes)
             if after is None:
                 break
             done = _hardly_fell(fit.cost, after.cost)
@@ -219,17 +223,22 @@ class Fitter(ABC):
         flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
         return flat.swapaxes(1, 2)
 
-    def improved(self, fit: Fit, free: Sequence[Free]) -> Fit | None:
-        """One step of all unknowns; None if none makes the cost fall.
+    def by_size(self, fit: Fit, free: Sequence[Free]) -> Floats:
+        """(K, D, n) sensitivities to sizes of effects."""
+        if not free:
+            return np.zeros((*fit.residual.shape, 0))
+        moves = [f.step_from(fit.terms) for f in free]
+        varied = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
+        return self.columns(fit, varied) / moves
+
+    def improved(self, fit: Fit, free: Sequence[Free], sizes: Floats) -> Fit | None:
+        """One step of all unknowns, with sensitivities to sizes; None if none makes the cost fall.
 
         What windows share takes one common step, as little damped as will do; each window then takes
         what suits it.
         """
         assert fit.held is not None
         held, linear = fit.held, fit.held.linear
-        moves = [f.step_from(fit.terms) for f in free]
-        varied = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
-        sizes = self.columns(fit, varied) / moves if free else None
         by_shared = self.shared(linear, sizes)
         winches = fit.starts.winch
         matrix, pull = self._shared_normal(fit, linear, by_shared, free)

@@ -135,11 +135,7 @@ class Selection:
     def known(self, fit: Fit) -> Floats | None:
         """(K, D, n) sensitivities with all values of the model's terms; None without terms."""
         free = free_values(fit.terms, self.scales)
-        if not free:
-            return None
-        moves = [f.step_from(fit.terms) for f in free]
-        stepped = [f.moved(fit.terms, m) for f, m in zip(free, moves, strict=True)]
-        return self.fitter.columns(fit, stepped) / moves
+        return self.fitter.by_size(fit, free) if free else None
 
     def _next(self, step: Step, most: int) -> Fit | None:
         """The model with another effect, or two if `most` allows, fitted; None if none is seen."""

@@ -41,9 +41,7 @@ def uncertainty(
     larger: curvature alone trusts the model to be right. What time steps add is extrapolated from half
     the step, for an error in proportion to it (Richardson); half of that again is doubted.
     """
-    moves = np.array([f.step_from(fit.terms) for f in free])
-    stepped = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
-    columns = fitter.columns(fit, stepped) / moves
+    columns = fitter.by_size(fit, free)
     projection = Projection.of(fitter, linear or fitter.linear(fit), None, np.ones(len(columns)))
     left, residual = projection(columns), projection(fit.residual[..., None])[:, 0]
     known = np.diag([1.0 / f.prior**2 for f in free])
