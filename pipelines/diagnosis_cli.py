@@ -129,8 +129,8 @@ def diagnose_bench(
     ),
     robot: Annotated[str, typer.Option(help="prism3, icosa6 or platform4.")] = "prism3",
     groups: Annotated[
-        str, typer.Option(help="none, single, pairs, outside, hard.")
-    ] = "none,single,pairs,outside,hard",
+        str, typer.Option(help="none, single, pairs, triples, outside, hard.")
+    ] = "none,single,pairs,triples,outside,hard",
     sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
     seeds: Annotated[int, typer.Option(help="Cases of each kind.")] = 5,
     only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",

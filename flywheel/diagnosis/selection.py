@@ -28,7 +28,9 @@ MOST = 3  # effects found together
 # may be added, without which the answer is not the whole one anyway.
 SLIGHT, MOSTLY = 0.2, 0.4
 ROUNDS = 10  # of a fit
-HOPE = 2.0  # further rounds like the last one, after which a model must have reached its target
+# Further rounds like the last one, after which a model must have reached its target; and where it is
+# about the last effect that may be added.
+HOPE, LAST_HOPE = 2.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -51,10 +53,14 @@ class Step:
     scores: tuple[Score, ...]
     probes: tuple[Score, ...]
 
+    @property
+    def beyond_noise(self) -> float:
+        """What the model leaves, beyond noise: sum of squares [sigma^2]; may be a little below zero."""
+        return (self.test.noise - 1.0) * self.test.freedom
+
     def explained(self, share: float) -> bool:
         """Whether some candidate promises to explain that share of what is left beyond noise."""
-        beyond_noise = (self.test.noise - 1.0) * self.test.freedom
-        return max(score.power for score in self.scores) >= share * beyond_noise
+        return max(score.power for score in self.scores) >= share * self.beyond_noise
 
 
 class Selection:
@@ -148,10 +154,10 @@ class Selection:
         if len(step.fit.terms) + 2 <= most:
             proposals += self._pairs(step)
         begun = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
-        first, *others = self.race(begun)
+        first, *others = self.race(begun, HOPE if len(step.fit.terms) + 1 < most else LAST_HOPE)
         return self.pruned(first, (step.fit, *others))
 
-    def race(self, begun: Sequence[Fit]) -> list[Fit]:
+    def race(self, begun: Sequence[Fit], hope: float = HOPE) -> list[Fit]:
         """Several models, each fitted on for as long as it may become the best; the best one first.
 
         Starts that had to make up for a wrong model find back slowly: after a few rounds the wrong one
@@ -160,7 +166,7 @@ class Selection:
         first, *others = sorted(begun, key=self.criterion)
         ended = [self.pursued(first)]
         for fit in others:
-            ended.append(self.pursued(fit, min(map(self.criterion, ended))))
+            ended.append(self.pursued(fit, min(map(self.criterion, ended)), hope))
         best, *beaten = sorted(ended, key=self.criterion)
         return [self._in_time_steps(self._from_elsewhere(best)), *beaten]
 

@@ -25,7 +25,8 @@ from flywheel.records import Floats
 UNITS = 6  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
 BEGINNINGS = 5  # random features that are compared
-ROUNDS = 5  # of the best of them
+ROUNDS = 5  # of the best of them, at most
+FRUITLESS = 0.01  # of what is left beyond noise: a round that explains less is the last
 STEP = 0.05  # of a finite difference of a weight
 SHOWN = 3  # effects that it is said to be like
 
@@ -87,8 +88,11 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
       seed: of the first weights.
     """
     begun = _begun(fitter, step, np.random.default_rng(seed))
-    begun = fitter.refit(begun, _weights_of(fitter, begun.terms, "out"))
-    trained = fitter.fit(begun, _weights_of(fitter, begun.terms), ROUNDS)
+    trained = fitter.refit(begun, _weights_of(fitter, begun.terms, "out"))
+    for _ in range(ROUNDS):
+        before, trained = trained, fitter.fit(trained, _weights_of(fitter, begun.terms), rounds=1)
+        if before.cost - trained.cost < FRUITLESS * step.beyond_noise or trained.converged:
+            break
     return Learned(trained, _likeness(fitter, trained, step.test))
 
 

@@ -19,8 +19,8 @@ from flywheel.hidden.scripts import SCRIPTS
 from flywheel.registry import lookup
 from flywheel.robots import Robot
 
-Group = Literal["none", "single", "pairs", "outside", "hard"]
-GROUPS: tuple[Group, ...] = ("none", "single", "pairs", "outside", "hard")
+Group = Literal["none", "single", "pairs", "triples", "outside", "hard"]
+GROUPS: tuple[Group, ...] = ("none", "single", "pairs", "triples", "outside", "hard")
 SIZES = (0.5, 1.0, 2.0)
 SECONDS = 3.0
 PLAIN = Measurement()
@@ -45,6 +45,20 @@ PAIRS = (
     ("hysteresis", "winch_gain"),
     ("payload", "cable_friction"),
     ("marker_offset", "actuator_lag"),
+)
+TRIPLES = (
+    ("cable_damping", "winch_gain", "payload"),
+    ("creep", "ground_friction", "sensor_latency"),
+    ("weak_cable", "payload", "cable_friction"),
+    ("slope", "winch_gain", "hysteresis"),
+    ("capstan", "actuator_lag", "payload"),
+    ("winch_backlash", "ground_friction", "stiffening"),
+    ("torque_speed", "cable_damping", "marker_offset"),
+    ("hysteresis", "slope", "command_delay"),
+    ("air_drag", "winch_gain", "weak_cable"),
+    ("actuator_lag", "cable_friction", "slope"),
+    ("stiffening", "payload", "winch_gain"),
+    ("marker_offset", "creep", "torque_speed"),
 )
 
 
@@ -165,10 +179,20 @@ def _single(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]
 
 
 def _pairs(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
-    for pair in PAIRS:
-        kinds = tuple(HIDDEN[name] for name in pair)
+    return _together(robot, "pairs", PAIRS, seed)
+
+
+def _triples(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
+    return _together(robot, "triples", TRIPLES, seed)
+
+
+def _together(
+    robot: Robot, group: Group, sets: Sequence[tuple[str, ...]], seed: int
+) -> Iterator[Case]:
+    for names in sets:
+        kinds = tuple(HIDDEN[name] for name in names)
         if all(kind.applies(robot) for kind in kinds):
-            yield _case(robot, "pairs", "+".join(pair), seed, kinds)
+            yield _case(robot, group, "+".join(names), seed, kinds)
 
 
 def _outside(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
@@ -193,6 +217,7 @@ _MAKERS = {
     "none": _none,
     "single": _single,
     "pairs": _pairs,
+    "triples": _triples,
     "outside": _outside,
     "hard": _hard,
 }
