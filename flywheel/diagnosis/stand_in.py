@@ -89,9 +89,10 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
     """
     begun = _begun(fitter, step, np.random.default_rng(seed))
     trained = fitter.refit(begun, _weights_of(fitter, begun.terms, "out"))
+    worth = FRUITLESS * max(0.0, step.beyond_noise)
     for _ in range(ROUNDS):
         before, trained = trained, fitter.fit(trained, _weights_of(fitter, begun.terms), rounds=1)
-        if before.cost - trained.cost < FRUITLESS * step.beyond_noise or trained.converged:
+        if trained.converged or before.cost - trained.cost <= worth:
             break
     return Learned(trained, _likeness(fitter, trained, step.test))
 

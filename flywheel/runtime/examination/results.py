@@ -61,6 +61,7 @@ class CaseResult(ResultRecord):
       left: variance, correlation, inconstancy and loudest window of what is left, see `Adequacy`.
       left_before: the same of the model as it was.
       other_law, other_score, other_share, other_gain: see `OtherLaw`.
+      time_steps: with which each window was simulated in the end [s].
       seconds: of the diagnosis.
       failure: what was raised, or "".
     """
@@ -87,6 +88,7 @@ class CaseResult(ResultRecord):
     other_score: float = math.nan
     other_share: float = math.nan
     other_gain: float = math.nan
+    time_steps: tuple[float, ...] = ()
     seconds: float = math.nan
     failure: str = ""
 

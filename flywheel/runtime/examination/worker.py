@@ -102,6 +102,7 @@ def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:
             "other_score": found.other_law.score,
             "other_share": found.other_law.share,
             "other_gain": found.other_law.gain,
+            "time_steps": found.time_steps.taken,
             "seconds": found.seconds,
         }
     )

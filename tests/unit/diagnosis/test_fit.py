@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from flywheel.diagnosis import fit as fit_module
 from flywheel.diagnosis import score
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import Candidate, candidates
@@ -18,7 +19,7 @@ from flywheel.diagnosis.score import Projection, score_test
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import between, moved
-from flywheel.effects import EFFECTS, Scales
+from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
@@ -32,6 +33,26 @@ def fit(fitter: StartFitter) -> Fit:
 def library(robot: Robot) -> tuple[Candidate, ...]:
     few = ("cable_friction", "payload", "slope", "command_delay")
     return candidates(robot, {name: EFFECTS[name] for name in few})
+
+
+@pytest.mark.parametrize("many", [1, 2])
+def test_sensitivities_to_many_sizes_are_held_between_two_linearisations(
+    fitter: StartFitter, seed: int, monkeypatch, many: int
+) -> None:
+    monkeypatch.setattr(fit_module, "MANY", many)
+    slope = float(np.random.default_rng(seed).uniform(0.05, 0.15))
+    terms = (Term(EFFECTS["winch_gain"], None, (slope,)),)
+    free = free_values(terms, Scales.of(fitter.windows.robot))
+    begun = fitter.beginning(terms)
+    begun = replace(begun, held=Held.fresh(fitter.linear(begun)))
+    asked, steps = [], []
+    by_size, improved = fitter.by_size, fitter.improved
+    monkeypatch.setattr(fitter, "by_size", lambda *a: asked.append(a) or by_size(*a))
+    monkeypatch.setattr(fitter, "improved", lambda *a: steps.append(a) or improved(*a))
+    after = fitter.refit(begun, free, rounds=2)
+    assert len(steps) == 2, seed
+    assert len(asked) == (1 if many == 1 else 2)
+    assert after.cost < begun.cost, seed
 
 
 def test_what_was_moved_is_what_lies_between(fitter: StartFitter, seed: int) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.selection import SLIGHT, Selection
+from flywheel.diagnosis.selection import HOPE, LAST_HOPE, MOST, SLIGHT, Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
@@ -69,6 +71,42 @@ def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(
     assert steps["right"].explained(SLIGHT), seed
     assert steps["right"].scores[0].candidate.effect is gain, seed
     assert not steps["wrong"].explained(SLIGHT), seed
+
+
+@pytest.mark.parametrize(("room", "finds"), [(1, False), (MOST, True)])
+def test_rivals_for_the_last_effect_that_may_be_added_are_given_up_sooner(
+    robot: Robot, seed: int, monkeypatch, room: int, finds: bool
+) -> None:
+    """A rival that comes nearer by 0.6 of the last round's fall in each, until it is just the better one."""
+    hidden = (Term(NAMED["winch_gain"], None, (0.3,)),)
+    fitter = fitter_of(
+        Windows.cut(robot, [recorded(robot, hidden, seed)], seconds=0.4), Plant(robot)
+    )
+    library = candidates(robot, {"winch_gain": hidden[0].effect})
+    selection = Selection(fitter, library, 25.0)
+    step = selection.look(fitted(fitter))
+    races: list[float] = []
+
+    def race(begun, hope=HOPE):
+        races.append(hope)
+        return list(begun)
+
+    monkeypatch.setattr(selection, "race", race)
+    selection._next(step, len(step.fit.terms) + room)
+    (hope,) = races
+    assert hope == (HOPE if finds else LAST_HOPE)
+
+    fall = float(np.random.default_rng(seed).uniform(50.0, 500.0))
+    falls = [fall * 0.6**number for number in range(10)]
+    target = selection.criterion(step.fit) - 0.99 * sum(falls)
+
+    def fit(before: Fit, free, rounds: int) -> Fit:
+        del free, rounds
+        return replace(before, cost=before.cost - falls.pop(0))
+
+    monkeypatch.setattr(fitter, "fit", fit)
+    rival = selection.pursued(replace(step.fit, converged=False), target, hope)
+    assert (selection.criterion(rival) < target) == finds, seed
 
 
 def test_the_loudest_window_alone_begins_elsewhere(fitter: StartFitter, seed: int) -> None:

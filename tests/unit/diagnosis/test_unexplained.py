@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis import Limits, Verdict, diagnose
+from flywheel.diagnosis import stand_in as stand_in_module
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.stand_in import stand_in
+from flywheel.diagnosis.stand_in import ROUNDS, stand_in
 from flywheel.diagnosis.whereabouts import whereabouts
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
@@ -50,6 +51,27 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
     shares = [each.share for each in learned.likeness]
     assert shares == sorted(shares, reverse=True), seed
     assert all(0.0 <= share <= 1.0 + 1e-9 for share in shares), seed
+
+
+def test_a_law_is_trained_only_while_that_explains_something(
+    robot: Robot, seed: int, monkeypatch
+) -> None:
+    log = recorded(robot, HIDDEN, seed)
+    fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
+    step = Selection(fitter, candidates(robot, FEW), 25.0).look(fitted(fitter))
+    rounds: list[int] = []
+    fit = fitter.fit
+    monkeypatch.setattr(fitter, "fit", lambda *a, **k: rounds.append(1) or fit(*a, **k))
+    trained = {}
+    for worth in (0.0, 0.01, 10.0):
+        rounds.clear()
+        monkeypatch.setattr(stand_in_module, "FRUITLESS", worth)
+        learned = stand_in(fitter, step, seed)
+        trained[worth] = len(rounds), learned.fit.cost
+    assert trained[10.0][0] == 1
+    assert 1 < trained[0.0][0] <= ROUNDS
+    assert trained[10.0][0] <= trained[0.01][0] <= trained[0.0][0]
+    assert trained[0.0][1] <= trained[0.01][1] <= trained[10.0][1]
 
 
 def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
