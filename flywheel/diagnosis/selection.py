@@ -97,7 +97,7 @@ class Selection:
             least = SLIGHT if room > 1 else MOSTLY
             if room < 1 or (self.new(steps) and not steps[-1].explained(least)):
                 break
-            better = self._next(steps[-1], most)
+            better = self._next(steps[-1], room)
             # A score is a promise of the linearisation; a fit need not keep it.
             if better is None or self.criterion(better) >= self.criterion(steps[-1].fit):
                 break
@@ -143,18 +143,18 @@ class Selection:
         free = free_values(fit.terms, self.scales)
         return self.fitter.by_size(fit, free) if free else None
 
-    def _next(self, step: Step, most: int) -> Fit | None:
-        """The model with another effect, or two if `most` allows, fitted; None if none is seen."""
+    def _next(self, step: Step, room: int) -> Fit | None:
+        """The model with another effect, or two if there is `room`, fitted; None if none is seen."""
         best = step.scores[0]
         if best.score < self.threshold:
             return None
         proposals: list[Terms] = [
             (score.candidate.term(score.sizes, score.shape),) for score in self.short(step)
         ]
-        if len(step.fit.terms) + 2 <= most:
+        if room > 1:
             proposals += self._pairs(step)
         begun = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
-        first, *others = self.race(begun, HOPE if len(step.fit.terms) + 1 < most else LAST_HOPE)
+        first, *others = self.race(begun, HOPE if room > 1 else LAST_HOPE)
         return self.pruned(first, (step.fit, *others))
 
     def race(self, begun: Sequence[Fit], hope: float = HOPE) -> list[Fit]:

@@ -40,8 +40,8 @@ def test_sensitivities_to_many_sizes_are_held_between_two_linearisations(
     fitter: StartFitter, seed: int, monkeypatch, many: int
 ) -> None:
     monkeypatch.setattr(fit_module, "MANY", many)
-    slope = float(np.random.default_rng(seed).uniform(0.05, 0.15))
-    terms = (Term(EFFECTS["winch_gain"], None, (slope,)),)
+    gain = float(np.random.default_rng(seed).uniform(0.05, 0.15))
+    terms = (Term(EFFECTS["winch_gain"], None, (gain,)),)
     free = free_values(terms, Scales.of(fitter.windows.robot))
     begun = fitter.beginning(terms)
     begun = replace(begun, held=Held.fresh(fitter.linear(begun)))

@@ -92,7 +92,7 @@ def test_rivals_for_the_last_effect_that_may_be_added_are_given_up_sooner(
         return list(begun)
 
     monkeypatch.setattr(selection, "race", race)
-    selection._next(step, len(step.fit.terms) + room)
+    selection._next(step, room)
     (hope,) = races
     assert hope == (HOPE if finds else LAST_HOPE)
 
