@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from flywheel.diagnosis.free import Free
-from flywheel.diagnosis.held import SHARED_DAMPING, Held, Linear
+from flywheel.diagnosis.held import SHARED_DAMPING, Held, Linear, astray
 from flywheel.diagnosis.prediction import Carried, Starts
 from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
@@ -28,8 +28,6 @@ STEPS = 3  # of a fit between two linearisations
 MANY = 12  # sizes from which their sensitivities, too, are held for all of these
 # Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
 ENOUGH, LITTLE = 0.001, 2.0
-# Where a window went otherwise than its sensitivities said: share of the way, and square [sigma^2].
-ASTRAY, UNNOTICED = 0.3, 0.3
 
 
 @dataclass(frozen=True)
@@ -172,6 +170,10 @@ class Fitter(ABC):
         """The same unknowns with other terms, before anything is fitted to them."""
         return replace(self.at(fit.change, fit.starts.winch, terms), held=fit.held)
 
+    def freedom(self, fit: Fit) -> int:
+        """Degrees of freedom: what noise alone would cost."""
+        return int(np.isfinite(self.windows.measured).sum()) - fit.change.size
+
     def mean_squares(self, fit: Fit) -> Floats:
         """(K,) mean square residual of each window [sigma^2]."""
         return self.windows.mean_square(fit.residual)
@@ -180,15 +182,19 @@ class Fitter(ABC):
         """(...) of changes (..., X)."""
         return ((change / self.prior) ** 2).sum(axis=-1)
 
-    def fit(self, fit: Fit, free: Sequence[Free] = (), rounds: int = 8) -> Fit:
-        """Levenberg-Marquardt from a fit, with sizes of effects free or none."""
+    def fit(self, fit: Fit, free: Sequence[Free] = (), rounds: int = 8, enough: float = 0.0) -> Fit:
+        """Levenberg-Marquardt from a fit, with sizes of effects free or none.
+
+        Args:
+          enough: fall of the cost in a round, below which it has converged, too.
+        """
         for _ in range(rounds):
             before, anew = fit.cost, fit.held is None or bool(fit.held.stale.all())
             begun = replace(fit, held=self.renewed(fit))
             fit = self.refit(begun, free)
             if fit is begun and anew:  # differences of one side may have misled
                 fit = self.refit(replace(fit, held=Held.fresh(self.linear(fit), fit.held)), free)
-            if _hardly_fell(before, fit.cost):
+            if _hardly_fell(before, fit.cost, enough):
                 if anew:
                     return replace(fit, converged=True)
                 assert fit.held is not None
@@ -254,8 +260,9 @@ class Fitter(ABC):
             held = replace(held, own=after.held.own)
             if after.cost < fit.cost:
                 own = np.einsum("kdx,kx->kd", linear.by_start, after.change - fit.change)
-                astray = _astray(fit.residual, left - own, after.residual)
-                return replace(after, held=replace(held, common=index, bold=False) | astray)
+                went = replace(held, common=index, bold=False)
+                went |= astray(fit.residual, left - own, after.residual)
+                return replace(after, held=went)
         return None
 
     def shared(self, linear: Linear, sizes: Floats | None) -> Floats:
@@ -299,15 +306,9 @@ class Fitter(ABC):
         return whole, right
 
 
-def _astray(before: Floats, promised: Floats, after: Floats) -> np.ndarray:
-    """(K,) windows whose residuals (K, D) are not what was promised."""
-    off, went = ((after - x) ** 2 for x in (promised, before))
-    return np.asarray(off.sum(axis=1) > np.maximum(ASTRAY**2 * went.sum(axis=1), UNNOTICED))
-
-
-def _hardly_fell(before: float, after: float) -> bool:
+def _hardly_fell(before: float, after: float, enough: float = 0.0) -> bool:
     """Whether a fit has converged."""
-    return bool(np.isfinite(before)) and before - after < min(ENOUGH * before, LITTLE)
+    return bool(np.isfinite(before)) and before - after < max(enough, min(ENOUGH * before, LITTLE))
 
 
 def _damped_step(matrix: Floats, pull: Floats, damping: float) -> Floats:

@@ -11,6 +11,8 @@ from flywheel.records import Floats
 SHARED_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0, np.inf)  # of what windows share, one after the other
 # Of a window's own steps: at first, and at most with new sensitivities.
 OWN_DAMPING, FRESH_DAMPING = 0.1, 1.0
+# Where a window went otherwise than its sensitivities said: share of the way, and square [sigma^2].
+ASTRAY, UNNOTICED = 0.3, 0.3
 
 
 @dataclass(frozen=True)
@@ -67,3 +69,9 @@ class Held:
         """
         usual = list(range(max(0, self.common - 1), len(SHARED_DAMPING)))
         return [0, *usual] if self.bold and usual[0] > 0 else usual
+
+
+def astray(before: Floats, promised: Floats, after: Floats) -> np.ndarray:
+    """(K,) windows whose residuals (K, D) are not what was promised."""
+    off, went = ((after - x) ** 2 for x in (promised, before))
+    return np.asarray(off.sum(axis=1) > np.maximum(ASTRAY**2 * went.sum(axis=1), UNNOTICED))

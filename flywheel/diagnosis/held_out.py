@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flywheel.diagnosis.baseline import refined_fit
+from flywheel.diagnosis.baseline import AFTER, refined_fit
 from flywheel.diagnosis.diagnosis import Errors
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.under_test import UnderTest
@@ -28,13 +28,18 @@ class HeldOut:
         self._under_test, self._recordings = under_test, recordings
         self._seconds, self._sigma = fitted_on.steps * fitted_on.dt, fitted_on.sigma
         self._plant: tuple[Fitter, Fit] | None = None
+        self._last: tuple[Fitter, Fit] | None = None
 
     def errors(self, terms: Terms) -> Errors | None:
-        """With terms that stay as they are; None without recordings."""
+        """With terms that stay as they are; None without recordings.
+
+        Starts of a model with all effects of the one before, and more, begin where those ended.
+        """
         if not self._recordings:
             return None
         fitter, before = self._fitted(terms)
-        return errors(fitter, before, self._with(fitter, before, terms))
+        self._last = self._with(fitter, before, terms)
+        return errors(fitter, before, self._last[1])
 
     def _fitted(self, terms: Terms) -> tuple[Fitter, Fit]:
         """The model as it was; that of a plant does not depend on the terms, and is kept."""
@@ -46,14 +51,22 @@ class HeldOut:
             self._plant = found
         return found
 
-    def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> Fit:
+    def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> tuple[Fitter, Fit]:
         """Starts that fit under other terms, in time steps that will do for them."""
         if terms == before.terms:
-            return before
+            return fitter, before
+        if self._plant and self._last and _places(self._last[1].terms) < _places(terms):
+            fitter, fit = self._last
+            return fitter, fitter.fit(fitter.under(fit, terms), rounds=AFTER)
         begun = fitter.under_or_anew(before, terms)
-        return refined_fit(fitter, begun, self._under_test.seed)[1]
+        return refined_fit(fitter, begun, self._under_test.seed)
 
 
 def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
     """Of two fits of the same windows."""
     return Errors(fitter.windows.sigma, fitter.rms(before), fitter.rms(after))
+
+
+def _places(terms: Terms) -> set[tuple[str, int | None]]:
+    """Which effects, and where."""
+    return {(term.effect.name, term.place) for term in terms}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held import Held, Linear
+from flywheel.diagnosis.pairs import promising_pairs
 from flywheel.diagnosis.score import Score, ScoreTest, score_test
 from flywheel.diagnosis.time_steps import shorter_steps
 from flywheel.effects import Scales, Term, Terms
@@ -20,8 +20,6 @@ from flywheel.records import Floats
 SHORTLIST = 4  # candidates that are refitted in each turn
 SHARE = 0.5  # of the best candidate's power that one needs to be refitted
 PER_FAMILY = 2  # places of one effect on the short list
-PAIRS = 1  # pairs on the short list
-MORE = 1.2  # times what the best explains alone, from which a pair is tried
 TURNS = 6  # of the selection, at most
 MOST = 3  # effects found together
 # Of what an answer leaves beyond noise, that another effect must promise to explain; and the last one that
@@ -31,6 +29,9 @@ ROUNDS = 10  # of a fit
 # Further rounds like the last one, after which a model must have reached its target; and where it is
 # about the last effect that may be added.
 HOPE, LAST_HOPE = 2.0, 1.0
+# Times the noise, above which a model is wrong and not just badly fitted; and of what it leaves above that,
+# what a round of its fit must explain to be followed by another.
+WRONG, FRUITLESS = 1.1, 0.01
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ class Selection:
             (score.candidate.term(score.sizes, score.shape),) for score in self.short(step)
         ]
         if room > 1:
-            proposals += self._pairs(step)
+            proposals += promising_pairs(step.test, step.scores, self.threshold)
         begun = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
         first, *others = self.race(begun, HOPE if room > 1 else LAST_HOPE)
         return self.pruned(first, (step.fit, *others))
@@ -188,12 +189,16 @@ class Selection:
         return fit if elsewhere is fit else self.pursued(elsewhere)
 
     def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
-        """A fit, fitted on until it converges or its criterion clearly stays above the target."""
+        """A fit, fitted on until it converges or its criterion clearly stays above the target.
+
+        A model that is clearly wrong is not fitted to the last digit.
+        """
         free = free_values(fit.terms, self.scales)
         for _ in range(ROUNDS):
             if fit.converged:
                 break
-            before, fit = fit, self.fitter.fit(fit, free, rounds=1)
+            enough = worth_a_round(self.fitter, fit)
+            before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
             if self.criterion(fit) - target > hope * (before.cost - fit.cost):
                 break
         return fit
@@ -262,45 +267,16 @@ class Selection:
                 families[family] = families.get(family, 0) + 1
         return found[:SHORTLIST]
 
-    def _pairs(self, step: Step) -> list[Terms]:
-        """Two effects at once that explain clearly more than the best alone."""
-        test = step.test
-        gram, pull = test.columns.T @ test.columns, test.columns.T @ test.residual
-        index = {score.candidate: i for i, score in enumerate(test.scores())}
-        found = []
-        for first, second in combinations(step.scores[:25], 2):
-            columns = [
-                np.arange(test.columns.shape[1])[test.slices[index[s.candidate]][s.shape]]
-                for s in (first, second)
-            ]
-            both = np.concatenate(columns)
-            a, b = gram[np.ix_(both, both)], pull[both]
-            if np.linalg.cond(a) > 1e6:
-                continue
-            sizes = np.linalg.solve(a, b)
-            parts = np.split(sizes, [len(columns[0])])
-            if not all(allowed(s, part) for s, part in zip((first, second), parts, strict=True)):
-                continue
-            terms = tuple(
-                s.candidate.term(tuple(part), s.shape)
-                for s, part in zip((first, second), parts, strict=True)
-            )
-            found.append((float(b @ sizes), terms))
-        found.sort(key=lambda each: -each[0])
-        least = MORE * step.scores[0].power + self.threshold
-        return [terms for power, terms in found[:PAIRS] if power > least]
+
+def worth_a_round(fitter: Fitter, fit: Fit) -> float:
+    """What a round must make the cost fall by to be followed by another; 0 for a model that may be right."""
+    return FRUITLESS * max(0.0, fit.cost - WRONG * fitter.freedom(fit))
 
 
 def same_place(score: Score, term: Term) -> bool:
     """A score of the effect of a term, at its place."""
     candidate = score.candidate
     return candidate.effect.name == term.effect.name and candidate.place == term.place
-
-
-def allowed(score: Score, sizes: Floats) -> bool:
-    """Sizes that cannot be negative are not."""
-    parameters = score.candidate.effect.sizes
-    return all(s >= 0 or not p.one_sided for s, p in zip(sizes, parameters, strict=True))
 
 
 def places(fit: Fit) -> set[tuple[str, int | None]]:

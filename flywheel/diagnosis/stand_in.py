@@ -17,7 +17,7 @@ from flywheel.diagnosis.diagnosis import Likeness
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free, free_values
 from flywheel.diagnosis.score import ScoreTest
-from flywheel.diagnosis.selection import Step
+from flywheel.diagnosis.selection import Step, worth_a_round
 from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term, Terms
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats
@@ -26,7 +26,6 @@ UNITS = 6  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
 BEGINNINGS = 5  # random features that are compared
 ROUNDS = 5  # of the best of them, at most
-FRUITLESS = 0.01  # of what is left beyond noise: a round that explains less is the last
 STEP = 0.05  # of a finite difference of a weight
 SHOWN = 3  # effects that it is said to be like
 
@@ -89,7 +88,7 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
     """
     begun = _begun(fitter, step, np.random.default_rng(seed))
     trained = fitter.refit(begun, _weights_of(fitter, begun.terms, "out"))
-    worth = FRUITLESS * max(0.0, step.beyond_noise)
+    worth = worth_a_round(fitter, begun)
     for _ in range(ROUNDS):
         before, trained = trained, fitter.fit(trained, _weights_of(fitter, begun.terms), rounds=1)
         if trained.converged or before.cost - trained.cost <= worth:

@@ -28,7 +28,7 @@ PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
 # Root mean square of what half the time step changes in a window [sigma], above which it is halved: more
 # tells in the fit, and contacts in coarse steps make cliffs in its cost that no start gets over.
 TOLERATED = 0.3
-FINEST = 4  # times shorter, at most
+FINEST = 2  # times shorter, at most: quarters are seldom better, and take twice as long
 TRIES = 4  # of such a window with its bodies turned
 TURN = 0.4  # standard deviation of their turns about axes that no point shows [rad]
 SCALES = (
@@ -160,8 +160,8 @@ class StartFitter(Fitter):
 
     def rms(self, fit: Fit) -> float:
         """See `Fitter`; the fitted starts count as degrees of freedom."""
-        freedom = np.isfinite(self.windows.measured).sum() - fit.change.size
-        return float(np.sqrt((fit.residual**2).sum() / max(1, freedom))) * self.windows.sigma
+        left = (fit.residual**2).sum() / max(1, self.freedom(fit))
+        return float(np.sqrt(left)) * self.windows.sigma
 
     def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
         """See `Fitter`: each window takes the damping that suits it, or stays where it is."""

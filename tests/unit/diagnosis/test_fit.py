@@ -75,6 +75,21 @@ def test_the_true_plant_is_fitted_down_to_the_noise(
     assert fit.cost < fitter.beginning().cost
 
 
+def test_a_fit_ends_where_a_round_with_new_sensitivities_does_not_bring_enough(
+    fitter: StartFitter, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    begun = fitter.beginning()
+    bent = begun.change + 0.3 * fitter.prior * rng.choice([-1.0, 1.0], begun.change.shape)
+    begun = fitter.at(bent, begun.starts.winch, ())
+    once = fitter.fit(begun, rounds=1)
+    fall = begun.cost - once.cost
+    assert fall > 0.0 and not once.converged, seed
+    enough, more = (fitter.fit(begun, rounds=8, enough=share * fall) for share in (0.99, 1.01))
+    assert more.converged and more.cost == once.cost, seed
+    assert enough.cost < more.cost, seed
+
+
 def test_only_stale_sensitivities_are_computed_anew(
     fitter: StartFitter, fit: Fit, seed: int
 ) -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.fit import LITTLE, Fit
 from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.selection import HOPE, LAST_HOPE, MOST, SLIGHT, Selection
+from flywheel.diagnosis.selection import HOPE, LAST_HOPE, MOST, SLIGHT, Selection, worth_a_round
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
@@ -100,13 +100,36 @@ def test_rivals_for_the_last_effect_that_may_be_added_are_given_up_sooner(
     falls = [fall * 0.6**number for number in range(10)]
     target = selection.criterion(step.fit) - 0.99 * sum(falls)
 
-    def fit(before: Fit, free, rounds: int) -> Fit:
-        del free, rounds
+    def fit(before: Fit, free, rounds: int, enough: float) -> Fit:
+        del free, rounds, enough
         return replace(before, cost=before.cost - falls.pop(0))
 
     monkeypatch.setattr(fitter, "fit", fit)
     rival = selection.pursued(replace(step.fit, converged=False), target, hope)
     assert (selection.criterion(rival) < target) == finds, seed
+
+
+def test_a_model_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(
+    robot: Robot, seed: int, monkeypatch
+) -> None:
+    right = recorded(robot, (), seed)
+    wrong = flickering(right, seed % len(robot.points), 0.2 * robot.length)
+    asked: dict[str, list[float]] = {}
+    for name, recording in (("right", right), ("wrong", wrong)):
+        fitter = fitter_of(Windows.cut(robot, [recording], seconds=0.4), Plant(robot))
+        begun, fit = fitter.beginning(), fitter.fit
+        falls = asked[name] = []
+
+        def spied(before: Fit, *args, enough: float, fit=fit, falls=falls, **options) -> Fit:
+            falls.append(enough)
+            return fit(before, *args, enough=enough, **options)
+
+        monkeypatch.setattr(fitter, "fit", spied)
+        ended = Selection(fitter, (), 25.0).pursued(begun)
+        left = ended.cost - fitter.freedom(ended)
+        assert worth_a_round(fitter, ended) <= 0.01 * max(0.0, left), (name, seed)
+    assert min(asked["wrong"]) > LITTLE, seed
+    assert asked["right"][-1] < 0.1 * min(asked["wrong"]), seed
 
 
 def test_the_loudest_window_alone_begins_elsewhere(fitter: StartFitter, seed: int) -> None:
