@@ -63,7 +63,7 @@ def examine(
     show(lines)
     written = write_table(lines, folder / "table.md")
     tracker = open_tracker(folder, f"diagnose-bench-{robot}", robot)
-    publish_examination(tracker, lines, [written])
+    publish_examination(tracker, lines, [written.absolute()])
     tracker.close()
 
 

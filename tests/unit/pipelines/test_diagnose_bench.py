@@ -45,19 +45,26 @@ def test_another_network_in_the_same_file_is_another_model(tmp_path: Path) -> No
         examine(folder, "prism3", ["none"], [1.0], [0], "", str(weights), None)
 
 
+@pytest.mark.parametrize("folder", ["", "results"])
 def test_results_that_are_there_are_shown_and_not_made_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    folder: str,
 ) -> None:
+    monkeypatch.chdir(tmp_path)  # most folders are named from where one is
+    there = tmp_path / folder
+    there.mkdir(exist_ok=True)
     (case,) = cases(load_robot("prism3"), ["none"], (), (0,))
     done = CaseResult(
         name=case.name, group="none", robot="prism3", verdict="NOISE_ONLY", answers=((),)
     )
-    (tmp_path / f"{case.name}.json").write_text(done.model_dump_json())
-    examine(tmp_path, "prism3", ["none"], [1.0], [0], "", None, None)
+    (there / f"{case.name}.json").write_text(done.model_dump_json())
+    examine(Path(folder), "prism3", ["none"], [1.0], [0], "", None, None)
     assert "NOISE_ONLY 1" in capsys.readouterr().out
-    head, rule, row = (tmp_path / "table.md").read_text().splitlines()
+    head, rule, row = (there / "table.md").read_text().splitlines()
     assert head.startswith("| hidden") and set(rule) == set("|-") and "NOISE_ONLY 1" in row
-    client = MlflowClient(tracking_uri=f"sqlite:///{tmp_path / DATABASE}")
+    client = MlflowClient(tracking_uri=f"sqlite:///{there / DATABASE}")
     (experiment,) = client.search_experiments(filter_string="name != 'Default'")
     (run,) = client.search_runs([experiment.experiment_id])
     assert run.data.metrics["all: none/right"] == 1.0
