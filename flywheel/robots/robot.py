@@ -250,13 +250,22 @@ class Robot:
         Args:
           faster: (..., W) how many times as fast as nominal winches they are.
         """
+        if self._all_rates:
+            return np.asarray(told * faster)
         share = -np.expm1(-dt * faster / np.maximum(self._lags, 1e-9))
         return np.where(self.rate_driven, told * faster, share * (told - now) / dt)
 
     def telling(self, now: Floats, rates: Floats, dt: float) -> Floats:
         """What (..., W) nominal winches at (..., W) have to be told for mean rates (..., W) over `dt` [s]."""
+        if self._all_rates:
+            return rates
         share = -np.expm1(-dt / np.maximum(self._lags, 1e-9))
         return np.where(self.rate_driven, rates, now + rates * dt / share)
+
+    @cached_property
+    def _all_rates(self) -> bool:
+        """Whether no winch takes a position, which is asked at every step."""
+        return bool(self.rate_driven.all())
 
     @cached_property
     def _lags(self) -> Floats:

@@ -98,6 +98,8 @@ class Laws:
         names = ("ten_length", "ten_velocity", "act")
         self._length, self._speed, self._act = (batch.bind(name) for name in names)
         self._none = np.zeros((len(terms), cables))
+        alone = bool((geometry.loads.sum(axis=1) == 1).all())
+        self._single = geometry.loads.argmax(axis=1) if alone else None
         self._winched = np.flatnonzero(geometry.activation >= 0)
         self._spools = geometry.activation[self._winched]
         self._rest = np.tile(geometry.rest, (len(terms), 1))
@@ -122,13 +124,19 @@ class Laws:
 
     def told(self, told: Floats, cables: Cables) -> Floats:
         """What winches (n, W) that are told (n, W) do as if they had been told it, under their load."""
-        load = (cables.elastic[:, None] * self._geometry.loads).max(axis=-1)
+        load = self._load(cables.elastic)
         now, asked = self._act[:, self._drums], told.copy()
         rates = self._robot.rates(now, told, self._dt)
         for effect, rows, values in self._rates:
             rates[rows] = effect.rate(rates[rows], load[rows], values)
             asked[rows] = self._robot.telling(now[rows], rates[rows], self._dt)
         return asked
+
+    def _load(self, elastic: Floats) -> Floats:
+        """(n, W) tension of the tightest cable of each winch, of those of the springs (n, C)."""
+        if self._single is not None:
+            return elastic.take(self._single, axis=1)
+        return np.asarray((elastic[:, None] * self._geometry.loads).max(axis=-1))
 
     def tension(self, cables: Cables) -> Floats:
         """(n, C) extra tension [N]: on taut cables only, never pushing, and no more than winches have."""
