@@ -20,7 +20,7 @@ class Equivalence:
 
     Attributes:
       first, second: the candidates.
-      least: their least |cosine| over all scripts.
+      least: their least |cosine| over the scripts that show either.
     """
 
     first: Candidate
@@ -37,7 +37,8 @@ def equivalences(
 ) -> tuple[Equivalence, ...]:
     """Pairs of candidates that are alike under every script, the most alike first.
 
-    What starts, winches' offsets and smaller time steps explain is taken out of both before.
+    What starts, winches' offsets and smaller time steps explain is taken out of both before. A
+    script that shows neither of two (no delay shows while the winches rest) says nothing of them.
 
     Args:
       plant: as it is known.
@@ -54,7 +55,8 @@ def equivalences(
     for i, j in combinations(range(len(library)), 2):
         if len(library[i].typical) != len(library[j].typical):
             continue
-        least = float(foresight.cosines(i, j).min())
-        if least > same:
+        telling = foresight.shown(i) | foresight.shown(j)
+        least = float(foresight.cosines(i, j)[telling].min(initial=1.0))
+        if telling.any() and least > same:
             found.append(Equivalence(library[i], library[j], least))
     return tuple(sorted(found, key=lambda pair: -pair.least))

@@ -99,11 +99,14 @@ def test_a_delay_of_commands_and_of_measurements_are_one_and_a_lag_is_not(
 ) -> None:
     names = ("command_delay", "sensor_latency", "actuator_lag", "winch_gain")
     library = candidates(robot, {name: EFFECTS[name] for name in names})
+    still = np.zeros_like(scripts[:1])  # rates
+    sigma = 0.003 * robot.length
     assert len(scripts) >= 6
-    found = equivalences(plant, scripts, library, 0.003 * robot.length)
+    found = equivalences(plant, np.concatenate([scripts, still]), library, sigma)
     pairs = [(e.first.label, e.second.label) for e in found]
     assert pairs == [("command_delay", "sensor_latency")], seed
     assert found[0].least > 0.999
+    assert equivalences(plant, still, library, sigma) == ()  # which shows none of them
 
 
 def test_what_cannot_be_looked_at_is_refused(
