@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from flywheel.diagnosis.baseline import BEFORE
 from flywheel.diagnosis.fit import Fit, Fitter
@@ -44,6 +45,11 @@ def unsure_terms(
             raise DataError(f"{name} is known to a positive number [{unit}], got {deviation!r}.")
         terms.append(Term(effect, None, (0.0,), (deviation,)))
     return tuple(terms)
+
+
+def as_said(terms: Terms) -> Terms:
+    """Terms with what is not known exactly at what was said of it."""
+    return tuple(replace(t, values=(0.0,) * len(t.values)) if t.known else t for t in terms)
 
 
 def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flywheel.diagnosis.calibration import as_said
 from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
@@ -204,10 +205,19 @@ class Selection:
         return fit
 
     def with_terms(self, step: Step, terms: Terms) -> Fit:
-        """The model with these terms instead, fitted from the step's starts or the first estimates."""
+        """The model with these terms instead, fitted from the step's starts or the first estimates.
+
+        What is not known exactly begins where it is, or as it was said: what made up for a wrong model
+        may be far off, and hardly finds back.
+        """
         self.progress(f"fitting {', '.join(term.effect.name for term in terms)}")
         free = free_values(terms, self.scales)
-        return self.fitter.fit(self.fitter.under_or_anew(step.fit, terms, free), free, rounds=1)
+        begun = (
+            self.fitter.under_or_anew(step.fit, each, free)
+            for each in dict.fromkeys((terms, as_said(terms)))
+        )
+        fitted = (self.fitter.fit(fit, free, rounds=1) for fit in begun)
+        return min(fitted, key=lambda fit: fit.cost)
 
     def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
         """The model without the terms that it does nearly as well without.

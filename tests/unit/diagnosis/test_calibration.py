@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.adoption import adoptable
+from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.calibration import unsure_terms
+from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.selection import Selection
+from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
 from flywheel.errors import DataError, UnknownNameError
@@ -60,6 +66,24 @@ def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> No
     assert answer[0].values[0].value == pytest.approx(0.15, abs=0.02), seed
     (value,) = found.calibration[0].values
     assert value.low - 0.03 < 0.05 < value.high + 0.03, (seed, value)
+
+
+def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot, seed: int) -> None:
+    windows = Windows.cut(
+        robot, [recorded(robot, (Term(EFFECTS["winch_gain"], None, (0.3,)),), seed)], seconds=0.4
+    )
+    fitter = fitter_of(windows, Plant(robot))
+    (unsure,) = unsure_terms({"cable_stiffness": 0.05})
+    (candidate,) = candidates(robot, {"winch_gain": EFFECTS["winch_gain"]})
+    selection = Selection(fitter, (candidate,), 25.0)
+    misled = selection.look(fitted(fitter, (replace(unsure, values=(1.5,)),), rounds=2))
+    terms = (*misled.fit.terms, candidate.term((0.25,)))
+    free = free_values(terms, selection.scales)
+    led = fitter.fit(fitter.under_or_anew(misled.fit, terms, free), free, rounds=1)
+    found = selection.with_terms(misled, terms)
+    assert found.cost < led.cost, seed
+    assert abs(found.terms[0].values[0]) < 0.2, seed  # nothing is wrong with it
+    assert found.terms[1].values[0] == pytest.approx(0.3, abs=0.05), seed
 
 
 def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
