@@ -93,6 +93,23 @@ def test_time_can_be_cut_anywhere(name: str, augmented: AugmentedPlant) -> None:
     assert np.array_equal(second.points, whole.points[:, cut:]), (seed, cut)
 
 
+def test_what_was_simulated_before_changes_nothing(augmented: AugmentedPlant) -> None:
+    # batches, their states and the models with effects are kept from call to call
+    rng = np.random.default_rng(seed := secrets.randbits(32))
+    for count in rng.integers(1, 60, 4).tolist():
+        start, controls = driven(augmented, rng, count)
+        effects = [EFFECTS[name] for name in rng.choice(list(EFFECTS), (count, 2)).ravel()]
+        some = [
+            some_term(effect, augmented.robot, rng, rng.uniform(0.5, 1.5)) for effect in effects
+        ]
+        terms = list(zip(some[::2], some[1::2], strict=True))
+        fresh = AugmentedPlant(augmented.plant)
+        assert np.array_equal(
+            augmented.simulate(start, controls, terms).points,
+            fresh.simulate(start, controls, terms).points,
+        ), seed
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_an_effect_says_what_it_is(name: str) -> None:
     effect = EFFECTS[name]

@@ -24,7 +24,6 @@ TOGETHER = (
 )
 WORTH_A_THREAD = 3  # simulations: with fewer, threads wait for each other
 EDITED = 256  # models with effects that are kept
-KEPT = 8  # batches of different sizes
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
@@ -89,7 +88,7 @@ class AugmentedPlant:
             for model in (self._model, self._movable)
         }
         self._edited: dict[tuple[object, ...], mujoco.MjModel] = {}
-        self._batches: dict[tuple[bool, int], Batch] = {}
+        self._batches: dict[tuple[bool, int], Batch] = {}  # movable, size
 
     def commands(self, controls: Floats, terms: Sequence[Terms]) -> Floats:
         """What the winches are told (n, T, W), of what was commanded from an episode's beginning.
@@ -158,18 +157,19 @@ class AugmentedPlant:
         plant, steps = self.plant, told.shape[1]
         batch = self._batch(base, terms)
         nq, nv = start.qpos.shape[1], start.qvel.shape[1]
-        fields = [batch.bind(name) for name in ("qpos", "qvel", "act")]
+        first = np.arange(len(terms), dtype=np.int32) if len(terms) < batch.nsim else None
+        fields = [batch.bind(name)[: len(terms)] for name in ("qpos", "qvel", "act")]
         for field, values in zip(fields, (start.qpos, start.qvel, start.act), strict=True):
             field[:] = values
-        batch.bind("time")[:] = 0.0
         laws = Laws(self.robot, self._cables, batch, terms, memory, self._scales.slow)
-        sensors = batch.bind("sensordata")
-        ctrl = batch.bind("ctrl")
+        sensors, ctrl, now = (
+            batch.bind(name)[: len(terms)] for name in ("sensordata", "ctrl", "time")
+        )
         driven = plant._drive.shape[1]
-        ctrl[:] = 0.0
+        ctrl[:], now[:] = 0.0, 0.0
         states = np.empty((len(terms), steps + 1, nq + nv + start.act.shape[1]))
         points = np.empty((len(terms), steps + 1, *plant._points.shape))
-        batch.forward(stage=CURRENT)
+        batch.forward(first, stage=CURRENT)
         alive = np.ones(len(terms), bool)
         commands = plant.commands(told)
         for step in range(steps + 1):
@@ -185,9 +185,9 @@ class AugmentedPlant:
                     ctrl[:, :driven] = plant.commands(wanted[:, None])[:, 0]
                 if laws.on_tensions:
                     ctrl[:, driven:] = -laws.tension(cables)
-                batch.step(stage=CURRENT)
+                batch.step(first, stage=CURRENT)
             expected = (step + 1) * self.dt
-            alive &= np.abs(batch.bind("time").reshape(-1) - expected) < self.robot.timestep / 2
+            alive &= np.abs(now.reshape(-1) - expected) < self.robot.timestep / 2
         _hold_diverged(states, points, alive)
         state = State(*np.split(states, [nq, nq + nv], axis=-1))
         return Motion(points, state, alive, laws.memory)
@@ -217,17 +217,22 @@ class AugmentedPlant:
         return Motion(points, plant.unpacked(states), alive, memory)
 
     def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
-        """A batch of the right size, each simulation on the model that its terms ask for."""
-        key = (base is self._movable, len(terms))
-        batch = self._batches.pop(key, None)
-        if batch is None:
-            threads = max(1, min(self.threads, len(terms) // WORTH_A_THREAD))
-            batch = Batch(base, len(terms), threads, persistent=True)
-        self._batches[key] = batch  # last, as the one used last
-        if len(self._batches) > KEPT:
-            del self._batches[next(iter(self._batches))]
-        batch.set_models([self._compiled(base, each) for each in terms])
-        batch.reset(stage=int(mujoco.mjtStage.mjSTAGE_NONE))
+        """A batch whose first simulations run on the models that the terms ask for.
+
+        Unless there are few it is as large as any may become: kept for each size, they would take
+        gigabytes.
+        """
+        count = len(terms)
+        few = count <= WORTH_A_THREAD * max(2, self.threads)
+        size = count if few else TOGETHER * self.threads
+        key = (base is self._movable, size)
+        if key not in self._batches:
+            threads = max(1, min(self.threads, size // WORTH_A_THREAD))
+            self._batches[key] = Batch(base, size, threads, persistent=True)
+        batch = self._batches[key]
+        models = [self._compiled(base, each) for each in terms]
+        batch.set_models(models + [base] * (batch.nsim - len(models)))
+        batch.reset(np.arange(len(models)), stage=int(mujoco.mjtStage.mjSTAGE_NONE))
         return batch
 
     def _compiled(self, base: mujoco.MjModel, terms: Terms) -> mujoco.MjModel:
@@ -239,7 +244,7 @@ class AugmentedPlant:
         if key not in self._edited:
             if len(self._edited) > EDITED:
                 self._edited.clear()
-            self._edited[key] = edited(base, self.robot, native)
+            self._edited[key] = edited(base, self.robot, native, self._data[id(base)][0])
         return self._edited[key]
 
 
@@ -247,15 +252,21 @@ def _moves_mass(term: Term) -> bool:
     return isinstance(term.effect, ModelEffect) and term.effect.moves_mass and not term.absent
 
 
-def edited(model: mujoco.MjModel, robot: Robot, terms: Terms) -> mujoco.MjModel:
-    """A copy of the model with terms compiled into it; the model itself without any."""
+def edited(
+    model: mujoco.MjModel, robot: Robot, terms: Terms, data: mujoco.MjData | None = None
+) -> mujoco.MjModel:
+    """A copy of the model with terms compiled into it; the model itself without any.
+
+    Args:
+      data: of the model, to be overwritten; None for new one.
+    """
     if not terms:
         return model
     model = model.__copy__()
     for term in terms:
         assert isinstance(term.effect, ModelEffect)
         term.effect.edit(model, robot, term.place, term.named)
-    mujoco.mj_setConst(model, mujoco.MjData(model))
+    mujoco.mj_setConst(model, data or mujoco.MjData(model))
     return model
 
 

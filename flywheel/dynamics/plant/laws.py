@@ -73,7 +73,7 @@ class Laws:
     Args:
       robot: whose cables and winches they are.
       geometry: of the cables.
-      batch: the simulations.
+      batch: the simulations, and maybe more after them.
       terms: of each.
       memory: effect name -> (n, C), changed in place as time goes on.
       slow: speed of a cable that counts as still [m/s].
@@ -96,7 +96,7 @@ class Laws:
         self._robot, self._dt, self._slow = robot, robot.timestep, slow
         self._drums = [winch.activation for winch in robot.winches]
         names = ("ten_length", "ten_velocity", "act")
-        self._length, self._speed, self._act = (batch.bind(name) for name in names)
+        self._length, self._speed, self._act = (batch.bind(name)[: len(terms)] for name in names)
         self._none = np.zeros((len(terms), cables))
         alone = bool((geometry.loads.sum(axis=1) == 1).all())
         self._single = geometry.loads.argmax(axis=1) if alone else None
