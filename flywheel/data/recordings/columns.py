@@ -114,7 +114,7 @@ def without_infinities(log: Log, robot: Robot) -> tuple[Log, list[Finding]]:
             name = TIME if what == "time" else control_names(robot)[column]
             raise DataError(
                 f"line {log.lines[row]}: the {what} in {name!r} is {_shown(values[row, column])}, in "
-                f"{len(wrong)} places in all. Times and commands must be finite numbers; only the "
+                f"{counted(len(wrong), 'place')} in all. Times and commands must be finite numbers; only the "
                 "last row's commands may be empty."
             )
     findings = []

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flywheel.data.recordings.columns import Log, control_names, winch_names
 from flywheel.data.recordings.mapping import LENGTHS
-from flywheel.data.recordings.report import Finding, listed
+from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -162,16 +162,18 @@ def check_commands(log: Log, robot: Robot) -> None:
     beyond = (used < robot.control_low - slack) | (used > robot.control_high + slack)
     if not beyond.any():
         return
-    column = int(np.flatnonzero(beyond.any(axis=0))[0])
+    columns = np.flatnonzero(beyond.any(axis=0))
+    names = [control_names(robot)[int(each)] for each in columns]
+    column = int(columns[0])
     winch = robot.winches[column]
     rows = np.flatnonzero(beyond[:, column])
     unit = "m/s" if winch.kind == "rate" else "m"
     low, high = winch.control_range
     raise DataError(
-        f"line {log.lines[rows[0]]}: the command {control_names(robot)[column]!r} is "
+        f"line {log.lines[rows[0]]}: the command {names[0]!r} is "
         f"{used[rows[0], column]:g} {unit}, allowed are {low:g} to {high:g} {unit}; "
-        f"{int(beyond.sum())} commands of {int(beyond.any(axis=0).sum())} winches are beyond their "
-        f"ranges.{_unit_hint(used, robot.control_low - slack, robot.control_high + slack, 'control')}"
+        f"{counted(int(beyond.sum()), 'command')} out of range, of {listed(names)}."
+        f"{_unit_hint(used, robot.control_low - slack, robot.control_high + slack, 'control')}"
     )
 
 

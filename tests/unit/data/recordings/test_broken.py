@@ -149,7 +149,7 @@ REFUSED = [
     (no_number, "line 5, column 'ctrl.winch_02': 'n/a' is no number"),
     (decimal_comma, "'0,3' is no number.*with a point"),
     (short_line, "line 5 has 24 cells, the header has 25 columns"),
-    (command_missing, "line 5: the command in 'ctrl.winch_35' is missing, in 1 places"),
+    (command_missing, "line 5: the command in 'ctrl.winch_35' is missing, in 1 place in all"),
     (command_infinite, "line 5: the command in 'ctrl.winch_35' is inf"),
     (time_missing, "line 5: the time in 'time' is missing"),
     (millimetres, r"the MJCF says 2.95 m, .* in mm: write units: \{points: mm\}"),
@@ -158,7 +158,7 @@ REFUSED = [
     (degrees_of_the_drum, r"degrees for radians of a drum \(units: \{control: deg/s"),
     (
         beyond_the_range,
-        "'ctrl.winch_13' is 1.5 m/s, allowed are .* 1 winches are beyond their ranges.$",
+        "'ctrl.winch_13' is 1.5 m/s, allowed are .*; 1 command out of range, of ctrl.winch_13.$",
     ),
     (missing_column, "lacks 1 column of the robot prism3: s3.y"),
     (unknown_column, "1 column that the robot prism3 does not have: battery.*under ignore"),
