@@ -9,6 +9,7 @@ from dataclasses import replace
 from flywheel.diagnosis.baseline import BEFORE
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.worth import worth_a_round
 from flywheel.effects import NAMED, Effect, Scales, Term, Terms
 from flywheel.errors import DataError
 from flywheel.registry import lookup
@@ -56,7 +57,8 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     """A fit with what is not known exactly fitted, too.
 
     Each number begins at what was said, and a standard deviation to either side: a few contacts make
-    hollows in the cost, and a fit stays in the one that it begins in, surer of it than it should be.
+    hollows in the cost, and a fit stays in the one that it begins in, surer of it than it should be. A
+    model that lacks more than that is not fitted to the last digit.
     """
     if not terms:
         return fit
@@ -67,4 +69,5 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     tried = [said, *(v.moved(said, side * v.prior) for v in unknown for side in (-1.0, 1.0))]
     begun = [fitter.fit(fitter.under(fit, each), unknown, rounds=BEFORE) for each in tried]
     best = min(begun, key=lambda each: each.cost)
-    return fitter.fit(fitter.elsewhere(fitter.fit(best, unknown)), unknown)
+    best = fitter.fit(best, unknown, enough=worth_a_round(fitter, best))
+    return fitter.fit(fitter.elsewhere(best), unknown, enough=worth_a_round(fitter, best))

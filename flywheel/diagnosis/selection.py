@@ -15,6 +15,7 @@ from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.pairs import promising_pairs
 from flywheel.diagnosis.score import Score, ScoreTest, score_test
 from flywheel.diagnosis.time_steps import shorter_steps
+from flywheel.diagnosis.worth import worth_a_round
 from flywheel.effects import Scales, Term, Terms
 from flywheel.records import Floats
 
@@ -30,9 +31,6 @@ ROUNDS = 10  # of a fit
 # Further rounds like the last one, after which a model must have reached its target; and where it is
 # about the last effect that may be added.
 HOPE, LAST_HOPE = 2.0, 1.0
-# Times the noise, above which a model is wrong and not just badly fitted; and of what it leaves above that,
-# what a round of its fit must explain to be followed by another.
-WRONG, FRUITLESS = 1.1, 0.01
 
 
 @dataclass(frozen=True)
@@ -276,11 +274,6 @@ class Selection:
                 found.append(score)
                 families[family] = families.get(family, 0) + 1
         return found[:SHORTLIST]
-
-
-def worth_a_round(fitter: Fitter, fit: Fit) -> float:
-    """What a round must make the cost fall by to be followed by another; 0 for a model that may be right."""
-    return FRUITLESS * max(0.0, fit.cost - WRONG * fitter.freedom(fit))
 
 
 def same_place(score: Score, term: Term) -> bool:

@@ -11,9 +11,10 @@ from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.fit import LITTLE, Fit
 from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.selection import HOPE, LAST_HOPE, MOST, SLIGHT, Selection, worth_a_round
+from flywheel.diagnosis.selection import HOPE, LAST_HOPE, MOST, SLIGHT, Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.worth import worth_a_round
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.records import Observation, Trajectory

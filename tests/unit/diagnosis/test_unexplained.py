@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis import Limits, Verdict, diagnose
-from flywheel.diagnosis import selection as selection_module
+from flywheel.diagnosis import worth as worth_module
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.selection import Selection
@@ -65,7 +65,7 @@ def test_a_law_is_trained_only_while_that_explains_something(
     trained = {}
     for worth in (0.0, 0.01, 10.0):
         rounds.clear()
-        monkeypatch.setattr(selection_module, "FRUITLESS", worth)
+        monkeypatch.setattr(worth_module, "FRUITLESS", worth)
         learned = stand_in(fitter, step, seed)
         trained[worth] = len(rounds), learned.fit.cost
     assert trained[10.0][0] == 1
