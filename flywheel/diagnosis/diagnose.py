@@ -32,7 +32,7 @@ from flywheel.diagnosis.verdict import Alternative, Verdict, found
 from flywheel.diagnosis.whereabouts import whereabouts
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect, Terms
-from flywheel.errors import ModelError
+from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
 
 PASSES = 2  # for a model: where the plant starts depends on what it lacks
@@ -71,7 +71,8 @@ def diagnose(
         what is known of it, and not asked about.
 
     Raises:
-      DataError: recordings that cannot be used; or something that one cannot be unsure of.
+      DataError: recordings that cannot be used; something that one cannot be unsure of; or nothing that
+        is asked about.
       ModelError: a model for another robot or control step, or that looks back further than windows go.
     """
     begun = time.perf_counter()
@@ -81,6 +82,8 @@ def diagnose(
     if model is not None and terms:
         raise ModelError("A trained model has no numbers of an MJCF that one can be unsure of.")
     asked = {name: effect for name, effect in library.items() if name not in unsure}
+    if not asked:
+        raise DataError("There is no effect to ask about, but those that the plant is unsure of.")
     search = _searched(
         under_test,
         recordings,

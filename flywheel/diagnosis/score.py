@@ -249,12 +249,16 @@ def score_test(
     """
     linear = linear or fitter.linear(fit)
     mean = fitter.mean_squares(fit)
-    usual = max(float(np.median(mean)), 1e-9)  # nothing is left of windows that diverged
+    entries = linear.by_start.shape[2]
+    # Windows that saw less than their starts have unknowns fit however wrong the model is.
+    tells = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3)) > entries
+    usual = max(
+        float(np.median(mean[tells] if tells.any() else mean)), 1e-9
+    )  # 0 where all diverged
     weights = 1.0 / np.sqrt(np.maximum(1.0, mean / usual))
     projection = Projection.of(fitter, linear, known, weights)
     whole = Projection.of(fitter, linear, known, np.ones(len(mean)))
     residual = projection(fit.residual[..., None])[:, 0]
-    entries = linear.by_start.shape[2]
     measured = int(np.isfinite(fitter.windows.measured).sum())
     freedom = float(measured - len(mean) * entries - projection.shared.shape[2])
     noise = float(residual @ residual) / max(freedom, 1.0)

@@ -130,7 +130,10 @@ def holds(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
     each = max(2, round(rng.uniform(0.7, 1.5) / reach.dt))
     shape = (steps // each + 1, len(reach.start))
     places = rng.uniform(reach.low, reach.high, shape)
-    places = np.where(rng.random(shape) < 0.6, places, reach.start)
+    jumps = rng.random(shape) < 0.6
+    if not jumps[: -(-steps // each)].any():
+        jumps[0, rng.integers(shape[1])] = True
+    places = np.where(jumps, places, reach.start)
     return places[np.arange(steps) // each]
 
 
@@ -141,12 +144,14 @@ def _sines(
     periods: tuple[float, float],
     amplitudes: tuple[float, float],
 ) -> Floats:
-    """Around the middle of the reach or the start, some winches, together or each by itself."""
+    """Around the middle of the reach or the start, one or more winches, together or each by itself."""
     winches = len(reach.start)
     together = rng.random() < 0.3
     period = np.broadcast_to(rng.uniform(*periods, 1 if together else winches), winches)
     phase = np.broadcast_to(rng.uniform(0, 2 * np.pi, 1 if together else winches), winches)
     moving = rng.random(winches) < rng.choice([0.35, 0.7, 1.0])
+    if not moving.any():
+        moving[rng.integers(winches)] = True
     half = (reach.high - reach.low) / 2 * rng.uniform(*amplitudes, winches) * moving
     middle = reach.start + rng.uniform(0, 1) * ((reach.low + reach.high) / 2 - reach.start)
     time = reach.dt * np.arange(1, steps + 1)[:, None]

@@ -15,7 +15,7 @@ from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.windows import WINDOW, Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import Scales, Terms
-from flywheel.errors import ModelError
+from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
 
 
@@ -48,13 +48,13 @@ class UnderTest:
         """
         plant, model = self.plant, self.model
         if model is None:
-            windows = Windows.cut(plant.robot, recordings, seconds, sigma)
+            windows = _cut(plant, recordings, seconds, sigma)
             fitter = fitter_of(windows, plant, self.busy)
             return refined_fit(fitter, fitter.beginning(plant.terms), self.seed)
         _check(plant, model)
         seen = model.dynamics.history * plant.dt
         seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
-        windows = Windows.cut(plant.robot, recordings, seconds, sigma)
+        windows = _cut(plant, recordings, seconds, sigma)
         terms = plant.terms if around is None else around
         world = fitter_of(windows, plant, self.busy)
         world, start = refined_fit(world, world.beginning(terms), self.seed)
@@ -72,3 +72,14 @@ def _check(plant: Plant, model: Subject) -> None:
             f"The model {model.name} is for robot {got[0][:12]} in steps of {got[1]:g} s, the plant for "
             f"{plant.robot.digest[:12]} in steps of {plant.dt:g} s."
         )
+
+
+def _cut(
+    plant: Plant, recordings: Sequence[Trajectory], seconds: float | None, sigma: float | None
+) -> Windows:
+    windows = Windows.cut(plant.robot, recordings, seconds, sigma)
+    if abs(windows.dt - plant.dt) > 1e-9:
+        raise DataError(
+            f"The recordings are in control steps of {windows.dt:g} s, the plant in steps of {plant.dt:g} s."
+        )
+    return windows

@@ -23,6 +23,7 @@ TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
 )
 WORTH_A_THREAD = 3  # simulations: with fewer, threads wait for each other
+FEW = 6  # simulations whose batch is of their size
 EDITED = 256  # models with effects that are kept
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
 
@@ -34,7 +35,7 @@ class Motion:
     Attributes:
       points: (n, T + 1, P, 3) where the tracked points are seen [m].
       states: (n, T + 1) full states.
-      finite: (n,) bool; a simulation that diverged repeats what it last was.
+      finite: (n,) bool; a simulation that diverged repeats its start.
       memory: effect name -> (n, C) what the cables remember at the end.
     """
 
@@ -219,12 +220,12 @@ class AugmentedPlant:
     def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
         """A batch whose first simulations run on the models that the terms ask for.
 
-        Unless there are few it is as large as any may become: kept for each size, they would take
-        gigabytes.
+        Unless there are few it is larger than need be: one for each size would take gigabytes.
         """
         count = len(terms)
-        few = count <= WORTH_A_THREAD * max(2, self.threads)
-        size = count if few else TOGETHER * self.threads
+        size = count
+        if count > FEW:
+            size = TOGETHER * (self.threads if count > TOGETHER else 1)
         key = (base is self._movable, size)
         if key not in self._batches:
             threads = max(1, min(self.threads, size // WORTH_A_THREAD))

@@ -25,7 +25,8 @@ def test_a_model_with_more_begins_where_the_one_before_ended(robot: Robot, seed:
     assert one is not None and more is not None
     assert one.augmented < one.baseline, seed
     assert more.baseline == one.baseline, seed
-    assert more.augmented <= one.augmented, seed  # what does nothing can but find better starts
+    # What does nothing can but find better starts; priors count in the cost, and not in this.
+    assert more.augmented < 1.001 * one.augmented, seed
     # Another model is fitted by itself, whatever was judged before.
     worse = Term(gain.effect, None, tuple(-value for value in gain.values))
     alone = HeldOut(UnderTest(Plant(robot), None, seed), [log], windows)
