@@ -6,7 +6,7 @@ axes: {x: x, y: -z, z: y}          # our z (up) is their y
 dt: 0.01                           # of a log without a time column [s]
 conditions: new cables, concrete floor
 ignore: [battery]
-repair: [swaps]
+repair: []                         # mask exchanged markers instead of putting them right
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class RecordingMap(_Frozen):
       dt: time between two rows, only where the log has no time column [s].
       conditions: what was special about this day, in free words.
       ignore: columns of the log that are not needed.
-      repair: "swaps": put exchanged markers right again instead of masking them.
+      repair: "swaps": put exchanged markers right again; without it they are masked.
       jitter: how far a stamp may be off the grid and still count as on it, as a share of dt.
     """
 
@@ -127,7 +127,7 @@ class RecordingMap(_Frozen):
     dt: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     conditions: str = ""
     ignore: tuple[str, ...] = ()
-    repair: tuple[Repair, ...] = ()
+    repair: tuple[Repair, ...] = ("swaps",)
     jitter: float = Field(default=0.25, ge=0.0, lt=0.5)
 
 

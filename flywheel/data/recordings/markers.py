@@ -3,7 +3,8 @@
 A marker moves little between two rows, and the markers of a body keep their distance. Where one of
 both does not hold, either two markers were exchanged (then exchanging them back puts both right), or
 a marker is somewhere else than it should be. A row at a time, so that an exchange that lasts is
-found where it begins and where it ends.
+found where it begins and where it ends. Where markers that were exchanged come back from a time
+unseen so that either may be either, both are given up: a missing sample is honest, a wrong one is not.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ class Tracked:
       ordered: (N, P, 3) the same with the wrong samples [m].
       exchanged: (N, P) samples that were under another marker's name.
       partner: (N, P) whose name it was.
+      doubtful: (N, P) samples of which nobody knows whether they still were.
       leaps: (N, P) samples masked because the marker leapt.
       rods: (N, P) samples masked because a distance was wrong.
     """
@@ -46,6 +48,7 @@ class Tracked:
     ordered: Floats
     exchanged: NDArray[np.bool_]
     partner: NDArray[np.int64]
+    doubtful: NDArray[np.bool_]
     leaps: NDArray[np.bool_]
     rods: NDArray[np.bool_]
 
@@ -105,7 +108,7 @@ def track(points: Floats, time: Floats, robot: Robot) -> Tracked:
     order = np.arange(count)  # the marker that each point is under now
     last, when = np.full((count, 3), np.nan), np.full(count, time[0])
     orders = np.empty((rows, count), np.int64)
-    leaps, rods = np.zeros((rows, count), bool), np.zeros((rows, count), bool)
+    leaps, rods, doubtful = np.zeros((3, rows, count), bool)
     for t in range(rows):
         now, reach = points[t, order], bounds.reach(time[t] - when)
         far = _moved(now, last) > reach
@@ -118,12 +121,14 @@ def track(points: Floats, time: Floats, robot: Robot) -> Tracked:
                 rods[t, [bounds.rods[rod].a, bounds.rods[rod].b]] = True
             now[rods[t]] = np.nan
         orders[t] = order
+        doubtful[t:] |= _perhaps_back(order, now, points[t], last, reach, bounds)
         seen = np.isfinite(now).all(axis=-1)
         last[seen], when[seen] = now[seen], time[t]
     ordered = np.take_along_axis(points, orders[..., None], axis=1)
     found, leaps, rods = _without_strays(ordered, leaps, rods, time, bounds)
-    exchanged = (orders != np.arange(count)) & np.isfinite(found).all(axis=-1)
-    return Tracked(found, ordered, exchanged, orders, leaps, rods)
+    seen_well = np.isfinite(found).all(axis=-1)
+    exchanged = (orders != np.arange(count)) & seen_well & ~doubtful
+    return Tracked(found, ordered, exchanged, orders, doubtful & seen_well, leaps, rods)
 
 
 def _without_strays(
@@ -161,7 +166,7 @@ def judged(
     """The points (N, P, 3) as they may be used, and what was done to them.
 
     Args:
-      repair: keep exchanged markers, put right; else they are masked.
+      repair: keep exchanged markers, put right, where it is sure which is which; else mask them.
     """
     names = [point.name for point in robot.points]
     findings = []
@@ -171,16 +176,18 @@ def judged(
         where = (tracked.exchanged[:, a] | tracked.exchanged[:, b]) & between
         if where.any():
             words = (
-                "put right, as the map says"
+                "put right; to mask them instead, write repair: [] in the map"
                 if repair
-                else "exchanged; write repair: [swaps] in the map to put them right"
+                else "exchanged, and not put right, as the map says"
             )
             action = "repaired" if repair else "masked"
             pair = f"{names[a]} and {names[b]}"
             findings.append(Finding.over("swap", action, pair, where, time, words))  # type: ignore[arg-type]
     if not repair:
         points[tracked.exchanged] = np.nan
+    points[tracked.doubtful] = np.nan
     for kind, masks, words in (
+        ("swap", tracked.doubtful, "exchanged, then unseen: which is which can no longer be told"),
         ("leap", tracked.leaps, "further away than it can have come"),
         ("rod length", tracked.rods, "not at its distance from the body's other markers"),
     ):
@@ -210,6 +217,28 @@ def _exchanged(
         if right and total < least:
             best, least = tried, total
     return best
+
+
+def _perhaps_back(
+    order: NDArray[np.int64],
+    now: Floats,
+    measured: Floats,
+    last: Floats,
+    reach: Floats,
+    bounds: Bounds,
+) -> NDArray[np.bool_]:
+    """(P,) exchanged points, (P, 3) as they are taken, that may as well have their own names again."""
+    doubtful = np.zeros(len(order), bool)
+    for point in np.flatnonzero(order != np.arange(len(order))):
+        both = np.array([point, np.flatnonzero(order == point)[0]])
+        back = order.copy()
+        back[both] = order[both[::-1]]
+        moved, instead = _moved(now, last)[both], _moved(measured[back], last)[both]
+        possible = (instead <= reach[both]) | np.isnan(instead)
+        as_good = MUCH_BETTER * np.nansum(instead) < np.nansum(moved)
+        if possible.all() and as_good and _right_for(measured[back], bounds, *both):
+            doubtful[both] = True
+    return doubtful
 
 
 def _right_for(points: Floats, bounds: Bounds, a: int, b: int) -> bool:

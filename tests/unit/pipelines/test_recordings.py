@@ -45,7 +45,7 @@ def test_logs_come_into_a_new_store_with_a_report(logs: list[Path], tmp_path: Pa
     looked = ask("import", *logs, *known, "--dry-run")
     assert "dry run" in looked and not place.exists()
     printed = ask("import", *logs, *known, "--split", "test")
-    assert "Nothing was masked" in printed and "repair:" in printed and "masked" in printed
+    assert "Nothing was masked" in printed and "repair: []" in printed and "repaired" in printed
     store = TrajectoryStore(place)
     first, second = sorted(store.committed())
     assert f"collect.recordings=[{first},{second}]" in printed
@@ -92,9 +92,9 @@ def test_a_map_for_all_logs_and_the_run_s_own_robot(logs: list[Path], tmp_path: 
     run = tmp_path / "run"
     run.mkdir()
     RunFolder(run).begin(RunConfig(robot="prism3"), resume=False)
-    (tmp_path / "map.yaml").write_text("repair: [swaps]\nconditions: new cables\n")
+    (tmp_path / "map.yaml").write_text("repair: []\nconditions: new cables\n")
     printed = ask("import", logs[1], "--store", run, "--map", tmp_path / "map.yaml")
-    assert "put right" in printed
+    assert "as the map says" in " ".join(printed.split())
     assert "new cables" in ask("show", run)
     assert len(TrajectoryStore(run / "store").committed()) == 1
 

@@ -269,7 +269,7 @@ def test_exchanged_markers_are_found_with_their_times(
     log = sheet()
     begin, end = log.rng.integers(20, 90), log.rng.integers(100, 190)
     exchange(log, one, two, begin, end)
-    how = RecordingMap(repair=("swaps",) if repair else ())
+    how = None if repair else RecordingMap(repair=())
     read = read_recording(log.save(), log.robot, how=how)
     (found,) = read.report.findings
     assert (found.kind, found.subject) == ("swap", f"{one} and {two}"), SEED
@@ -278,13 +278,56 @@ def test_exchanged_markers_are_found_with_their_times(
     points = read.episodes[0].trajectory.observations.points
     if repair:
         np.testing.assert_array_equal(points, log.made.points)
-        assert found.action == "repaired"
+        assert found.action == "repaired" and "repair: []" in found.words
     else:
         names = [p.name for p in log.robot.points]
         expected = log.made.points.copy()
         expected[begin:end, [names.index(one), names.index(two)]] = np.nan
         np.testing.assert_array_equal(points, expected)
-        assert found.action == "masked" and "repair: [swaps]" in found.words
+        assert found.action == "masked"
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_exchanged_markers_that_come_back_from_anywhere_are_not_guessed(
+    back: bool, sheet: Callable[..., Sheet]
+) -> None:
+    log = sheet()
+    begin, unseen = log.rng.integers(20, 40), log.rng.integers(60, 80)
+    seen = unseen + 80  # 0.8 s later, and elsewhere: the rod may have been turned round
+    expected = log.made.points.copy()
+    expected[seen:, :, 0] += 2.0
+    expected[unseen:seen] = np.nan
+    exchange(log, "s0", "s1", begin, unseen if back else len(log.rows))
+    for column in log.cells("s"):
+        values = log.column(column)
+        values[unseen:seen] = np.nan
+        values[seen:] += 2.0 if column.endswith(".x") else 0.0
+        log.put(column, values)
+    read = read_recording(log.save(), log.robot)
+    points = read.episodes[0].trajectory.observations.points
+    expected[seen:, :2] = np.nan
+    np.testing.assert_allclose(points, expected, rtol=0, atol=1e-12)
+    repaired, *masked = read.report.of_kind("swap")
+    assert (repaired.action, repaired.count) == ("repaired", unseen - begin), SEED
+    assert [(m.action, m.subject, m.count) for m in masked] == [
+        ("masked", name, len(log.rows) - seen) for name in ("s0", "s1")
+    ], SEED
+
+
+def test_exchanged_markers_of_which_one_was_unseen_stay_known(sheet: Callable[..., Sheet]) -> None:
+    log = sheet()
+    begin, unseen = log.rng.integers(20, 40), log.rng.integers(60, 80)
+    hidden = log.rng.choice(["s0", "s1"])
+    exchange(log, "s0", "s1", begin, len(log.rows))
+    for column in log.cells(hidden):
+        values = log.column(column)
+        values[unseen : unseen + 80] = np.nan
+        log.put(column, values)
+    read = read_recording(log.save(), log.robot)
+    points = read.episodes[0].trajectory.observations.points
+    known = np.isfinite(points)
+    np.testing.assert_array_equal(points[known], log.made.points[known])
+    assert np.count_nonzero(~known[..., 0]) == 80, SEED
 
 
 def test_a_marker_that_leaps_is_masked_while_it_is_away(sheet: Callable[..., Sheet]) -> None:
