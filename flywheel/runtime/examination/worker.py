@@ -68,7 +68,7 @@ class Examiner:
 
 
 def _imported(made: HiddenRecording, robot: Robot) -> list[Trajectory]:
-    """The parts of a recording as its log is read: exchanged markers are masked, for one."""
+    """The parts of a recording as its log is read: exchanged markers are put right, for one."""
     with TemporaryDirectory() as folder:
         log, _ = made.write(Path(folder), "log", robot)
         return [each.trajectory for each in read_recording(log, robot, dt=made.dt).episodes]
