@@ -135,3 +135,20 @@ def test_a_faster_winch_is_faster_at_full_command_too() -> None:
     motion = augmented.simulate(start, augmented.commands(controls, terms), terms)
     moved = plant.winch(motion.states[:, -1]) - plant.winch(start)
     assert moved[1] == pytest.approx(1.25 * moved[0])
+
+
+def test_simulations_that_diverge_say_so_from_the_first_step_on(augmented: AugmentedPlant) -> None:
+    """Whether all steps are MuJoCo's own or a law acts between them, and the next ones are sound again."""
+    rng = np.random.default_rng(seed := secrets.randbits(32))
+    start, controls = driven(augmented, rng, 4)
+    law = some_term(EFFECTS["cable_friction"], augmented.robot, rng, 1.0)
+    for terms in ([()] * 4, [(law,)] * 4):
+        sound = augmented.simulate(start, augmented.commands(controls, terms), terms)
+        broken = np.array([False, True, False, True])
+        speed = rng.choice([-1.0, 1.0], start.qvel.shape) * 10.0 ** rng.uniform(11, 13)
+        speed = np.where(broken[:, None], speed, start.qvel)
+        wild = State(start.qpos, speed, start.act)
+        for begun, lost in ((wild, broken), (start, np.zeros(4, bool))):
+            motion = augmented.simulate(begun, augmented.commands(controls, terms), terms)
+            assert np.array_equal(motion.finite, ~lost), seed
+            assert np.array_equal(motion.points[~lost], sound.points[~lost]), seed

@@ -26,6 +26,9 @@ WORTH_A_THREAD = 3  # simulations: with fewer, threads wait for each other
 FEW = 6  # simulations whose batch is of their size
 EDITED = 256  # models with effects that are kept
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
+# Warnings after which MuJoCo begins again from nothing, and where the number of each stands.
+DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{q}")) for q in ("QPOS", "QVEL", "QACC")]
+COUNT = 1
 
 
 @dataclass(frozen=True)
@@ -163,15 +166,12 @@ class AugmentedPlant:
         for field, values in zip(fields, (start.qpos, start.qvel, start.act), strict=True):
             field[:] = values
         laws = Laws(self.robot, self._cables, batch, terms, memory, self._scales.slow)
-        sensors, ctrl, now = (
-            batch.bind(name)[: len(terms)] for name in ("sensordata", "ctrl", "time")
-        )
+        sensors, ctrl = (batch.bind(name)[: len(terms)] for name in ("sensordata", "ctrl"))
         driven = plant._drive.shape[1]
-        ctrl[:], now[:] = 0.0, 0.0
+        ctrl[:] = 0.0
         states = np.empty((len(terms), steps + 1, nq + nv + start.act.shape[1]))
         points = np.empty((len(terms), steps + 1, *plant._points.shape))
         batch.forward(first, stage=CURRENT)
-        alive = np.ones(len(terms), bool)
         commands = plant.commands(told)
         for step in range(steps + 1):
             states[:, step] = np.concatenate(fields, axis=1)
@@ -187,8 +187,7 @@ class AugmentedPlant:
                 if laws.on_tensions:
                     ctrl[:, driven:] = -laws.tension(cables)
                 batch.step(first, stage=CURRENT)
-            expected = (step + 1) * self.dt
-            alive &= np.abs(now.reshape(-1) - expected) < self.robot.timestep / 2
+        alive = ~batch.warning[: len(terms), DIVERGED, COUNT].any(axis=1)
         _hold_diverged(states, points, alive)
         state = State(*np.split(states, [nq, nq + nv], axis=-1))
         return Motion(points, state, alive, laws.memory)
