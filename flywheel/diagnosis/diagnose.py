@@ -84,6 +84,8 @@ def diagnose(
     asked = {name: effect for name, effect in library.items() if name not in unsure}
     if not asked:
         raise DataError("There is no effect to ask about, but those that the plant is unsure of.")
+    if held_out:
+        _usable(under_test, held_out, window_seconds)
     search = _searched(
         under_test,
         recordings,
@@ -95,6 +97,14 @@ def diagnose(
     )
     found = _concluded(under_test, search, held_out)
     return replace(found, seconds=time.perf_counter() - begun)
+
+
+def _usable(under_test: UnderTest, held_out: Sequence[Trajectory], seconds: float | None) -> None:
+    """Whether recordings can be judged by, asked before a search that takes minutes."""
+    try:
+        under_test.windows(held_out, seconds)
+    except DataError as error:
+        raise DataError(f"Held-out recordings: {error}") from error
 
 
 @dataclass(frozen=True)

@@ -47,14 +47,10 @@ class UnderTest:
         Where a model is tested, the plant starts from where it fits best with terms like `around`.
         """
         plant, model = self.plant, self.model
+        windows = self.windows(recordings, seconds, sigma)
         if model is None:
-            windows = _cut(plant, recordings, seconds, sigma)
             fitter = fitter_of(windows, plant, self.busy)
             return refined_fit(fitter, fitter.beginning(plant.terms), self.seed)
-        _check(plant, model)
-        seen = model.dynamics.history * plant.dt
-        seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
-        windows = _cut(plant, recordings, seconds, sigma)
         terms = plant.terms if around is None else around
         world = fitter_of(windows, plant, self.busy)
         world, start = refined_fit(world, world.beginning(terms), self.seed)
@@ -64,6 +60,31 @@ class UnderTest:
         network = NetworkFitter(world, start, plant.terms, model, rng)
         return network, network.beginning(plant.terms)
 
+    def windows(
+        self,
+        recordings: Sequence[Trajectory],
+        seconds: float | None = None,
+        sigma: float | None = None,
+    ) -> Windows:
+        """Recordings cut as they are looked at; see `Windows.cut`.
+
+        Raises:
+          DataError: recordings that cannot be used.
+          ModelError: a model that cannot.
+        """
+        plant, model = self.plant, self.model
+        if model is not None:
+            _check(plant, model)
+            seen = model.dynamics.history * plant.dt
+            seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
+        windows = Windows.cut(plant.robot, recordings, seconds, sigma)
+        if abs(windows.dt - plant.dt) > 1e-9:
+            raise DataError(
+                f"The recordings are in control steps of {windows.dt:g} s, the plant in steps of "
+                f"{plant.dt:g} s."
+            )
+        return windows
+
 
 def _check(plant: Plant, model: Subject) -> None:
     got = (model.dynamics.robot.digest, model.dynamics.dt)
@@ -72,14 +93,3 @@ def _check(plant: Plant, model: Subject) -> None:
             f"The model {model.name} is for robot {got[0][:12]} in steps of {got[1]:g} s, the plant for "
             f"{plant.robot.digest[:12]} in steps of {plant.dt:g} s."
         )
-
-
-def _cut(
-    plant: Plant, recordings: Sequence[Trajectory], seconds: float | None, sigma: float | None
-) -> Windows:
-    windows = Windows.cut(plant.robot, recordings, seconds, sigma)
-    if abs(windows.dt - plant.dt) > 1e-9:
-        raise DataError(
-            f"The recordings are in control steps of {windows.dt:g} s, the plant in steps of {plant.dt:g} s."
-        )
-    return windows

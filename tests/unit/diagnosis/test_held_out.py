@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.held_out import HeldOut
 from flywheel.diagnosis.under_test import UnderTest
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
+from flywheel.errors import DataError
+from flywheel.records import Trajectory
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
@@ -35,3 +42,27 @@ def test_a_model_with_more_begins_where_the_one_before_ended(robot: Robot, seed:
 
 def test_without_recordings_nothing_is_judged(robot: Robot, windows: Windows, seed: int) -> None:
     assert HeldOut(UnderTest(Plant(robot), None, seed), (), windows).errors(()) is None
+
+
+def blind(log: Trajectory) -> Trajectory:
+    """Hardly anything was seen."""
+    points = log.observations.points.copy()
+    points[1:] = np.nan
+    return replace(log, observations=replace(log.observations, points=points))
+
+
+@pytest.mark.parametrize(
+    "wrong, said",
+    [
+        (lambda log: replace(log, dt=2 * log.dt), "in control steps of 0.02 s"),
+        (blind, "No window has 30% of its points measured"),
+    ],
+)
+def test_recordings_that_cannot_be_judged_by_are_refused_before_the_search(
+    robot: Robot, seed: int, wrong: Callable[[Trajectory], Trajectory], said: str
+) -> None:
+    notes: list[str] = []
+    log = recorded(robot, (), seed)
+    with pytest.raises(DataError, match=f"Held-out recordings: .*{said}"):
+        diagnose(Plant(robot), [log], [wrong(log)], progress=notes.append)
+    assert not notes, seed
