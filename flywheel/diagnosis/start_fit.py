@@ -200,7 +200,8 @@ class StartFitter(Fitter):
         with their bodies turned at random as far as nobody sees it.
         """
         square = self.mean_squares(fit)
-        usual = float(np.median(square)) if usual is None else usual
+        if usual is None:  # a window by itself has no others to be compared with
+            usual = float(np.median(square)) if len(square) > 1 else 1.0
         loudest = np.argsort(-square)[:most]
         doubted = np.sort(loudest[square[loudest] > stuck * max(1.0, usual)])
         if not len(doubted):

@@ -18,7 +18,7 @@ from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.score import Projection, score_test
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import between, moved
+from flywheel.dynamics.plant import Plant, between, moved
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
@@ -280,3 +280,16 @@ def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(
     known = fitter_of(Windows.cut(robot, [recorded(robot, (), 1)], 0.4), predictor.plant)
     _, (slower, _, damped) = known.predictor.chained(known.beginning().starts, terms)
     assert np.abs(slower.winch - damped.winch).max() > 1e-9
+
+
+def test_a_window_by_itself_that_began_in_a_wrong_place_begins_elsewhere(
+    robot: Robot, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    alone = fitter_of(Windows.cut(robot, [recorded(robot, (), seed)], seconds=10.0), Plant(robot))
+    assert len(alone.windows) == 1
+    right = alone.beginning()
+    wrong = alone.at(
+        right.change + rng.choice((-1.0, 1.0), right.change.shape), right.starts.winch, ()
+    )
+    assert alone.elsewhere(wrong).cost < 0.5 * wrong.cost, seed
