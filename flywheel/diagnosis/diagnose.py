@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
+import numpy as np
+
 from flywheel.diagnosis.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.calibration import calibrated, unsure_terms
 from flywheel.diagnosis.candidates import Candidate, candidates
@@ -22,6 +24,7 @@ from flywheel.diagnosis.limits import Limits, verdict_of
 from flywheel.diagnosis.network_fit import NetworkFitter
 from flywheel.diagnosis.other_law import OtherLaw, other_law
 from flywheel.diagnosis.probes import PROBES, probed
+from flywheel.diagnosis.promise import kept
 from flywheel.diagnosis.pulse import Pulse
 from flywheel.diagnosis.selection import Selection, Step, places
 from flywheel.diagnosis.stand_in import stand_in
@@ -186,7 +189,7 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
     return Diagnosis(
         verdict=Verdict.AMBIGUOUS if ambiguous else judged.verdict,
         answers=(judged.answer, *(_asked(_effects(selection, fit)) for fit in others)),
-        ranking=judged.steps[0].scores,
+        ranking=kept(fitter, judged.steps[0], np.random.default_rng(under_test.seed)),
         threshold=search.limits.threshold,
         errors=errors(fitter, search.first, last.fit),
         held_out=judge.errors(last.fit.terms),

@@ -102,8 +102,9 @@ class Fitter(ABC):
     def rms(self, fit: Fit) -> float:
         """What a fit is off, per degree of freedom [m]."""
 
-    def coarse(self, fit: Fit) -> np.ndarray:
-        """(K,) windows that should be, and can be, simulated in shorter time steps."""
+    def coarse(self, fit: Fit, tolerated: float) -> np.ndarray:
+        """(K,) windows that shorter time steps, if they can have them, change by more than `tolerated`."""
+        del tolerated
         return np.zeros(len(fit.change), bool)
 
     def refined(self, where: np.ndarray) -> Self:

@@ -109,6 +109,7 @@ class ScoreTest:
       candidates: that were tested.
       residual: (N,).
       columns: (N, n) of every size of every shape of every candidate, in `unit_terms` order.
+      shorter: (n,) bool, those that are what a share of a typical size changes.
       slices: candidate -> shape -> its columns.
       noise: variance of the residual per degree of freedom.
       freedom: degrees of freedom of the residual.
@@ -120,6 +121,7 @@ class ScoreTest:
     candidates: tuple[Candidate, ...]
     residual: Floats
     columns: Floats
+    shorter: np.ndarray
     slices: tuple[tuple[slice, ...], ...]
     noise: float
     freedom: float
@@ -195,27 +197,31 @@ def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
     return sizes, float(b @ sizes)
 
 
+def secants(fitter: Fitter, fit: Fit, chosen: Sequence[Candidate], share: float = 1.0) -> Floats:
+    """(K, D, n) what that share of every typical size of every shape changes, per typical size."""
+    terms = [(*fit.terms, term) for c in chosen for term in c.unit_terms(share)]
+    return fitter.columns(fit, terms) / share
+
+
 def sensitivities(
     fitter: Fitter,
     fit: Fit,
     library: Sequence[Candidate],
     projection: Projection,
     residual: Floats,
-) -> Floats:
-    """(N, n) with every size of every shape, projected: of two secants the one that promises more."""
+) -> tuple[Floats, np.ndarray]:
+    """(N, n) with every size of every shape, projected: of two secants the one that promises more.
 
-    def secants(chosen: Sequence[Candidate], share: float) -> Floats:
-        terms = [(*fit.terms, term) for c in chosen for term in c.unit_terms(share)]
-        return fitter.columns(fit, terms) / share
-
-    raw, slices = secants(library, 1.0), slices_of(library)
+    And (n,) bool, where that is the shorter one.
+    """
+    raw, slices = secants(fitter, fit, library), slices_of(library)
     change = np.sqrt(fitter.windows.mean_square(raw)).max(axis=0)
-    found = projection(raw)
+    found, taken = projection(raw), np.zeros(raw.shape[2], bool)
     large = [i for i, own in enumerate(slices) if any(change[s].max() > LARGE for s in own)]
     if not large:
-        return found
+        return found, taken
     again = [library[i] for i in large]
-    shorter = projection(secants(again, SHARE))
+    shorter = projection(secants(fitter, fit, again, SHARE))
     for candidate, whole, part in zip(
         again, (slices[i] for i in large), slices_of(again), strict=True
     ):
@@ -223,8 +229,8 @@ def sensitivities(
             if _promise(shorter[:, other], residual, candidate) > _promise(
                 found[:, own], residual, candidate
             ):
-                found[:, own] = shorter[:, other]
-    return found
+                found[:, own], taken[own] = shorter[:, other], True
+    return found, taken
 
 
 def _promise(columns: Floats, residual: Floats, candidate: Candidate) -> float:
@@ -262,10 +268,12 @@ def score_test(
     measured = int(np.isfinite(fitter.windows.measured).sum())
     freedom = float(measured - len(mean) * entries - projection.shared.shape[2])
     noise = float(residual @ residual) / max(freedom, 1.0)
+    columns, shorter = sensitivities(fitter, fit, library, projection, residual)
     return ScoreTest(
         tuple(library),
         residual,
-        sensitivities(fitter, fit, library, projection, residual),
+        columns,
+        shorter,
         slices_of(library),
         noise,
         freedom,

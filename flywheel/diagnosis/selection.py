@@ -28,6 +28,7 @@ MOST = 3  # effects found together
 # may be added, without which the answer is not the whole one anyway.
 SLIGHT, MOSTLY = 0.2, 0.4
 ROUNDS = 10  # of a fit
+TOLERATED_BY_NOTHING = 0.05  # `TOLERATED` of time steps, before nothing is said to be there
 # Further rounds like the last one, after which a model must have reached its target; and where it is
 # about the last effect that may be added.
 HOPE, LAST_HOPE = 2.0, 1.0
@@ -88,7 +89,25 @@ class Selection:
         self.scales = Scales.of(fitter.windows.robot)
 
     def run(self, first: Step) -> list[Step]:
-        """The model as it was, with one effect more, and so on; the last step is the answer."""
+        """The model as it was, with one effect more, and so on; the last step is the answer.
+
+        Where nothing is found that a model lacks, and it may lack nothing, it is asked again in time steps
+        that are shorter than a fit needs: what contacts in coarse steps do may hide a small effect.
+        """
+        steps = self._run(first)
+        if self.new(steps) or worth_a_round(self.fitter, steps[-1].fit):
+            return steps
+        fit = steps[-1].fit
+        fitter, fit = shorter_steps(
+            self.fitter, fit, free_values(fit.terms, self.scales), TOLERATED_BY_NOTHING
+        )
+        if fitter is self.fitter:
+            return steps
+        self.fitter = fitter
+        return self._run(self.look(self._from_elsewhere(self.pursued(fit))))
+
+    def _run(self, first: Step) -> list[Step]:
+        """See `run`, in the time steps that the fitter has."""
         steps, most = [first], len(first.fit.terms) + MOST
         if changed := self._moved(first):
             steps.append(self.look(changed))

@@ -25,9 +25,6 @@ NEAR = (0.1, 1.0, 10.0)  # times what suited a window's last step, all of which 
 MOST_DAMPING = 1e4
 # Standard deviations of what is known about starts before any fit, in natural units.
 PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
-# Root mean square of what half the time step changes in a window [sigma], above which it is halved: more
-# tells in the fit, and contacts in coarse steps make cliffs in its cost that no start gets over.
-TOLERATED = 0.3
 FINEST = 2  # times shorter, at most: quarters are seldom better, and take twice as long
 TRIES = 4  # of such a window with its bodies turned
 TURN = 0.4  # standard deviation of their turns about axes that no point shows [rad]
@@ -149,10 +146,10 @@ class StartFitter(Fitter):
         difference = (points - fit.points[None]).swapaxes(0, 1)
         return self.slope(difference, 1.0, np.arange(len(fit.points)))
 
-    def coarse(self, fit: Fit) -> np.ndarray:
-        """See `Fitter`: those that shorter steps would change by more than is tolerated."""
+    def coarse(self, fit: Fit, tolerated: float) -> np.ndarray:
+        """See `Fitter`."""
         square = self.windows.mean_square(self.step_error(fit)[..., 0])
-        return np.asarray((square > TOLERATED**2) & (self.predictor.fineness < FINEST))
+        return np.asarray((square > tolerated**2) & (self.predictor.fineness < FINEST))
 
     def refined(self, where: np.ndarray) -> Self:
         """See `Fitter`."""
