@@ -14,13 +14,15 @@ from flywheel.errors import DataError
 from flywheel.records import Observation, Past
 from flywheel.terrain import Terrain
 
-LEAN = NetworkConfig.lean(width=16, ground_clamp=1e3)
+# Far enough that every node sees the ground, near enough that hills are more than a rounding of it.
+LEAN = NetworkConfig.lean(width=16, ground_clamp=20.0)
 
 
 def hills(rng: np.random.Generator) -> Terrain:
-    shape = tuple(int(n) for n in rng.integers(12, 30, 2))
+    """Uneven ground that reaches at least 5 m from the robot's place to every side."""
+    shape = tuple(int(n) for n in rng.integers(26, 40, 2))
     cell = float(rng.uniform(0.4, 0.9))
-    origin = tuple(float(x) for x in rng.uniform(-9.0, -4.0, 2))
+    origin = tuple(float(-cell * n * rng.uniform(0.48, 0.52)) for n in shape)
     return Terrain(rng.uniform(-0.3, 0.3, shape), cell, origin)
 
 
