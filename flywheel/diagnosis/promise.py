@@ -30,7 +30,7 @@ def kept(fitter: Fitter, step: Step, rng: np.random.Generator) -> tuple[Score, .
     found = []
     for score in step.scores:
         own = test.slices[test.candidates.index(score.candidate)][score.shape]
-        share = _common(test.columns[:, own], there[:, own])
+        share = common_share(test.columns[:, own], there[:, own])
         found.append(replace(score, smallest=float(score.smallest / np.sqrt(share))))
     return tuple(found)
 
@@ -54,7 +54,7 @@ def _deviation(fitter: Fitter, step: Step, rng: np.random.Generator) -> Floats:
     return np.asarray(np.linalg.solve(root, rng.standard_normal((*change.shape, 1)))[..., 0])
 
 
-def _common(here: Floats, there: Floats) -> float:
+def common_share(here: Floats, there: Floats) -> float:
     """Share of what sensitivities (N, d) promise, that they show of an effect which acts by others (N, d).
 
     At most 1, though others may promise more; above 0, so that what is divided by it stays a number.

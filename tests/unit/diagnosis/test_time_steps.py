@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis.baseline import fitted, fitter_of, refined_fit
+from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
+from flywheel.diagnosis.time_steps import TOLERATED
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant, refined
+from flywheel.effects import EFFECTS
 from flywheel.records import Observation, State, Trajectory
 from flywheel.robots import Robot
 
@@ -82,3 +85,17 @@ def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) 
     # Should shorter ones fit by chance, then as well.
     assert (fitter.time_steps == robot.timestep).all() or fit.cost < 1.02 * fitted(own).cost, seed
     assert fitter.mean_squares(fit).mean() < 1.2, seed
+
+
+def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(robot: Robot, seed: int) -> None:
+    logs = [fallen(robot, seed + i, TIMES) for i in range(FALLS)]
+    loud = 5.0 * NOISE * robot.length  # so much that the plant's own steps will do
+    own = fitter_of(Windows.cut(robot, logs, seconds=0.4, sigma=loud), Plant(robot))
+    fit = own.fit(own.beginning())
+    assert not own.coarse(fit, TOLERATED).any(), seed
+    library = candidates(robot, {"winch_gain": EFFECTS["winch_gain"]})
+    selection = Selection(own, library, 25.0)
+    steps = selection.run(selection.look(fit))
+    assert (selection.fitter.time_steps < robot.timestep).any(), seed
+    assert len(steps) == 1, seed
+    assert steps[0].fit.cost < fit.cost, seed
