@@ -165,7 +165,7 @@ def test_a_window_that_does_not_move_is_damped_more(fitter: StartFitter, seed: i
     begun, wrong = fitter.beginning(), seed % len(fitter.windows)
     linear = fitter.linear(begun)
     by_start = linear.by_start.copy()
-    by_start[wrong] *= -1.0
+    by_start[wrong] *= -0.1  # far the wrong way: a short one may come down behind some contact
     held = Held.fresh(Linear(by_start, linear.by_winch))
     after = fitter.stepped(begun, held, begun.residual, begun.starts.winch, ())
     assert after.held is not None
