@@ -235,7 +235,7 @@ def test_the_data_sets_number_matters(robots, make_network, make_window, seed):
         for d in (0, 0, 9)
     ]
     assert torch.equal(said[0], said[1])
-    assert (said[0] - said[2]).abs().max() > 1e-4
+    assert (said[0] != said[2]).float().mean() > 0.5, seed  # how much is up to chance, untrained
 
 
 def test_only_the_last_h_controls_and_the_chunks_own_matter_at_first(
