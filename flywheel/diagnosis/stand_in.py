@@ -25,7 +25,7 @@ from flywheel.records import Floats
 
 UNITS = 6  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
-BEGINNINGS = 5  # random features that are compared
+BEGINNINGS = 5  # random features whose outputs are trained for a round, to go on with the best
 ROUNDS = 5  # of the best of them, at most
 STEP = 0.05  # of a finite difference of a weight
 SHOWN = 3  # effects that it is said to be like
@@ -88,41 +88,28 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
       seed: of the first weights.
     """
     begun = _begun(fitter, step, np.random.default_rng(seed))
-    trained = fitter.refit(begun, _weights_of(fitter, begun.terms, "out"))
-    worth = worth_a_round(fitter, begun)
+    worth = worth_a_round(fitter, step.fit)
+    # From each a step down may be found or not, whatever the sensitivities promise: it must be tried.
+    tried = [fitter.fit(fit, _weights_of(fitter, fit.terms, "out"), rounds=1) for fit in begun]
+    trained = min(tried, key=lambda fit: fit.cost)
+    trained = fitter.fit(trained, _weights_of(fitter, trained.terms, "out"), rounds=1)
     for _ in range(ROUNDS):
-        before, trained = trained, fitter.fit(trained, _weights_of(fitter, begun.terms), rounds=1)
+        before, trained = trained, fitter.fit(trained, _weights_of(fitter, trained.terms), rounds=1)
         if trained.converged or before.cost - trained.cost <= worth:
             break
     return Learned(trained, _likeness(fitter, trained, step.test))
 
 
-def _begun(fitter: Fitter, step: Step, rng: np.random.Generator) -> Fit:
-    """The step's fit and a law that adds nothing yet, with the random features that promise most.
-
-    Such a law changes no sensitivity, so that the score test says what its outputs would explain.
-    """
-    scales, fit, test = Scales.of(fitter.windows.robot), step.fit, step.test
+def _begun(fitter: Fitter, step: Step, rng: np.random.Generator) -> list[Fit]:
+    """The step's fit with laws of random features that add nothing yet."""
+    scales = Scales.of(fitter.windows.robot)
     known = tuple(size.typical(scales) for size in LearnedTension.sizes)
-    laws, nudged = [], []
+    found = []
     for _ in range(BEGINNINGS):
-        features = rng.normal(size=4 * UNITS).tolist()
-        terms = (*fit.terms, Term(LearnedTension(), None, (*features, *[0.0] * UNITS), known))
-        outputs = _weights_of(fitter, terms, "out")[-UNITS:]
-        laws.append(terms)
-        nudged += [output.moved(terms, STEP) for output in outputs]
-    columns = test.projection(fitter.columns(fit, nudged)) / STEP
-    promises = [
-        _promise(columns[:, UNITS * law : UNITS * (law + 1)], test.residual)
-        for law in range(BEGINNINGS)
-    ]
-    return fitter.under(fit, laws[int(np.argmax(promises))])
-
-
-def _promise(columns: Floats, residual: Floats) -> float:
-    """How far outputs with these sensitivities (N, UNITS), of normal prior, make the cost fall."""
-    pull = columns.T @ residual
-    return float(pull @ np.linalg.solve(columns.T @ columns + np.eye(UNITS), pull))
+        weights = (*rng.normal(size=4 * UNITS).tolist(), *[0.0] * UNITS)
+        law = Term(LearnedTension(), None, weights, known)
+        found.append(fitter.under(step.fit, (*step.fit.terms, law)))
+    return found
 
 
 def _weights_of(fitter: Fitter, terms: Terms, layer: str = "") -> list[Free]:

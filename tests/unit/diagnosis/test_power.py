@@ -29,6 +29,7 @@ FEW = (
     "payload",
     "slope",
 )
+RECORDINGS = 3  # contacts make single ones fall outside in one of thirty
 
 
 @pytest.fixture(scope="module")
@@ -47,12 +48,17 @@ def found(robot: Robot, hidden: Trajectory, library: dict[str, Effect]) -> Power
     return power(Plant(robot), hidden.controls, 0.003 * robot.length, library)
 
 
-def test_smallest_sizes_are_those_of_a_recording_made_afterwards(
-    robot: Robot, hidden: Trajectory, library: dict[str, Effect], found: Power, seed: int
+def test_smallest_sizes_are_those_of_recordings_made_afterwards(
+    robot: Robot, library: dict[str, Effect], seed: int
 ) -> None:
-    said = {score.candidate.label: score.smallest for score in
-            diagnose(Plant(robot), [hidden], library=library).ranking}  # fmt: skip
-    ratios = [p.smallest / said[p.candidate.label] for p in found.prospects]
+    plant, noise = Plant(robot), 0.003 * robot.length
+    ratios: list[float] = []
+    for each in range(seed, seed + RECORDINGS):
+        log = record(robot, (), seconds=1.6, seed=each).trajectory
+        ranking = diagnose(plant, [log], library=library).ranking
+        said = {score.candidate.label: score.smallest for score in ranking}
+        prospects = power(plant, log.controls, noise, library).prospects
+        ratios += [p.smallest / said[p.candidate.label] for p in prospects]
     close = np.abs(np.log(ratios)) < np.log(1.25)
     assert close.mean() > 0.6, (seed, ratios)
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15), (seed, ratios)

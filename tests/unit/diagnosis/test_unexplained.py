@@ -9,7 +9,7 @@ from flywheel.diagnosis import worth as worth_module
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.stand_in import ROUNDS, stand_in
+from flywheel.diagnosis.stand_in import BEGINNINGS, ROUNDS, stand_in
 from flywheel.diagnosis.whereabouts import whereabouts
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
@@ -20,6 +20,10 @@ from flywheel.reports.diagnosis_page import diagnosis_page, sentence
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
+RECORDINGS = (
+    3  # starts make up for what is missing: in one of fourteen nothing is left to be learned
+)
+OUTPUTS_ALONE = BEGINNINGS + 1  # rounds of fits
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "slope")}
 
 
@@ -40,17 +44,20 @@ HIDDEN = (Term(Ratchet(), None, (0.3,)),)
 
 
 def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
-    log = recorded(robot, HIDDEN, seed)
-    fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
-    fit = fitted(fitter)
-    step = Selection(fitter, candidates(robot, FEW), 25.0).look(fit)
-    learned = stand_in(fitter, step, seed)
-    true = fitter.fit(fitter.at(fit.change, fit.starts.winch, HIDDEN))
-    # Of 33 recordings the law took up 52 to 110 % of what the true one explains.
-    assert fit.cost - learned.fit.cost > 0.3 * (fit.cost - true.cost), seed
-    shares = [each.share for each in learned.likeness]
-    assert shares == sorted(shares, reverse=True), seed
-    assert all(0.0 <= share <= 1.0 + 1e-9 for share in shares), seed
+    learned_falls, true_falls = [], []
+    for each in range(seed, seed + RECORDINGS):
+        log = recorded(robot, HIDDEN, each)
+        fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
+        fit = fitted(fitter)
+        step = Selection(fitter, candidates(robot, FEW), 25.0).look(fit)
+        learned = stand_in(fitter, step, each)
+        true = fitter.fit(fitter.at(fit.change, fit.starts.winch, HIDDEN))
+        learned_falls.append(fit.cost - learned.fit.cost)
+        true_falls.append(fit.cost - true.cost)
+        shares = [like.share for like in learned.likeness]
+        assert shares == sorted(shares, reverse=True), each
+        assert all(0.0 <= share <= 1.0 + 1e-9 for share in shares), each
+    assert sum(learned_falls) > 0.4 * sum(true_falls), (seed, learned_falls, true_falls)
 
 
 def test_a_law_is_trained_only_while_that_explains_something(
@@ -67,7 +74,7 @@ def test_a_law_is_trained_only_while_that_explains_something(
         rounds.clear()
         monkeypatch.setattr(worth_module, "FRUITLESS", worth)
         learned = stand_in(fitter, step, seed)
-        trained[worth] = len(rounds), learned.fit.cost
+        trained[worth] = len(rounds) - OUTPUTS_ALONE, learned.fit.cost
     assert trained[10.0][0] == 1
     assert 1 < trained[0.0][0] <= ROUNDS
     assert trained[10.0][0] <= trained[0.01][0] <= trained[0.0][0]
