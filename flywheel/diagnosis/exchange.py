@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.fit import LITTLE, Fit
 from flywheel.diagnosis.probes import probed
 from flywheel.diagnosis.score import Score
-from flywheel.diagnosis.selection import HOPE, SHORTLIST, Selection, Step, same_place, without
+from flywheel.diagnosis.selection import (
+    HOPE,
+    SHORTLIST,
+    Selection,
+    Step,
+    places,
+    same_place,
+    without,
+)
 from flywheel.effects import Term, Terms
 
 RIVAL = 0.8  # share of an effect's power from which another is tried in its place
@@ -28,7 +36,7 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
     last, found = steps[-1].fit, []
     for term in selection.new(steps):
         others = without(last.terms, term)
-        step = steps[0] if not others else selection.look(_without(selection, steps, term))
+        step = steps[0] if not others else _without(selection, steps, term)
         least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
         for scores in (step.scores, step.probes):
             near = [s for s in scores if s.power > least and not same_place(s, term)]
@@ -39,10 +47,14 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
     return last, found
 
 
-def _without(selection: Selection, steps: Sequence[Step], term: Term) -> Fit:
-    """The last model without a term; steps before it may know good starts."""
-    *earlier, last = (step.fit for step in steps)
-    return selection.dropped(last, term, earlier)
+def _without(selection: Selection, steps: Sequence[Step], term: Term) -> Step:
+    """The last model without a term; steps before it may know good starts, or be that very model."""
+    *earlier, last = steps
+    fit = selection.dropped(last.fit, term, [step.fit for step in earlier])
+    for step in earlier:
+        if places(step.fit) == places(fit) and abs(step.fit.cost - fit.cost) < LITTLE:
+            return step
+    return selection.look(fit)
 
 
 def _in_place(

@@ -183,7 +183,7 @@ class AugmentedPlant:
                 cables = laws.cables()
                 if laws.on_rates:
                     wanted = laws.told(told[:, step], cables)
-                    ctrl[:, :driven] = plant.commands(wanted[:, None])[:, 0]
+                    ctrl[:, :driven] = plant.commands(wanted)
                 if laws.on_tensions:
                     ctrl[:, driven:] = -laws.tension(cables)
                 batch.step(first, stage=CURRENT)

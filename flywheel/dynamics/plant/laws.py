@@ -124,12 +124,12 @@ class Laws:
 
     def told(self, told: Floats, cables: Cables) -> Floats:
         """What winches (n, W) that are told (n, W) do as if they had been told it, under their load."""
-        load = self._load(cables.elastic)
-        now, asked = self._act[:, self._drums], told.copy()
-        rates = self._robot.rates(now, told, self._dt)
+        load, now = self._load(cables.elastic), self._act.take(self._drums, axis=1)
+        rates, asked = self._robot.rates(now, told, self._dt), told
         for effect, rows, values in self._rates:
-            rates[rows] = effect.rate(rates[rows], load[rows], values)
-            asked[rows] = self._robot.telling(now[rows], rates[rows], self._dt)
+            slower = effect.rate(rates[rows], load[rows], values)
+            rates = _with(rates, rows, slower)
+            asked = _with(asked, rows, self._robot.telling(now[rows], slower, self._dt))
         return asked
 
     def _load(self, elastic: Floats) -> Floats:
@@ -140,17 +140,26 @@ class Laws:
 
     def tension(self, cables: Cables) -> Floats:
         """(n, C) extra tension [N]: on taut cables only, never pushing, and no more than winches have."""
-        extra = self._none.copy()
+        extra: Floats = self._none
         for effect, rows, values in self._tensions:
             held = self.memory[effect.name][rows] if effect.remembers else self._none[rows]
             added, after = effect.tension(cables[rows], held, values)
-            extra[rows] += added
+            extra = _with(extra, rows, extra[rows] + added)
             if effect.remembers:
                 self.memory[effect.name][rows] = after
         pull = np.maximum(cables.elastic + self._geometry.damping * cables.speed, 0.0)
         spare = self._geometry.strongest - pull  # below 0 where the springs alone are too strong
         within = np.minimum(np.maximum(extra, -pull), spare) - np.minimum(spare, 0.0)
         return np.where(cables.taut, within, 0.0)
+
+
+def _with(whole: Floats, rows: Rows, part: Floats) -> Floats:
+    """The whole (n, ...) with some rows replaced, which need not be copied if it is all of them."""
+    if isinstance(rows, slice):
+        return part
+    whole = whole.copy()
+    whole[rows] = part
+    return whole
 
 
 def has_laws(terms: Sequence[Terms]) -> bool:

@@ -194,7 +194,7 @@ class Plant:
         return _PlainCourse(self, state)
 
     def commands(self, controls: Floats) -> Floats:
-        """What MuJoCo's actuators get (B, T, nu) for winch controls (B, T, W) within their ranges."""
+        """What MuJoCo's actuators get (..., nu) for winch controls (..., W) within their ranges."""
         return (controls * self._speed) @ self._drive + self._drive_shift
 
     def packed(self, state: State) -> Floats:
