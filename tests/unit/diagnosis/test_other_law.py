@@ -30,7 +30,9 @@ def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) ->
     found = diagnose(Plant(robot), logs, (), FEW, strict, window_seconds=0.4, seed=seed)
     assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), (seed, found.other_law)
     law = found.summary()["other_law"]
-    assert law is not None and law["score"] > strict.threshold, (seed, found.other_law)
+    assert law is not None, (seed, found.other_law)
+    # What it explains in the place of the answer, it need not explain beside it as well.
+    assert law["instead"] or law["score"] > strict.threshold, (seed, found.other_law)
     assert law["law"] in PROBES
     named = law["instead"] or law["law"]  # what explains more in the place of the answer tells more
     assert named in PROBES and named in diagnosis_page(found, {}), seed
