@@ -65,8 +65,11 @@ class Limits:
         return self.imitated(law) or (law.score > self.threshold and law.share > self.other)
 
     def imitated(self, law: OtherLaw) -> bool:
-        """An effect of the answer only imitates a law that is none of the library."""
-        return law.gain > self.equally_good
+        """An effect of the answer only imitates a law that is none of the library.
+
+        Which explains by so much more that it would have been seen beside the effect.
+        """
+        return law.gain > self.threshold
 
     def constant(self, left: Adequacy) -> bool:
         """Fitted sizes are the same everywhere."""

@@ -56,9 +56,9 @@ def test_a_law_that_explains_little_beside_an_answer_is_no_other_form() -> None:
 
 def test_a_law_that_explains_more_in_the_place_of_an_effect_is_the_form() -> None:
     limits = Limits()
-    assert limits.imitated(OtherLaw(instead="x", gain=limits.equally_good + 1.0))
-    assert limits.other_form(OtherLaw(instead="x", gain=limits.equally_good + 1.0))
-    assert not limits.other_form(OtherLaw(instead="x", gain=limits.equally_good - 1.0))
+    assert limits.imitated(OtherLaw(instead="x", gain=limits.threshold + 1.0))
+    assert limits.other_form(OtherLaw(instead="x", gain=limits.threshold + 1.0))
+    assert not limits.other_form(OtherLaw(instead="x", gain=limits.threshold - 1.0))
 
 
 @pytest.mark.parametrize("name", PROBES)
