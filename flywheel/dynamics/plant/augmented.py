@@ -161,7 +161,8 @@ class AugmentedPlant:
         plant, steps = self.plant, told.shape[1]
         batch = self._batch(base, terms)
         nq, nv = start.qpos.shape[1], start.qvel.shape[1]
-        first = np.arange(len(terms), dtype=np.int32) if len(terms) < batch.nsim else None
+        # Indices would be checked one by one, in every step.
+        first = np.arange(batch.nsim) < len(terms)
         fields = [batch.bind(name)[: len(terms)] for name in ("qpos", "qvel", "act")]
         for field, values in zip(fields, (start.qpos, start.qvel, start.act), strict=True):
             field[:] = values
