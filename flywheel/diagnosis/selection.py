@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -32,6 +33,7 @@ TOLERATED_BY_NOTHING = 0.05  # `TOLERATED` of time steps, before nothing is said
 # Further rounds like the last one, after which a model must have reached its target; and where it is
 # about the last effect that may be added.
 HOPE, LAST_HOPE = 2.0, 1.0
+SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
 
 @dataclass(frozen=True)
@@ -180,9 +182,9 @@ class Selection:
         """Several models, each fitted on for as long as it may become the best; the best one first.
 
         Starts that had to make up for a wrong model find back slowly: after a few rounds the wrong one
-        of two may be ahead.
+        of two may be ahead. Of models that are one by several names, one is fitted.
         """
-        first, *others = sorted(begun, key=self.criterion)
+        first, *others = different(sorted(begun, key=self.criterion))
         ended = [self.pursued(first)]
         for fit in others:
             ended.append(self.pursued(fit, min(map(self.criterion, ended)), hope))
@@ -293,6 +295,15 @@ class Selection:
                 found.append(score)
                 families[family] = families.get(family, 0) + 1
         return found[:SHORTLIST]
+
+
+def different(fits: Sequence[Fit]) -> list[Fit]:
+    """Fits without those that cost the same to the last digit as one before."""
+    found: list[Fit] = []
+    for fit in fits:
+        if not any(math.isclose(fit.cost, each.cost, rel_tol=SAME) for each in found):
+            found.append(fit)
+    return found
 
 
 def same_place(score: Score, term: Term) -> bool:

@@ -163,3 +163,24 @@ def test_recordings_in_other_control_steps_than_the_plant_are_refused(
 ) -> None:
     with pytest.raises(DataError, match="control steps of 0.02 s, the plant in steps of 0.01 s"):
         diagnose(Plant(robot), [replace(trajectory, dt=0.02)])
+
+
+def test_of_models_that_are_one_by_several_names_one_is_fitted(
+    robot: Robot, fitter: StartFitter, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ("command_delay", "sensor_latency", "winch_gain")
+    library = candidates(robot, {name: NAMED[name] for name in names})
+    selection = Selection(fitter, library, 25.0)
+    begun = fitted(fitter, rounds=1)
+    late = float(np.random.default_rng(seed).uniform(0.005, 0.03))
+    models = [fitter.under(begun, (Term(NAMED[name], None, (late,)),)) for name in names]
+    assert models[0].cost == pytest.approx(models[1].cost, rel=1e-9), seed
+    pursued: list[str] = []
+
+    def pursue(fit: Fit, *_: float) -> Fit:
+        pursued.append(fit.terms[0].effect.name)
+        return fit
+
+    monkeypatch.setattr(selection, "pursued", pursue)
+    selection.race(models)
+    assert "winch_gain" in pursued and len({*names[:2]} & {*pursued}) == 1, (seed, pursued)
