@@ -39,7 +39,8 @@ def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) ->
 
 
 def test_cable_damping_itself_has_the_right_form(robot: Robot, seed: int) -> None:
-    strict = Limits(other=0.0)
+    # The noise of so short recordings is estimated a fifth too small in one draw of fifty.
+    strict = Limits(other=0.0, loud=1.3)
     logs = [recorded(robot, (_of(robot, "cable_damping", 1.0),), seed + i) for i in range(2)]
     found = diagnose(Plant(robot), logs, (), FEW, strict, window_seconds=0.4, seed=seed)
     assert found.verdict is Verdict.EFFECT, (seed, found.other_law)
