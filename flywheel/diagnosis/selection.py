@@ -211,7 +211,8 @@ class Selection:
     def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target.
 
-        A model that is clearly wrong is not fitted to the last digit.
+        A model that is clearly wrong is not fitted to the last digit, and one that still diverges after a
+        round not at all.
         """
         free = free_values(fit.terms, self.scales)
         for _ in range(ROUNDS):
@@ -219,7 +220,8 @@ class Selection:
                 break
             enough = worth_a_round(self.fitter, fit)
             before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
-            if self.criterion(fit) - target > hope * (before.cost - fit.cost):
+            diverges = not np.isfinite(fit.cost)
+            if diverges or self.criterion(fit) - target > hope * (before.cost - fit.cost):
                 break
         return fit
 

@@ -184,3 +184,18 @@ def test_of_models_that_are_one_by_several_names_one_is_fitted(
     monkeypatch.setattr(selection, "pursued", pursue)
     selection.race(models)
     assert "winch_gain" in pursued and len({*names[:2]} & {*pursued}) == 1, (seed, pursued)
+
+
+def test_a_model_that_diverges_is_given_up_after_a_round(
+    fitter: StartFitter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    selection = Selection(fitter, (), 25.0)
+    diverged = replace(fitter.beginning(), cost=np.inf)
+    rounds: list[Fit] = []
+
+    def fit(begun: Fit, *_: object, **__: object) -> Fit:
+        rounds.append(begun)
+        return begun
+
+    monkeypatch.setattr(selection.fitter, "fit", fit)
+    assert selection.pursued(diverged) is diverged and len(rounds) == 1
