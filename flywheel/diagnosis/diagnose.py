@@ -26,7 +26,8 @@ from flywheel.diagnosis.other_law import OtherLaw, other_law
 from flywheel.diagnosis.probes import PROBES, probed
 from flywheel.diagnosis.promise import kept
 from flywheel.diagnosis.pulse import Pulse
-from flywheel.diagnosis.selection import Selection, Step, places
+from flywheel.diagnosis.sameness import places
+from flywheel.diagnosis.selection import Selection, Step
 from flywheel.diagnosis.stand_in import stand_in
 from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.uncertainty import uncertainty

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 from flywheel.diagnosis.fit import LITTLE, Fit
 from flywheel.diagnosis.probes import probed
+from flywheel.diagnosis.sameness import places, same_place
 from flywheel.diagnosis.score import Score
 from flywheel.diagnosis.selection import (
     HOPE,
     SHORTLIST,
     Selection,
     Step,
-    places,
-    same_place,
     without,
 )
 from flywheel.effects import Term, Terms

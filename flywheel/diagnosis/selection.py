@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,6 +13,7 @@ from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held import Held, Linear
 from flywheel.diagnosis.pairs import promising_pairs
+from flywheel.diagnosis.sameness import different, places
 from flywheel.diagnosis.score import Score, ScoreTest, score_test
 from flywheel.diagnosis.time_steps import shorter_steps
 from flywheel.diagnosis.worth import worth_a_round
@@ -33,7 +33,6 @@ TOLERATED_BY_NOTHING = 0.05  # `TOLERATED` of time steps, before nothing is said
 # Further rounds like the last one, after which a model must have reached its target; and where it is
 # about the last effect that may be added.
 HOPE, LAST_HOPE = 2.0, 1.0
-SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
 
 @dataclass(frozen=True)
@@ -297,26 +296,6 @@ class Selection:
                 found.append(score)
                 families[family] = families.get(family, 0) + 1
         return found[:SHORTLIST]
-
-
-def different(fits: Sequence[Fit]) -> list[Fit]:
-    """Fits without those that cost the same to the last digit as one before."""
-    found: list[Fit] = []
-    for fit in fits:
-        if not any(math.isclose(fit.cost, each.cost, rel_tol=SAME) for each in found):
-            found.append(fit)
-    return found
-
-
-def same_place(score: Score, term: Term) -> bool:
-    """A score of the effect of a term, at its place."""
-    candidate = score.candidate
-    return candidate.effect.name == term.effect.name and candidate.place == term.place
-
-
-def places(fit: Fit) -> set[tuple[str, int | None]]:
-    """Which effects a model has, and where."""
-    return {(term.effect.name, term.place) for term in fit.terms}
 
 
 def asked(terms: Terms) -> Terms:
