@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from flywheel.data.recordings.columns import Log
-from flywheel.data.recordings.report import Finding
+from flywheel.data.recordings.report import Finding, counted
 from flywheel.errors import DataError
 from flywheel.records import Floats
 
@@ -28,8 +28,8 @@ def without_duplicates(log: Log) -> tuple[Log, list[Finding]]:
         row = backward[0] + 1
         raise DataError(
             f"line {log.lines[row]}: time runs backward, from {log.time[row - 1]:.6g} to "
-            f"{log.time[row]:.6g} s, {len(backward)} times in all. Are these several recordings in one "
-            "file? Give each a file of its own."
+            f"{log.time[row]:.6g} s, {counted(len(backward), 'time')} in all. Are these several "
+            "recordings in one file? Give each a file of its own."
         )
     again = np.concatenate([[False], steps == 0])
     for row in np.flatnonzero(again).tolist():
@@ -37,7 +37,7 @@ def without_duplicates(log: Log) -> tuple[Log, list[Finding]]:
         if not np.array_equal(before, now, equal_nan=True):
             raise DataError(
                 f"line {log.lines[row]}: the time {log.time[row]:.6g} s stands in two rows that say "
-                f"different things; {int(again.sum())} stamps are duplicated in all. Is the clock too "
+                f"different things; {counted(int(again.sum()), 'duplicated stamp')} in all. Is the clock too "
                 "coarse, or in whole seconds?"
             )
     if not again.any():

@@ -143,7 +143,7 @@ REFUSED = [
     (forget_header, "has no header: its first line is 0.0, .* time, ctrl.<actuator>"),
     (one_row, "has 1 rows under its header; a recording needs at least 2"),
     (different_duplicate, "line 9: the time 0.06 s stands in two rows that say different things"),
-    (backward, "line 10: time runs backward, from 0.08 to 0.07 s, 1 times"),
+    (backward, "line 10: time runs backward, from 0.08 to 0.07 s, 1 time in all"),
     (irregular, "irregular time stamps: only .* samples .* grid of 0.01 s.*jitter"),
     (seconds_as_milliseconds, r"rows are 10 s apart, .* write units: \{time: ms\}"),
     (no_number, "line 5, column 'ctrl.winch_02': 'n/a' is no number"),
