@@ -227,7 +227,7 @@ def _trusted(search: _Search, judged: _Judged) -> _Judged:
             break
         weakest = min(doubtful, key=lambda each: each.certainty)
         fit = selection.shortened(judged.steps[-1].fit, weakest.term)
-        earlier = [step for step in judged.steps[:-1] if places(step.fit) < places(fit)]
+        earlier = [step for step in judged.steps[:-1] if places(step.fit.terms) < places(fit.terms)]
         judged = _judged(search, [*earlier, selection.look(fit)])
     return judged
 

@@ -51,7 +51,7 @@ def _without(selection: Selection, steps: Sequence[Step], term: Term) -> Step:
     *earlier, last = steps
     fit = selection.dropped(last.fit, term, [step.fit for step in earlier])
     for step in earlier:
-        if places(step.fit) == places(fit) and abs(step.fit.cost - fit.cost) < LITTLE:
+        if places(step.fit.terms) == places(fit.terms) and abs(step.fit.cost - fit.cost) < LITTLE:
             return step
     return selection.look(fit)
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from flywheel.diagnosis.baseline import AFTER, refined_fit
 from flywheel.diagnosis.diagnosis import Errors
 from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.sameness import places
 from flywheel.diagnosis.under_test import UnderTest
 from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
@@ -55,7 +56,7 @@ class HeldOut:
         """Starts that fit under other terms, in time steps that will do for them."""
         if terms == before.terms:
             return fitter, before
-        if self._plant and self._last and _places(self._last[1].terms) < _places(terms):
+        if self._plant and self._last and places(self._last[1].terms) < places(terms):
             fitter, fit = self._last
             return fitter, fitter.fit(fitter.under(fit, terms), rounds=AFTER)
         begun = fitter.under_or_anew(before, terms)
@@ -65,8 +66,3 @@ class HeldOut:
 def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
     """Of two fits of the same windows."""
     return Errors(fitter.windows.sigma, fitter.rms(before), fitter.rms(after))
-
-
-def _places(terms: Terms) -> set[tuple[str, int | None]]:
-    """Which effects, and where."""
-    return {(term.effect.name, term.place) for term in terms}

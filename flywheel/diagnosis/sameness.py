@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.score import Score
-from flywheel.effects import Term
+from flywheel.effects import Term, Terms
 
 SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
@@ -28,6 +28,6 @@ def same_place(score: Score, term: Term) -> bool:
     return candidate.effect.name == term.effect.name and candidate.place == term.place
 
 
-def places(fit: Fit) -> set[tuple[str, int | None]]:
-    """Which effects a model has, and where."""
-    return {(term.effect.name, term.place) for term in fit.terms}
+def places(terms: Terms) -> set[tuple[str, int | None]]:
+    """Which effects, and where."""
+    return {(term.effect.name, term.place) for term in terms}

@@ -121,7 +121,8 @@ class Selection:
             # A score is a promise of the linearisation; a fit need not keep it.
             if better is None or self.criterion(better) >= self.criterion(steps[-1].fit):
                 break
-            if places(better) == places(steps[-1].fit):  # only the fit was not good enough yet
+            # only the fit was not good enough yet
+            if places(better.terms) == places(steps[-1].fit.terms):
                 steps.pop()
             steps.append(self.look(better))
         return steps
@@ -137,7 +138,7 @@ class Selection:
 
     def new(self, steps: Sequence[Step]) -> Terms:
         """Terms of the last step that the first does not have."""
-        before = places(steps[0].fit)
+        before = places(steps[0].fit.terms)
         return tuple(
             t for t in asked(steps[-1].fit.terms) if (t.effect.name, t.place) not in before
         )
@@ -270,7 +271,7 @@ class Selection:
         """A fit without a term, as far as that may be as good; `others` may know better starts."""
         less = self.fitter.under(fit, without(fit.terms, term))
         for other in others:
-            if places(other) == places(less):  # fitted, but maybe in other time steps
+            if places(other.terms) == places(less.terms):  # fitted, but maybe in other time steps
                 again = self.fitter.under(other, other.terms)
                 less = self.fitter.best_of(less, again)
         return self.pursued(less, self.criterion(fit) + self._worth(term))
