@@ -105,7 +105,8 @@ class Selection:
         if fitter is self.fitter:
             return steps
         self.fitter = fitter
-        return self._run(self.look(self._from_elsewhere(self.pursued(fit))))
+        # A plant whose own effects had other values is still the first step.
+        return [*steps[:-1], *self._run(self.look(self._from_elsewhere(self.pursued(fit))))]
 
     def _run(self, first: Step) -> list[Step]:
         """See `run`, in the time steps that the fitter has."""

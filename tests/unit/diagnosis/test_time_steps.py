@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from flywheel.diagnosis.baseline import fitted, fitter_of, refined_fit
 from flywheel.diagnosis.candidates import candidates
@@ -10,8 +11,14 @@ from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.time_steps import TOLERATED
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant, refined
-from flywheel.effects import EFFECTS
+from flywheel.dynamics.plant import (
+    AugmentedPlant,
+    EffectivePlant,
+    MeasurementModel,
+    Plant,
+    refined,
+)
+from flywheel.effects import EFFECTS, Scales, Term, Terms
 from flywheel.records import Observation, State, Trajectory
 from flywheel.robots import Robot
 
@@ -20,7 +27,7 @@ FALLS = 3
 TIMES = 8  # shorter steps are what is taken for the truth
 
 
-def fallen(robot: Robot, seed: int, times: int) -> Trajectory:
+def fallen(robot: Robot, seed: int, times: int, terms: Terms = ()) -> Trajectory:
     """A robot that is thrown to the ground, as measured, simulated in steps so many times shorter."""
     rng, own = np.random.default_rng(seed), Plant(robot)
     augmented = AugmentedPlant(refined(own, times) if times > 1 else own)
@@ -29,7 +36,7 @@ def fallen(robot: Robot, seed: int, times: int) -> Trajectory:
     qpos.reshape(-1, 7)[:, 2] += 0.2 * robot.length
     qvel.reshape(-1, 6)[:, :3] += [*rng.normal(0.0, 0.5, 2), -2.0]
     still = np.zeros((1, round(SECONDS / own.dt), len(robot.winches)))
-    motion = augmented.simulate(State(qpos, qvel, rest.act), still, [()])
+    motion = augmented.simulate(State(qpos, qvel, rest.act), still, [terms])
     blind = np.full((motion.points.shape[1], len(robot.winches)), np.nan)
     seen = MeasurementModel(noise=NOISE).apply(Observation(motion.points[0], blind), robot, rng)
     return Trajectory(seen, still[0], own.dt)
@@ -99,3 +106,23 @@ def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(robot: Robot,
     assert (selection.fitter.time_steps < robot.timestep).any(), seed
     assert len(steps) == 1, seed
     assert steps[0].fit.cost < fit.cost, seed
+
+
+def test_a_plant_whose_effect_has_another_value_is_still_asked_about_it_in_shorter_steps(
+    robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("flywheel.diagnosis.selection.TOLERATED_BY_NOTHING", 0.0)
+    effect = EFFECTS["cable_damping"]
+    had, has = (
+        (Term(effect, None, (times * effect.sizes[0].typical(Scales.of(robot)),)),)
+        for times in (1.0, 4.0)
+    )
+    logs = [fallen(robot, seed + i, TIMES, has) for i in range(FALLS)]
+    plant = EffectivePlant(robot, had)
+    loud = 5.0 * NOISE * robot.length  # so much that the plant's own steps will do before that
+    own = fitter_of(Windows.cut(robot, logs, seconds=0.4, sigma=loud), plant)
+    selection = Selection(own, candidates(robot, {"slope": EFFECTS["slope"]}), 25.0)
+    first, *_, last = selection.run(selection.look(own.fit(own.beginning(had))))
+    assert selection.fitter is not own, seed
+    assert first.fit.terms == had, seed
+    assert last.fit.terms[0].values == pytest.approx(has[0].values, rel=0.2), seed
