@@ -53,6 +53,11 @@ def as_said(terms: Terms) -> Terms:
     return tuple(replace(t, values=(0.0,) * len(t.values)) if t.known else t for t in terms)
 
 
+def asked(terms: Terms) -> Terms:
+    """Terms that are asked about: not the calibration."""
+    return tuple(term for term in terms if not term.known)
+
+
 def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     """A fit with what is not known exactly fitted, too.
 

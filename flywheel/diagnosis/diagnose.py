@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -14,6 +13,7 @@ from flywheel.diagnosis.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.calibration import calibrated, unsure_terms
 from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.diagnosis import Diagnosis, StandIn, TimeSteps
+from flywheel.diagnosis.elsewhere import eased
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.exchange import exchanged
 from flywheel.diagnosis.fit import Fit, Fitter
@@ -41,7 +41,6 @@ from flywheel.records import Trajectory
 
 PASSES = 2  # for a model: where the plant starts depends on what it lacks
 SUSPECT = 1.1  # mean square of a window from which its start is doubted before anything is said to be left
-EASED = 0.2  # of what makes a window loud, that goes with another start if its start is to blame
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
 UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
@@ -233,20 +232,14 @@ def _trusted(search: _Search, judged: _Judged) -> _Judged:
 
 
 def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
-    """Before something is said to be left: with other starts for every window that is loud.
-
-    Unless the loudest one is hardly less so from anywhere else: then starts are not what is wrong.
-    """
+    """Before something is said to be left: with other starts for every window that is loud."""
     selection, last = search.selection, judged.steps[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    fitter = selection.fitter
-    elsewhere = partial(fitter.elsewhere, seed=seed + 1, stuck=SUSPECT, usual=1.0)
-    begun = elsewhere(last.fit, most=1)
-    before, after = fitter.mean_squares(last.fit), fitter.mean_squares(begun)
-    if (before - after).max() <= EASED * max(0.0, before.max() - 1.0):
+    begun = eased(selection.fitter, last.fit, seed + 1, stuck=SUSPECT, usual=1.0)
+    if begun is last.fit:
         return judged
-    fit = selection.pursued(replace(elsewhere(begun), converged=False))
+    fit = selection.pursued(replace(begun, converged=False))
     return _judged(search, [*judged.steps[:-1], selection.look(fit)])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flywheel.diagnosis.fit import LITTLE, Fit
+from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.probes import probed
 from flywheel.diagnosis.sameness import places, same_place
 from flywheel.diagnosis.score import Score
@@ -34,8 +34,7 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
     """
     last, found = steps[-1].fit, []
     for term in selection.new(steps):
-        others = without(last.terms, term)
-        step = steps[0] if not others else _without(selection, steps, term)
+        step = _without(selection, steps, term)
         least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
         for scores in (step.scores, step.probes):
             near = [s for s in scores if s.power > least and not same_place(s, term)]
@@ -47,13 +46,13 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
 
 
 def _without(selection: Selection, steps: Sequence[Step], term: Term) -> Step:
-    """The last model without a term; steps before it may know good starts, or be that very model."""
+    """The last model without a term: a step before it, where one was that model already."""
     *earlier, last = steps
-    fit = selection.dropped(last.fit, term, [step.fit for step in earlier])
-    for step in earlier:
-        if places(step.fit.terms) == places(fit.terms) and abs(step.fit.cost - fit.cost) < LITTLE:
+    left = places(without(last.fit.terms, term))
+    for step in reversed(earlier):
+        if places(step.fit.terms) == left:
             return step
-    return selection.look(fit)
+    return selection.look(selection.dropped(last.fit, term))
 
 
 def _in_place(

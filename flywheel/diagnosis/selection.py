@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flywheel.diagnosis.calibration import as_said
+from flywheel.diagnosis.calibration import as_said, asked
 from flywheel.diagnosis.candidates import Candidate
+from flywheel.diagnosis.elsewhere import eased
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held import Held, Linear
@@ -184,8 +185,16 @@ class Selection:
 
         Starts that had to make up for a wrong model find back slowly: after a few rounds the wrong one
         of two may be ahead. Of models that are one by several names, one is fitted.
+
+        Args:
+          begun: the one that promised the most first. If it is not ahead, windows of it may have got
+            stuck, and begin elsewhere before anything else.
+          hope: see `pursued`.
         """
-        first, *others = different(sorted(begun, key=self.criterion))
+        favourite, *others = begun
+        if any(self.criterion(fit) < self.criterion(favourite) for fit in others):
+            favourite = self.fitter.elsewhere(favourite)
+        first, *others = different(sorted((favourite, *others), key=self.criterion))
         ended = [self.pursued(first)]
         for fit in others:
             ended.append(self.pursued(fit, min(map(self.criterion, ended)), hope))
@@ -206,7 +215,8 @@ class Selection:
 
     def _from_elsewhere(self, fit: Fit) -> Fit:
         """A fit, fitted on where windows that got stuck begin better elsewhere."""
-        elsewhere = self.fitter.elsewhere(fit)
+        wrong = worth_a_round(self.fitter, fit)
+        elsewhere = eased(self.fitter, fit) if wrong else self.fitter.elsewhere(fit)
         return fit if elsewhere is fit else self.pursued(elsewhere)
 
     def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
@@ -298,11 +308,6 @@ class Selection:
                 found.append(score)
                 families[family] = families.get(family, 0) + 1
         return found[:SHORTLIST]
-
-
-def asked(terms: Terms) -> Terms:
-    """Those that are asked about: not the calibration."""
-    return tuple(term for term in terms if not term.known)
 
 
 def without(terms: Terms, term: Term) -> Terms:

@@ -6,7 +6,7 @@ from flywheel.diagnosis.fit import Fit, Fitter
 
 # Times the noise, above which a model is wrong and not just badly fitted; and of what it leaves above that,
 # what a round of its fit must explain to be followed by another.
-WRONG, FRUITLESS = 1.1, 0.01
+WRONG, FRUITLESS = 1.1, 0.05
 
 
 def worth_a_round(fitter: Fitter, fit: Fit) -> float:

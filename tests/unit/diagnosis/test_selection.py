@@ -10,6 +10,7 @@ import pytest
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.elsewhere import eased
 from flywheel.diagnosis.fit import LITTLE, Fit
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.selection import HOPE, LAST_HOPE, MOST, SLIGHT, Selection
@@ -184,6 +185,49 @@ def test_of_models_that_are_one_by_several_names_one_is_fitted(
     monkeypatch.setattr(selection, "pursued", pursue)
     selection.race(models)
     assert "winch_gain" in pursued and len({*names[:2]} & {*pursued}) == 1, (seed, pursued)
+
+
+def test_what_promised_the_most_and_is_not_ahead_begins_elsewhere_first(
+    fitter: StartFitter, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ahead, behind = fitted(fitter, rounds=2), fitter.beginning()
+    assert ahead.cost < behind.cost, seed
+    selection, freed = Selection(fitter, (), 25.0), replace(ahead, cost=0.5 * ahead.cost)
+    begun: list[Fit] = []
+
+    def elsewhere(fit: Fit, *_: object, **__: object) -> Fit:
+        begun.append(fit)
+        return freed if fit is behind else fit
+
+    monkeypatch.setattr(fitter, "elsewhere", elsewhere)
+    monkeypatch.setattr(selection, "pursued", lambda fit, *_: fit)
+    monkeypatch.setattr(selection, "_in_time_steps", lambda fit: fit)
+    assert selection.race([behind, ahead])[0] is freed
+    assert begun[0] is behind
+    begun.clear()
+    assert selection.race([ahead, behind])[0] is ahead
+    assert not any(fit is behind for fit in begun)
+
+
+def test_windows_of_a_model_that_is_wrong_otherwise_do_not_all_begin_elsewhere(
+    robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = recorded(robot, (), seed)
+    wrong = flickering(right, seed % len(robot.points), 0.2 * robot.length)
+    for recording, starts_are_wrong in ((right, True), (wrong, False)):
+        fitter = fitter_of(Windows.cut(robot, [recording], seconds=0.4), Plant(robot))
+        fit, asked, search = fitted(fitter), [], fitter.elsewhere
+        if starts_are_wrong:
+            fit = fitter.at(fit.change + 3.0 * fitter.prior, fit.starts.winch, ())
+
+        def elsewhere(*args, most=None, asked=asked, search=search, **options) -> Fit:
+            asked.append(most)
+            return search(*args, most=most, **options)
+
+        monkeypatch.setattr(fitter, "elsewhere", elsewhere)
+        found = eased(fitter, fit, seed, usual=1.0)
+        assert asked == ([1, None] if starts_are_wrong else [1]), seed
+        assert (found is not fit) == starts_are_wrong, seed
 
 
 def test_a_model_that_diverges_is_given_up_after_a_round(
