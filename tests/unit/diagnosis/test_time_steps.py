@@ -94,6 +94,18 @@ def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) 
     assert fitter.mean_squares(fit).mean() < 1.2, seed
 
 
+@pytest.mark.parametrize("draw", [3194873299, 2622254124])
+def test_better_starts_found_in_shorter_steps_are_no_evidence_for_them(
+    robot: Robot, draw: int
+) -> None:
+    own = fitter_for(
+        robot, draw, 1
+    )  # of which a fit gets stuck where one in shorter steps does not
+    fitter, fit = refined_fit(own, own.beginning())
+    assert (fitter.time_steps == robot.timestep).all()
+    assert fit.cost < 1.02 * fitted(own).cost
+
+
 def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(robot: Robot, seed: int) -> None:
     logs = [fallen(robot, seed + i, TIMES) for i in range(FALLS)]
     loud = 5.0 * NOISE * robot.length  # so much that the plant's own steps will do
