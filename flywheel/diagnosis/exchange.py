@@ -8,13 +8,8 @@ from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.probes import probed
 from flywheel.diagnosis.sameness import places, same_place
 from flywheel.diagnosis.score import Score
-from flywheel.diagnosis.selection import (
-    HOPE,
-    SHORTLIST,
-    Selection,
-    Step,
-    without,
-)
+from flywheel.diagnosis.selection import SHORTLIST, Selection, Step, without
+from flywheel.diagnosis.worth import HOPE
 from flywheel.effects import Term, Terms
 
 RIVAL = 0.8  # share of an effect's power from which another is tried in its place

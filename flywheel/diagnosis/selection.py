@@ -17,7 +17,7 @@ from flywheel.diagnosis.pairs import promising_pairs
 from flywheel.diagnosis.sameness import different, places
 from flywheel.diagnosis.score import Score, ScoreTest, score_test
 from flywheel.diagnosis.time_steps import shorter_steps
-from flywheel.diagnosis.worth import worth_a_round
+from flywheel.diagnosis.worth import HOPE, ROUNDS, hopeless, worth_a_round
 from flywheel.effects import Scales, Term, Terms
 from flywheel.records import Floats
 
@@ -29,11 +29,8 @@ MOST = 3  # effects found together
 # Of what an answer leaves beyond noise, that another effect must promise to explain; and the last one that
 # may be added, without which the answer is not the whole one anyway.
 SLIGHT, MOSTLY = 0.2, 0.4
-ROUNDS = 10  # of a fit
 TOLERATED_BY_NOTHING = 0.05  # `TOLERATED` of time steps, before nothing is said to be there
-# Further rounds like the last one, after which a model must have reached its target; and where it is
-# about the last effect that may be added.
-HOPE, LAST_HOPE = 2.0, 1.0
+LAST_HOPE = 1.0  # `HOPE`, where it is about the last effect that may be added
 
 
 @dataclass(frozen=True)
@@ -231,8 +228,7 @@ class Selection:
                 break
             enough = worth_a_round(self.fitter, fit)
             before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
-            diverges = not np.isfinite(fit.cost)
-            if diverges or self.criterion(fit) - target > hope * (before.cost - fit.cost):
+            if hopeless(self.criterion(fit) - target, before.cost - fit.cost, hope):
                 break
         return fit
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free
+from flywheel.diagnosis.worth import ROUNDS, hopeless
 
 F = TypeVar("F", bound=Fitter)
 # Root mean square of what half the time step changes in a window [sigma], above which it is halved: more
 # tells in the fit, and contacts in coarse steps make cliffs in its cost that no start gets over.
 TOLERATED = 0.3
-COMPARED = 2  # rounds of a fit in which halved steps must win
 
 
 def shorter_steps(
@@ -33,20 +33,31 @@ def shorter_steps(
     """
     while (coarse := fitter.coarse(fit, tolerated)).any():
         finer = fitter.refined(coarse)
-        other = _under(finer, fit, coarse)
-        for _ in range(COMPARED):
-            if not fit.converged:
-                fit = fitter.fit(fit, free, rounds=1)
-            other = finer.fit(other, free, rounds=1)
-            if other.cost < fit.cost:
-                break
-        else:
+        fit, other = _compared(fitter, fit, finer, _under(finer, fit, coarse), free)
+        if fit.cost <= other.cost:
             break
         back = fitter.fit(_under(fitter, other, coarse), free, rounds=1)
         if back.cost <= other.cost:
             return fitter, back
         fitter, fit = finer, other
     return fitter, fit
+
+
+def _compared(
+    fitter: Fitter, fit: Fit, finer: Fitter, other: Fit, free: Sequence[Free]
+) -> tuple[Fit, Fit]:
+    """Both fits, fitted on until the one in shorter steps is better, or clearly will not be.
+
+    Before it is fitted, it is worse: its starts suited the longer steps.
+    """
+    for _ in range(ROUNDS):
+        if not fit.converged:
+            fit = fitter.fit(fit, free, rounds=1)
+        before, other = other, finer.fit(other, free, rounds=1)
+        missing, fell = other.cost - fit.cost, before.cost - other.cost
+        if missing < 0.0 or other.converged or hopeless(missing, fell):
+            break
+    return fit, other
 
 
 def _under(fitter: Fitter, fit: Fit, where: np.ndarray) -> Fit:

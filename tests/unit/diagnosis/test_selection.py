@@ -13,9 +13,10 @@ from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.elsewhere import eased
 from flywheel.diagnosis.fit import LITTLE, Fit
 from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.selection import HOPE, LAST_HOPE, MOST, SLIGHT, Selection
+from flywheel.diagnosis.selection import LAST_HOPE, MOST, SLIGHT, Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.worth import HOPE
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.errors import DataError
@@ -228,6 +229,23 @@ def test_windows_of_a_model_that_is_wrong_otherwise_do_not_all_begin_elsewhere(
         found = eased(fitter, fit, seed, usual=1.0)
         assert asked == ([1, None] if starts_are_wrong else [1]), seed
         assert (found is not fit) == starts_are_wrong, seed
+
+
+def test_a_model_that_is_clearly_wrong_begins_elsewhere_in_its_loudest_window_first(
+    fitter: StartFitter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, asked = fitter.beginning(), []
+
+    def elsewhere(fit: Fit, *_: object, most: int | None = None, **__: object) -> Fit:
+        asked.append(most)
+        return fit
+
+    monkeypatch.setattr(fitter, "elsewhere", elsewhere)
+    monkeypatch.setattr(Selection, "pursued", lambda *_: pytest.fail("nothing has changed"))
+    for times_noise in (2.0, 1.0):
+        fit = replace(begun, cost=times_noise * fitter.freedom(begun))
+        assert Selection(fitter, (), 25.0)._from_elsewhere(fit) is fit
+    assert asked == [1, None]
 
 
 def test_a_model_that_diverges_is_given_up_after_a_round(

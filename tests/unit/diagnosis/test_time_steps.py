@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flywheel.diagnosis.baseline import fitted, fitter_of, refined_fit
 from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.diagnosis.time_steps import TOLERATED
+from flywheel.diagnosis.time_steps import TOLERATED, shorter_steps
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import (
     AugmentedPlant,
@@ -92,6 +95,55 @@ def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) 
     # Should shorter ones fit by chance, then as well.
     assert (fitter.time_steps == robot.timestep).all() or fit.cost < 1.02 * fitted(own).cost, seed
     assert fitter.mean_squares(fit).mean() < 1.2, seed
+
+
+class Costs:
+    """Stands in for a fitter whose fits cost this, one after the other."""
+
+    def __init__(self, *costs: float, finer: Costs | None = None) -> None:
+        self.left, self.finer = list(costs), finer
+
+    def coarse(self, *_: object) -> np.ndarray:
+        return np.array([self.finer is not None])
+
+    def refined(self, _: object) -> Costs | None:
+        return self.finer
+
+    def under(self, fit: Fit, _: object) -> Fit:
+        return replace(fit, cost=self.left.pop(0), converged=False)
+
+    def fit(self, fit: Fit, *_: object, **__: object) -> Fit:
+        return self.under(fit, ())
+
+
+@pytest.mark.parametrize(
+    ("costs", "wins"),
+    [
+        ((5000.0, 1100.0, 1050.0, 1020.0, 990.0), True),  # a bad beginning is not held against it
+        ((5000.0, 1100.0, 1050.0), False),  # two rounds like the last one are just not enough
+        ((np.inf, np.inf), False),
+    ],
+)
+def test_shorter_steps_win_if_they_get_ahead_while_there_is_hope(
+    fitter: StartFitter, costs: tuple[float, ...], wins: bool
+) -> None:
+    ahead = 949.0 if len(costs) == 3 else 1000.0
+    finer = Costs(*costs)
+    own = Costs(2000.0, 1500.0, finer=finer)
+    fit = replace(fitter.beginning(), cost=ahead, converged=True)
+    taken, after = shorter_steps(own, fit)
+    assert (taken is finer) == wins
+    assert after.cost == (costs[-1] if wins else ahead)
+    assert not finer.left
+
+
+def test_longer_steps_win_if_they_fit_better_from_where_shorter_ones_led_to(
+    fitter: StartFitter,
+) -> None:
+    own = Costs(2000.0, 900.0, finer=Costs(5000.0, 990.0))
+    stuck = replace(fitter.beginning(), cost=1000.0, converged=True)
+    taken, after = shorter_steps(own, stuck)
+    assert taken is own and after.cost == 900.0
 
 
 @pytest.mark.parametrize("draw", [3194873299, 2622254124])
