@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from flywheel.diagnosis.elsewhere import eased
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.prediction import Predictor
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.starts import estimated_starts
 from flywheel.diagnosis.time_steps import F, shorter_steps
 from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.worth import worth_a_round
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import Terms
 
@@ -31,6 +33,17 @@ def refined_fit(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
     """Starts that fit, under terms that stay as they are, and a fitter with time steps that will do."""
     fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=BEFORE))
     return fitter, fitter.fit(fitter.elsewhere(fit, seed), rounds=AFTER)
+
+
+def baseline_fit(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
+    """The same of a model that may lack an effect.
+
+    If it is clearly wrong, its starts are not sought everywhere, nor fitted to the last digit.
+    """
+    fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=BEFORE))
+    wrong = worth_a_round(fitter, fit)
+    fit = eased(fitter, fit, seed) if wrong else fitter.elsewhere(fit, seed)
+    return fitter, fitter.fit(fit, rounds=AFTER, enough=worth_a_round(fitter, fit))
 
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int = AFTER, seed: int = 0) -> Fit:

@@ -220,15 +220,7 @@ class Fitter(ABC):
     def columns(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """(K, D, n) how the prediction changes if its terms are replaced, in sigmas."""
         difference = np.moveaxis(self.predictions(fit, terms) - fit.points[None], 0, 1)
-        return self.slope(difference, 1.0, np.arange(len(fit.change)))
-
-    def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
-        """(n, D, m) of differences (n, m, steps + 1, P, 3); 0 where nothing was measured."""
-        windows = self.windows
-        seen = np.isfinite(windows.measured[members])[:, None]
-        slope = np.where(seen, difference / (step * windows.sigma), 0.0)
-        flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
-        return flat.swapaxes(1, 2)
+        return self.windows.slope(difference, 1.0, np.arange(len(fit.change)))
 
     def by_size(self, fit: Fit, free: Sequence[Free]) -> Floats:
         """(K, D, n) sensitivities to sizes of effects."""

@@ -204,7 +204,7 @@ class NetworkFitter(Fitter):
         seen = points + windows.sigma * rng.normal(size=points.shape)
         missing = np.isnan(windows.measured)
         wrong = points - self._predicted(np.where(missing, np.nan, seen))
-        errors = self.slope(np.moveaxis(wrong, 0, 1), 1.0, np.arange(count))
+        errors = self.windows.slope(np.moveaxis(wrong, 0, 1), 1.0, np.arange(count))
         half = len(points) // 2
         if half < 2:
             raise ModelError("The plant stays finite from too few starts to try the network on.")

@@ -79,6 +79,12 @@ class Predictor:
         finer.fineness = np.where(where, 2 * self.fineness, self.fineness)
         return finer
 
+    def coarsest(self) -> Predictor:
+        """The same with the plant's own steps in all windows."""
+        coarsest = copy(self)
+        coarsest.fineness = np.ones_like(self.fineness)
+        return coarsest
+
     @property
     def tangent(self) -> int:
         """Length of a change of one window's start."""

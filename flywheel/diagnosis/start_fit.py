@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from flywheel.diagnosis.differences import Differences
 from flywheel.diagnosis.fit import LEAST_DAMPING, STUCK, Fit, Fitter
 from flywheel.diagnosis.free import term_cost
 from flywheel.diagnosis.held import Held, Linear
@@ -18,8 +19,6 @@ from flywheel.dynamics.plant.restarted import FREE_VELOCITIES
 from flywheel.effects import Terms
 from flywheel.records import Floats, State
 
-STEP = 2e-3  # of a finite difference of a start, in natural units
-WINCH_STEP = 1e-3  # of one of a winch's offset [L]
 DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)  # of a window's own step in a search
 NEAR = (0.1, 1.0, 10.0)  # times what suited a window's last step, all of which are tried
 MOST_DAMPING = 1e4
@@ -28,11 +27,8 @@ PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
 FINEST = 2  # times shorter, at most: quarters are seldom better, and take twice as long
 TRIES = 4  # of such a window with its bodies turned
 TURN = 0.4  # standard deviation of their turns about axes that no point shows [rad]
-SCALES = (
-    2e-3,
-    8e-3,
-    5e-4,
-)  # of differences, in turn: contacts make every one of them blind somewhere
+# Of differences, in turn: contacts make every one of them blind somewhere.
+SCALES = (2e-3, 8e-3, 5e-4)
 SEARCHES, HEATS, FINALISTS = 6, 2, 2  # rounds; after how many of them only so many per window go on
 
 
@@ -48,6 +44,7 @@ class StartFitter(Fitter):
         prior = np.repeat([PRIOR_PLACE, PRIOR_SPEED], predictor.tangent // 2)
         super().__init__(predictor.windows, prior, PRIOR_WINCH * predictor.length)
         self.predictor, self.first, self.finer = predictor, first, predictor.finer()
+        self.differences = Differences(predictor, first)
 
     @property
     def time_steps(self) -> Floats:
@@ -77,10 +74,7 @@ class StartFitter(Fitter):
         return float(((winch / self.winch_prior) ** 2).sum()) + term_cost(terms)
 
     def linear(self, fit: Fit, precise: bool = True) -> Linear:
-        """Differences around a fit, in one batch for all windows: of both sides where precise.
-
-        Else of one side, with steps that are other ones than the last time.
-        """
+        """See `Fitter`; where not precise, by differences of other sizes than the last time."""
         return self._linear(fit, np.arange(len(self.windows)), precise)
 
     def renewed(self, fit: Fit) -> Held:
@@ -97,44 +91,10 @@ class StartFitter(Fitter):
 
     def _linear(self, fit: Fit, members: np.ndarray, precise: bool) -> Linear:
         """Of windows `members` (n,)."""
-        predictor, winches = self.predictor, fit.starts.winch.shape[1]
-        here = None if precise else fit.points[members]
-        turn = 0 if precise or fit.held is None else fit.held.number + 1
-        step = SCALES[turn % len(SCALES)]
-        by_start = self.by_start(fit, members, fit.change[members], here, step)
-        offset = WINCH_STEP * predictor.length
-        rows = np.repeat(members, winches)
-        shifted = fit.carried.winch[rows] + offset * np.tile(np.eye(winches), (len(members), 1))
-        after = predictor.parallel(
-            fit.starts.mechanics[rows], fit.carried, fit.terms, rows, shifted
-        )
-        after = after.reshape(len(members), winches, *after.shape[1:])
-        by_winch = self.slope(after - fit.points[members, None], offset, members)
-        return Linear(by_start, by_winch)
-
-    def by_start(
-        self,
-        fit: Fit,
-        members: np.ndarray,
-        change: Floats,
-        here: Floats | None = None,
-        step: float = STEP,
-    ) -> Floats:
-        """(n, D, X) sensitivities of windows `members` (n,) at changes (n, X).
-
-        By differences of a `step` to both sides, or, at half the price, to one side of what is predicted
-        `here`.
-        """
-        predictor, size = self.predictor, self.predictor.tangent
-        sides = (1.0, -1.0) if here is None else (1.0,)
-        steps = np.concatenate([side * np.eye(size) for side in sides]) * step
-        tried = (change[:, None] + steps).reshape(-1, size)
-        rows = np.repeat(members, len(steps))
-        states = predictor.moved(self.first[rows], tried)
-        points = predictor.parallel(states, fit.carried, fit.terms, rows)
-        points = points.reshape(len(members), len(sides), size, *points.shape[1:])
-        opposite = points[:, 1] if here is None else here[:, None]
-        return self.slope(points[:, 0] - opposite, len(sides) * step, members)
+        if precise:
+            return self.differences.precise(fit, members)
+        turn = 0 if fit.held is None else fit.held.number + 1
+        return self.differences.rough(fit, members, SCALES[turn % len(SCALES)])
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """See `Fitter`."""
@@ -144,7 +104,7 @@ class StartFitter(Fitter):
         """See `Fitter`."""
         points, _ = self.finer.chained(fit.starts, [fit.terms])
         difference = (points - fit.points[None]).swapaxes(0, 1)
-        return self.slope(difference, 1.0, np.arange(len(fit.points)))
+        return self.windows.slope(difference, 1.0, np.arange(len(fit.points)))
 
     def coarse(self, fit: Fit, tolerated: float) -> np.ndarray:
         """See `Fitter`."""
@@ -277,7 +237,7 @@ class StartFitter(Fitter):
         for number, step in enumerate(islice(cycle(SCALES), SEARCHES)):
             states = self.predictor.moved(self.first[members], change)
             points = self.predictor.parallel(states, fit.carried, fit.terms, members)
-            by_start = self.by_start(fit, members, change, points, step)
+            by_start = self.differences.roughly_by_start(fit, members, change, points, step)
             left = np.nan_to_num(self.windows.residual_of(members, points))
             steps = np.stack([self._steps(change, by_start, left, d) for d in DAMPING])
             tried = np.concatenate([np.zeros_like(change)[None], steps]) + change

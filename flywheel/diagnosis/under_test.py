@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.baseline import fitter_of, refined_fit
+from flywheel.diagnosis.baseline import baseline_fit, fitter_of, refined_fit
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.network_fit import NetworkFitter
@@ -50,7 +50,7 @@ class UnderTest:
         windows = self.windows(recordings, seconds, sigma)
         if model is None:
             fitter = fitter_of(windows, plant, self.busy)
-            return refined_fit(fitter, fitter.beginning(plant.terms), self.seed)
+            return baseline_fit(fitter, fitter.beginning(plant.terms), self.seed)
         terms = plant.terms if around is None else around
         world = fitter_of(windows, plant, self.busy)
         world, start = refined_fit(world, world.beginning(terms), self.seed)

@@ -145,3 +145,13 @@ class Windows:
         """The same of windows `members` (n,): (n, D) of (n, steps + 1, P, 3)."""
         off = (self.measured[members] - points) / self.sigma
         return np.nan_to_num(off, nan=0.0).reshape(len(members), -1)
+
+    def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
+        """(n, D, m) in sigmas, of windows `members` (n,) that differ by (n, m, steps + 1, P, 3) in a step.
+
+        0 where nothing was measured, or predicted.
+        """
+        seen = np.isfinite(self.measured[members])[:, None]
+        slope = np.where(seen, difference / (step * self.sigma), 0.0)
+        flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
+        return flat.swapaxes(1, 2)
