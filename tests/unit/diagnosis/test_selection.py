@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import diagnose
-from flywheel.diagnosis.baseline import fitted, fitter_of
+from flywheel.diagnosis.baseline import baseline_fit, fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.elsewhere import eased
 from flywheel.diagnosis.fit import LITTLE, Fit
@@ -246,6 +246,29 @@ def test_a_model_that_is_clearly_wrong_begins_elsewhere_in_its_loudest_window_fi
         fit = replace(begun, cost=times_noise * fitter.freedom(begun))
         assert Selection(fitter, (), 25.0)._from_elsewhere(fit) is fit
     assert asked == [1, None]
+
+
+def test_a_baseline_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(
+    fitter: StartFitter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, asked, worth = fitter.beginning(), [], []
+
+    def elsewhere(fit: Fit, *_: object, most: int | None = None, **__: object) -> Fit:
+        asked.append(most)
+        return fit
+
+    def fit(begun: Fit, *_: object, enough: float = 0.0, **__: object) -> Fit:
+        worth.append(enough)
+        return begun
+
+    monkeypatch.setattr(fitter, "elsewhere", elsewhere)
+    monkeypatch.setattr(fitter, "fit", fit)
+    monkeypatch.setattr(fitter, "coarse", lambda fit, _: np.zeros(len(fit.change), bool))
+    for times_noise in (2.0, 1.0):
+        cost = times_noise * fitter.freedom(begun)
+        assert baseline_fit(fitter, replace(begun, cost=cost))[1].cost == cost
+    assert asked == [1, None]
+    assert [each > 0.0 for each in worth] == [False, True, False, False]  # before, after; twice
 
 
 def test_a_model_that_diverges_is_given_up_after_a_round(

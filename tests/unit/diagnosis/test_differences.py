@@ -1,0 +1,83 @@
+"""Sensitivities by finite differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.held import Held
+from flywheel.diagnosis.prediction import Predictor
+from flywheel.diagnosis.start_fit import StartFitter
+from flywheel.dynamics.plant import Plant, refined
+
+
+@pytest.fixture(scope="module")
+def halved(fitter: StartFitter, seed: int) -> np.ndarray:
+    """Windows whose time steps are half as long in `finer`: some, not all."""
+    some = np.random.default_rng(seed).permutation(len(fitter.windows)) == 0
+    assert some.any() and not some.all()
+    return some
+
+
+@pytest.fixture(scope="module")
+def finer(fitter: StartFitter, halved: np.ndarray) -> StartFitter:
+    return fitter.refined(halved)
+
+
+def somewhere(fitter: StartFitter, seed: int) -> Fit:
+    """Near the first estimates."""
+    begun = fitter.beginning()
+    change = np.random.default_rng(seed).normal(0.0, 0.01, begun.change.shape)
+    return fitter.at(change, begun.starts.winch, ())
+
+
+def test_on_the_way_they_are_those_of_the_plants_own_time_steps(
+    fitter: StartFitter, finer: StartFitter, seed: int
+) -> None:
+    own, of_finer = (f.linear(somewhere(f, seed), precise=False) for f in (fitter, finer))
+    assert np.array_equal(own.by_start, of_finer.by_start), seed
+    assert np.array_equal(own.by_winch, of_finer.by_winch), seed
+
+
+def test_precise_ones_are_those_of_each_windows_time_steps(
+    fitter: StartFitter, finer: StartFitter, halved: np.ndarray, seed: int
+) -> None:
+    fit = fitter.beginning()
+    own, mixed = fitter.linear(fit), finer.linear(finer.under(fit, ()))
+    plant = refined(Plant(fitter.windows.robot), 2)
+    short = StartFitter(Predictor(fitter.windows, plant), fitter.first)
+    shorter = short.linear(short.under(fit, ()))
+    for name in ("by_start", "by_winch"):
+        is_own, is_mixed, is_short = (getattr(each, name) for each in (own, mixed, shorter))
+        assert np.array_equal(is_mixed[~halved], is_own[~halved]), (name, seed)
+        assert np.array_equal(is_mixed[halved], is_short[halved]), (name, seed)
+        assert not np.array_equal(is_own[halved], is_short[halved]), (name, seed)
+
+
+def test_rough_ones_say_which_way_to_go(finer: StartFitter, seed: int) -> None:
+    fit = somewhere(finer, seed)
+    after = finer.refit(replace(fit, held=Held.fresh(finer.linear(fit, precise=False))), ())
+    noise = finer.freedom(fit)
+    assert after.cost - noise < 0.3 * (fit.cost - noise), seed
+
+
+def test_other_starts_are_sought_with_differences_in_the_plants_own_time_steps(
+    finer: StartFitter, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, members = finer.beginning(), np.arange(len(finer.windows))
+    tried = begun.change + np.random.default_rng(seed).normal(0.0, 0.02, begun.change.shape)
+    simulated = {1: 0, 2: 0}
+    simulate = type(finer.predictor)._simulated
+
+    def counted(self, rows, *arguments):
+        for times in simulated:
+            simulated[times] += int((self.fineness[rows] == times).sum())
+        return simulate(self, rows, *arguments)
+
+    monkeypatch.setattr(type(finer.predictor), "_simulated", counted)
+    after = finer.searched(begun, members, tried)
+    assert after.cost <= begun.cost, seed
+    assert simulated[2] < simulated[1] / 3, seed  # what is tried, not what says where to
