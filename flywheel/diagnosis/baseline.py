@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from flywheel.diagnosis.elsewhere import eased
+from flywheel.diagnosis.elsewhere import begun_elsewhere
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.prediction import Predictor
 from flywheel.diagnosis.start_fit import StartFitter
@@ -41,8 +41,7 @@ def baseline_fit(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
     If it is clearly wrong, its starts are not sought everywhere, nor fitted to the last digit.
     """
     fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=BEFORE))
-    wrong = worth_a_round(fitter, fit)
-    fit = eased(fitter, fit, seed) if wrong else fitter.elsewhere(fit, seed)
+    fit = begun_elsewhere(fitter, fit, seed)
     return fitter, fitter.fit(fit, rounds=AFTER, enough=worth_a_round(fitter, fit))
 
 

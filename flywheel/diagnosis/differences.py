@@ -38,17 +38,22 @@ class Differences:
 
     def rough(self, fit: Fit, members: np.ndarray, step: float) -> Linear:
         """The same, roughly, with differences of a `step`."""
-        coarsest, change = self._coarsest, fit.change[members]
+        change = fit.change[members]
         here = self._coarse(fit, members, change, fit.points[members])
-        aside = self._aside(coarsest, fit, members, change, step)
-        by_start = coarsest.windows.slope(aside - here[:, None], step, members)
-        return Linear(by_start, self._by_winch(coarsest, fit, members, here))
+        by_start = self._of_one_side(fit, members, change, here, step)
+        return Linear(by_start, self._by_winch(self._coarsest, fit, members, here))
 
     def roughly_by_start(
         self, fit: Fit, members: np.ndarray, change: Floats, points: Floats, step: float
     ) -> Floats:
         """(n, D, X) of windows `members` (n,) at changes (n, X), where they are predicted at `points`."""
         here = self._coarse(fit, members, change, points)
+        return self._of_one_side(fit, members, change, here, step)
+
+    def _of_one_side(
+        self, fit: Fit, members: np.ndarray, change: Floats, here: Floats, step: float
+    ) -> Floats:
+        """The same, where the plant's own time steps predict `here`."""
         aside = self._aside(self._coarsest, fit, members, change, step)
         return self._predictor.windows.slope(aside - here[:, None], step, members)
 

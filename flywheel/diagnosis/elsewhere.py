@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 from flywheel.diagnosis.fit import STUCK, Fit, Fitter
+from flywheel.diagnosis.worth import worth_a_round
 
 EASED = 0.2  # of what makes a window loud, that goes with another start if its start is to blame
+
+
+def begun_elsewhere(fitter: Fitter, fit: Fit, seed: int = 0) -> Fit:
+    """A fit in which windows that got stuck begin elsewhere; of a clearly wrong model only as `eased`."""
+    if worth_a_round(fitter, fit):
+        return eased(fitter, fit, seed)
+    return fitter.elsewhere(fit, seed)
 
 
 def eased(

@@ -9,7 +9,7 @@ import numpy as np
 
 from flywheel.diagnosis.calibration import as_said, asked
 from flywheel.diagnosis.candidates import Candidate
-from flywheel.diagnosis.elsewhere import eased
+from flywheel.diagnosis.elsewhere import begun_elsewhere
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held import Held, Linear
@@ -212,8 +212,7 @@ class Selection:
 
     def _from_elsewhere(self, fit: Fit) -> Fit:
         """A fit, fitted on where windows that got stuck begin better elsewhere."""
-        wrong = worth_a_round(self.fitter, fit)
-        elsewhere = eased(self.fitter, fit) if wrong else self.fitter.elsewhere(fit)
+        elsewhere = begun_elsewhere(self.fitter, fit)
         return fit if elsewhere is fit else self.pursued(elsewhere)
 
     def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
