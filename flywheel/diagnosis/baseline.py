@@ -35,12 +35,16 @@ def refined_fit(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
     return fitter, fitter.fit(fitter.elsewhere(fit, seed), rounds=AFTER)
 
 
-def baseline_fit(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
+def baseline_fit(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = True) -> tuple[F, Fit]:
     """The same of a model that may lack an effect.
 
-    If it is clearly wrong, its starts are not sought everywhere, nor fitted to the last digit.
+    If it is clearly wrong, its starts are not sought everywhere, nor fitted to the last digit; nor are
+    time steps, if it is yet to be `calibrated`.
     """
-    fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=BEFORE))
+    fit = fitter.fit(begun, rounds=BEFORE)
+    if not calibrated and worth_a_round(fitter, fit):
+        return fitter, fit
+    fitter, fit = shorter_steps(fitter, fit)
     fit = begun_elsewhere(fitter, fit, seed)
     return fitter, fitter.fit(fit, rounds=AFTER, enough=worth_a_round(fitter, fit))
 

@@ -6,13 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from flywheel.diagnosis.baseline import BEFORE
+from flywheel.diagnosis.elsewhere import begun_elsewhere
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.worth import worth_a_round
 from flywheel.effects import NAMED, Effect, Scales, Term, Terms
 from flywheel.errors import DataError
 from flywheel.registry import lookup
+
+FINALISTS = 2  # beginnings that are fitted for more than a round
+FAR_OFF = 2.0  # times the noise, above which no other starts are sought: they are not what is wrong
 
 
 def unsure_terms(
@@ -62,8 +65,9 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     """A fit with what is not known exactly fitted, too.
 
     Each number begins at what was said, and a standard deviation to either side: a few contacts make
-    hollows in the cost, and a fit stays in the one that it begins in, surer of it than it should be. A
-    model that lacks more than that is not fitted to the last digit.
+    hollows in the cost, and a fit stays in the one that it begins in, surer of it than it should be. The
+    first round of all of them goes by the sensitivities at the fit; only the best go on. A model that lacks
+    more than that is not fitted to the last digit, and begins nowhere else.
     """
     if not terms:
         return fit
@@ -72,7 +76,15 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     free = free_values(said, Scales.of(fitter.windows.robot))
     unknown = [value for value in free if value.term in last]
     tried = [said, *(v.moved(said, side * v.prior) for v in unknown for side in (-1.0, 1.0))]
-    begun = [fitter.fit(fitter.under(fit, each), unknown, rounds=BEFORE) for each in tried]
-    best = min(begun, key=lambda each: each.cost)
+    fit = replace(fit, held=fitter.renewed(fit))
+    begun = [fitter.fit(fitter.under(fit, each), unknown, rounds=1) for each in tried]
+    through = sorted(begun, key=lambda each: each.cost)[:FINALISTS]
+    ended = [fitter.fit(each, unknown, rounds=1) for each in through]
+    best = min(ended, key=lambda each: each.cost)
     best = fitter.fit(best, unknown, enough=worth_a_round(fitter, best))
-    return fitter.fit(fitter.elsewhere(best), unknown, enough=worth_a_round(fitter, best))
+    if best.cost > FAR_OFF * fitter.freedom(best):
+        return best
+    elsewhere = begun_elsewhere(fitter, best)
+    if elsewhere is best:
+        return best
+    return fitter.fit(elsewhere, unknown, enough=worth_a_round(fitter, best))

@@ -27,13 +27,15 @@ from flywheel.diagnosis.probes import PROBES, probed
 from flywheel.diagnosis.promise import kept
 from flywheel.diagnosis.pulse import Pulse
 from flywheel.diagnosis.sameness import places
-from flywheel.diagnosis.selection import Selection, Step
+from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.stand_in import stand_in
+from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.subject import Subject
 from flywheel.diagnosis.uncertainty import uncertainty
 from flywheel.diagnosis.under_test import UnderTest
 from flywheel.diagnosis.verdict import Alternative, Verdict, found
 from flywheel.diagnosis.whereabouts import whereabouts
+from flywheel.diagnosis.worth import worth_a_round
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.errors import DataError, ModelError
@@ -139,10 +141,10 @@ def _searched(
     """Add effects until none explains any more."""
     around: Terms | None = None
     for _ in range(1 if under_test.model is None else PASSES):
-        fitter, first = under_test.fitted(recordings, seconds, around=around)
+        fitter, first = under_test.fitted(recordings, seconds, around=around, calibrated=not unsure)
         probes = candidates(fitter.windows.robot, PROBES)
         selection = Selection(fitter, library, limits.threshold, progress, probes)
-        look, here = selection.look(calibrated(fitter, first, unsure)), limits
+        look, here = selection.look(_calibrated(selection, first, unsure)), limits
         if isinstance(fitter, NetworkFitter):
             here = limits.beyond(fitter.own_errors(look.test))
             selection.threshold = here.threshold
@@ -151,6 +153,14 @@ def _searched(
             break
         around = steps[-1].fit.terms
     return _Search(first, selection, steps, here)
+
+
+def _calibrated(selection: Selection, fit: Fit, unsure: Terms) -> Fit:
+    """The model with what it was not sure of, in time steps that will do unless it lacks more."""
+    if not unsure:
+        return fit
+    fit = calibrated(selection.fitter, fit, unsure)
+    return fit if worth_a_round(selection.fitter, fit) else selection.in_time_steps(fit)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ class Differences:
     """Sensitivities of a plant's predictions, precise ones or rough ones.
 
     Precise ones are differences of both sides, in the time steps of each window. Rough ones, for a fit
-    on its way, are of one side and in the plant's own time steps: half the price, and again where windows
-    have steps of half the length. They only say which way to go; what is left is simulated as it has to be.
+    on its way, are of one side and in `hasty` steps of the plant's own length: less than half the price, and
+    half of that again where windows have steps of half the length. They only say which way to go; what is
+    left is simulated as it has to be.
 
     Args:
       predictor: of the windows.
@@ -27,7 +28,7 @@ class Differences:
 
     def __init__(self, predictor: Predictor, first: State) -> None:
         self._predictor, self._first = predictor, first
-        self._coarsest = predictor.coarsest()
+        self._rough = predictor.roughly()
 
     def precise(self, fit: Fit, members: np.ndarray) -> Linear:
         """Of windows `members` (n,) around a fit."""
@@ -39,23 +40,43 @@ class Differences:
     def rough(self, fit: Fit, members: np.ndarray, step: float) -> Linear:
         """The same, roughly, with differences of a `step`."""
         change = fit.change[members]
-        here = self._coarse(fit, members, change, fit.points[members])
-        by_start = self._of_one_side(fit, members, change, here, step)
-        return Linear(by_start, self._by_winch(self._coarsest, fit, members, here))
+        predictor, here = self._begun(fit, members, change)
+        by_start = self._of_one_side(predictor, fit, members, change, here, step)
+        return Linear(by_start, self._by_winch(predictor, fit, members, here))
 
     def roughly_by_start(
-        self, fit: Fit, members: np.ndarray, change: Floats, points: Floats, step: float
+        self, fit: Fit, members: np.ndarray, change: Floats, step: float
     ) -> Floats:
-        """(n, D, X) of windows `members` (n,) at changes (n, X), where they are predicted at `points`."""
-        here = self._coarse(fit, members, change, points)
-        return self._of_one_side(fit, members, change, here, step)
+        """(n, D, X) of windows `members` (n,) at changes (n, X), with differences of a `step`."""
+        predictor, here = self._begun(fit, members, change)
+        return self._of_one_side(predictor, fit, members, change, here, step)
+
+    def _begun(self, fit: Fit, members: np.ndarray, change: Floats) -> tuple[Predictor, Floats]:
+        """What rough differences are taken with, and the points of windows at changes there.
+
+        Windows that diverge in such steps keep their own.
+        """
+        predictor, states = self._rough, self._predictor.moved(self._first[members], change)
+        here = predictor.parallel(states, fit.carried, fit.terms, members)
+        lost = ~np.isfinite(here).all(axis=(1, 2, 3))
+        if lost.any():
+            able = ~np.isin(np.arange(len(predictor.windows)), members[lost])
+            predictor = self._predictor.roughly(able)
+            here = predictor.parallel(states, fit.carried, fit.terms, members)
+        return predictor, here
 
     def _of_one_side(
-        self, fit: Fit, members: np.ndarray, change: Floats, here: Floats, step: float
+        self,
+        predictor: Predictor,
+        fit: Fit,
+        members: np.ndarray,
+        change: Floats,
+        here: Floats,
+        step: float,
     ) -> Floats:
-        """The same, where the plant's own time steps predict `here`."""
-        aside = self._aside(self._coarsest, fit, members, change, step)
-        return self._predictor.windows.slope(aside - here[:, None], step, members)
+        """(n, D, X) of windows that a predictor predicts `here`."""
+        aside = self._aside(predictor, fit, members, change, step)
+        return predictor.windows.slope(aside - here[:, None], step, members)
 
     def _aside(
         self, predictor: Predictor, fit: Fit, members: np.ndarray, change: Floats, step: float
@@ -79,14 +100,3 @@ class Differences:
         points = predictor.parallel(starts, fit.carried, fit.terms, rows, shifted)
         points = points.reshape(len(members), winches, *points.shape[1:])
         return predictor.windows.slope(points - here[:, None], offset, members)
-
-    def _coarse(self, fit: Fit, members: np.ndarray, change: Floats, points: Floats) -> Floats:
-        """Points of windows at changes in the plant's own time steps, of those in theirs."""
-        finer = self._predictor.fineness[members] > 1
-        if not finer.any():
-            return points
-        rows = members[finer]
-        states = self._predictor.moved(self._first[rows], change[finer])
-        coarse = points.copy()
-        coarse[finer] = self._coarsest.parallel(states, fit.carried, fit.terms, rows)
-        return coarse

@@ -10,7 +10,7 @@ import numpy as np
 from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.score import ScoreTest
-from flywheel.diagnosis.selection import Step
+from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.windows import Windows
 from flywheel.records import Floats
 

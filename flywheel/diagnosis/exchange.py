@@ -8,9 +8,10 @@ from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.probes import probed
 from flywheel.diagnosis.sameness import places, same_place
 from flywheel.diagnosis.score import Score
-from flywheel.diagnosis.selection import SHORTLIST, Selection, Step, without
+from flywheel.diagnosis.selection import SHORTLIST, Selection, without
+from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.worth import HOPE
-from flywheel.effects import Term, Terms
+from flywheel.effects import Term
 
 RIVAL = 0.8  # share of an effect's power from which another is tried in its place
 PATIENCE = 40.0  # `HOPE` for a law: one that is given up too early is an effect wrongly named
@@ -56,30 +57,33 @@ def _in_place(
     """Models with a candidate in the place of a term that are as good."""
     others, limit = without(last.terms, term), selection.criterion(last) + margin
     found: list[Fit] = []
+    known = [(last, term)]
     for score in scores:
         if len(found) >= SHORTLIST:
             break
-        terms = (*others, score.candidate.term(score.sizes, score.shape))
-        fit = _twin(selection, last, terms, term.values)
+        twins = (_twin(selection, fit, its, score) for fit, its in known)
+        fit = next((twin for twin in twins if twin is not None), None)
         if fit is None:
+            terms = (*others, score.candidate.term(score.sizes, score.shape))
             begun = selection.fitter.under(last, terms)
             fit = selection.pursued(begun, limit, PATIENCE if probed(terms) else HOPE)
+            known.append((fit, fit.terms[-1]))
         if selection.criterion(fit) < limit:
             found.append(fit)
     return found
 
 
-def _twin(selection: Selection, last: Fit, terms: Terms, values: tuple[float, ...]) -> Fit | None:
-    """The model with the values of the term that the last one replaced, if that predicts the same.
+def _twin(selection: Selection, fit: Fit, term: Term, score: Score) -> Fit | None:
+    """The model with a candidate in the place of a term, and its values, if that predicts the same.
 
     Two fits of one model differ by more than a margin may be; twins need none.
     """
-    *others, term = terms
-    if len(term.values) != len(values):
+    effect, place = score.candidate.effect, score.candidate.place
+    if len(effect.parameters) != len(term.values):
         return None
-    same = Term(term.effect, term.place, values)
-    fit = selection.fitter.under(last, (*others, same))
-    return fit if abs(fit.cost - last.cost) < 1e-6 * last.cost else None
+    terms = (*without(fit.terms, term), Term(effect, place, term.values))
+    twin = selection.fitter.under(fit, terms)
+    return twin if abs(twin.cost - fit.cost) < 1e-6 * fit.cost else None
 
 
 def _from_its_starts(selection: Selection, fit: Fit, other: Fit) -> Fit:

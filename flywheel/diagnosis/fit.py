@@ -17,6 +17,7 @@ import numpy as np
 
 from flywheel.diagnosis.free import Free
 from flywheel.diagnosis.held import SHARED_DAMPING, Held, Linear, astray
+from flywheel.diagnosis.marquardt import damped_step
 from flywheel.diagnosis.prediction import Carried, Starts
 from flywheel.diagnosis.windows import Windows
 from flywheel.effects import Terms
@@ -241,8 +242,12 @@ class Fitter(ABC):
         by_shared = self.shared(linear, sizes)
         winches = fit.starts.winch
         matrix, pull = self._shared_normal(fit, linear, by_shared, free)
+        bounds = np.repeat([[-np.inf], [np.inf]], winches.size, axis=1)
+        bounds = np.concatenate(
+            [bounds, np.reshape([f.room(fit.terms) for f in free], (-1, 2)).T], 1
+        )
         for index in held.tried:
-            step = _damped_step(matrix, pull, SHARED_DAMPING[index])
+            step = damped_step(matrix, pull, SHARED_DAMPING[index], bounds)
             winch = winches + step[: winches.size].reshape(winches.shape)
             terms = fit.terms
             for f, size in zip(free, step[winches.size :], strict=True):
@@ -302,11 +307,3 @@ class Fitter(ABC):
 def _hardly_fell(before: float, after: float, enough: float = 0.0) -> bool:
     """Whether a fit has converged."""
     return bool(np.isfinite(before)) and before - after < max(enough, min(ENOUGH * before, LITTLE))
-
-
-def _damped_step(matrix: Floats, pull: Floats, damping: float) -> Floats:
-    """(S,) step of Marquardt's with normal equations (S, S), (S,)."""
-    if np.isinf(damping):
-        return np.zeros_like(pull)
-    diagonal = np.diag(matrix)
-    return np.linalg.solve(matrix + np.diag((damping + 1e-9) * diagonal + 1e-12), pull)

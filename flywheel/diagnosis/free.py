@@ -9,6 +9,7 @@ import numpy as np
 
 from flywheel.effects import Parameter, Scales, Terms
 
+BELIEVED = 3.0  # standard deviations of what is known of a value, that it may be off
 STEP = 0.25  # a secant, not a derivative: friction and play have none at zero
 
 
@@ -36,6 +37,11 @@ class Free:
         """In units."""
         return terms[self.term].values[self.index] / self.unit
 
+    def room(self, terms: Terms) -> tuple[float, float]:
+        """How far it may move down (at most 0) and up (at least 0), in units."""
+        value = self.value(terms)
+        return min(0.0, self.low / self.unit - value), max(0.0, self.high / self.unit - value)
+
     def moved(self, terms: Terms, steps: float) -> Terms:
         """The terms with this value moved by so many units, within its bounds."""
         term = terms[self.term]
@@ -46,9 +52,11 @@ class Free:
         return (*terms[: self.term], changed, *terms[self.term + 1 :])
 
     def step_from(self, terms: Terms) -> float:
-        """Units for a finite difference: backwards where a bound is in the way."""
-        value = terms[self.term].values[self.index]
-        return -self.step if value + self.step * self.unit > self.high else self.step
+        """Units for a finite difference: backwards where a bound is in the way, less between narrow ones."""
+        down, up = self.room(terms)
+        if up >= self.step:
+            return self.step
+        return max(down, -self.step) if -down > up else up
 
 
 def free_values(terms: Terms, scales: Scales, shapes: bool = True) -> list[Free]:
@@ -65,7 +73,8 @@ def free_values(terms: Terms, scales: Scales, shapes: bool = True) -> list[Free]
 
 def _free(term: int, index: int, parameter: Parameter, deviation: float, scales: Scales) -> Free:
     typical = parameter.typical(scales)
-    low, high = parameter.low * typical, parameter.high * typical
+    low = max(parameter.low * typical, -BELIEVED * deviation)
+    high = min(parameter.high * typical, BELIEVED * deviation)
     return Free(term, index, typical, low, high, prior=deviation / typical)
 
 

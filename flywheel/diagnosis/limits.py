@@ -9,7 +9,7 @@ import numpy as np
 from flywheel.diagnosis.adequacy import Adequacy
 from flywheel.diagnosis.network_fit import OwnErrors
 from flywheel.diagnosis.other_law import OtherLaw
-from flywheel.diagnosis.selection import Step
+from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.verdict import Alternative, Verdict
 
 THRESHOLD = 25.0  # score from which an effect counts as seen

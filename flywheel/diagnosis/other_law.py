@@ -10,7 +10,8 @@ import numpy as np
 
 from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.probes import probed
-from flywheel.diagnosis.selection import Selection, Step
+from flywheel.diagnosis.selection import Selection
+from flywheel.diagnosis.step import Step
 
 
 @dataclass(frozen=True)

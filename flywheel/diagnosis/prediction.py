@@ -10,11 +10,12 @@ import numpy as np
 
 from flywheel.diagnosis.starts import nominal_winch
 from flywheel.diagnosis.windows import Windows
-from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant, moved, refined, turning
+from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant, hasty, moved, refined, turning
 from flywheel.effects import Scales, TensionEffect, Terms, WinchEffect
 from flywheel.records import Floats, State
 
 Memories = dict[str, Floats]
+HASTY = 0  # in the place of a fineness: `hasty` steps of the plant's own length
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ class Predictor:
       busy: called before every simulation.
 
     Attributes:
-      fineness: (K,) how many times shorter than the plant's MuJoCo's steps are in each window; see `finer`.
+      fineness: (K,) how many times shorter than the plant's MuJoCo's steps are in each window; see `finer`
+        and `HASTY`.
     """
 
     def __init__(
@@ -62,7 +64,7 @@ class Predictor:
         self.windows, self.plant, self._busy = windows, plant, busy
         self.fineness = np.ones(len(windows), int)
         self.augmented = AugmentedPlant(plant)
-        self._refined = {1: self.augmented}  # by fineness, in common with all finer ones
+        self._engines = {1: self.augmented}  # by fineness, in common with all finer ones
         self.nominal = nominal_winch(windows)[:, 0]
         scales = Scales.of(windows.robot)
         angles = turning(plant)
@@ -79,11 +81,11 @@ class Predictor:
         finer.fineness = np.where(where, 2 * self.fineness, self.fineness)
         return finer
 
-    def coarsest(self) -> Predictor:
-        """The same with the plant's own steps in all windows."""
-        coarsest = copy(self)
-        coarsest.fineness = np.ones_like(self.fineness)
-        return coarsest
+    def roughly(self, where: np.ndarray | bool = True) -> Predictor:
+        """The same with `hasty` steps of the plant's own length in windows `where` (K,)."""
+        rough = copy(self)
+        rough.fineness = np.where(where, HASTY, self.fineness)
+        return rough
 
     @property
     def tangent(self) -> int:
@@ -244,12 +246,13 @@ class Predictor:
         fineness = self.fineness[members]
         pieces, order = [], []
         for times in np.unique(fineness).tolist():
-            if times not in self._refined:
-                self._refined[times] = AugmentedPlant(refined(self.plant, times))
+            if times not in self._engines:
+                plant = hasty(self.plant) if times == HASTY else refined(self.plant, times)
+                self._engines[times] = AugmentedPlant(plant)
             rows = np.flatnonzero(fineness == times)
             part = {name: held[rows] for name, held in (memory or {}).items()}
             here = [terms[int(row)] for row in rows]
-            pieces.append(self._refined[times].simulate(state[rows], told[rows], here, part))
+            pieces.append(self._engines[times].simulate(state[rows], told[rows], here, part))
             order.append(rows)
         return Motion.joined(pieces, order)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.score import DEAD, SHARE, Score, ScoreTest, secants
-from flywheel.diagnosis.selection import Step
+from flywheel.diagnosis.step import Step
 from flywheel.records import Floats
 
 # Standard deviations of the starts by which they are moved: a whole one leaves the valley of the cost that

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,11 +12,12 @@ from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.elsewhere import begun_elsewhere
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.held import Held, Linear
+from flywheel.diagnosis.held import Held
 from flywheel.diagnosis.pairs import promising_pairs
 from flywheel.diagnosis.sameness import different, places
-from flywheel.diagnosis.score import Score, ScoreTest, score_test
-from flywheel.diagnosis.time_steps import shorter_steps
+from flywheel.diagnosis.score import Score, score_test
+from flywheel.diagnosis.step import Step
+from flywheel.diagnosis.time_steps import in_other_steps, shorter_steps
 from flywheel.diagnosis.worth import HOPE, ROUNDS, hopeless, worth_a_round
 from flywheel.effects import Scales, Term, Terms
 from flywheel.records import Floats
@@ -31,36 +32,7 @@ MOST = 3  # effects found together
 SLIGHT, MOSTLY = 0.2, 0.4
 TOLERATED_BY_NOTHING = 0.05  # `TOLERATED` of time steps, before nothing is said to be there
 LAST_HOPE = 1.0  # `HOPE`, where it is about the last effect that may be added
-
-
-@dataclass(frozen=True)
-class Step:
-    """One turn of the selection: the model so far, and what the test says of it.
-
-    Attributes:
-      fit: the model.
-      linear: its sensitivities.
-      sizes: (K, D, n) its sensitivities to its values; None without any.
-      test: of every candidate and every probe on top of it.
-      scores: of every candidate, best first.
-      probes: of every probe, see `probes`.
-    """
-
-    fit: Fit
-    linear: Linear
-    sizes: Floats | None
-    test: ScoreTest
-    scores: tuple[Score, ...]
-    probes: tuple[Score, ...]
-
-    @property
-    def beyond_noise(self) -> float:
-        """What the model leaves, beyond noise: sum of squares [sigma^2]; may be a little below zero."""
-        return (self.test.noise - 1.0) * self.test.freedom
-
-    def explained(self, share: float) -> bool:
-        """Whether some candidate promises to explain that share of what is left beyond noise."""
-        return max(score.power for score in self.scores) >= share * self.beyond_noise
+SLIGHT_FALL = 5.0  # of the cost in a round, by which no race is decided [sigma^2]
 
 
 class Selection:
@@ -173,8 +145,9 @@ class Selection:
         ]
         if room > 1:
             proposals += promising_pairs(step.test, step.scores, self.threshold)
-        begun = [self.with_terms(step, (*step.fit.terms, *terms)) for terms in proposals]
-        first, *others = self.race(begun, HOPE if room > 1 else LAST_HOPE)
+        begun = different([self._begun(step, (*step.fit.terms, *terms)) for terms in proposals])
+        fitted = [self._a_round(fit) for fit in begun]
+        first, *others = self.race(fitted, HOPE if room > 1 else LAST_HOPE)
         return self.pruned(first, (step.fit, *others))
 
     def race(self, begun: Sequence[Fit], hope: float = HOPE) -> list[Fit]:
@@ -192,34 +165,53 @@ class Selection:
         if any(self.criterion(fit) < self.criterion(favourite) for fit in others):
             favourite = self.fitter.elsewhere(favourite)
         first, *others = different(sorted((favourite, *others), key=self.criterion))
-        ended = [self.pursued(first)]
+        first, *others = self._in_steps_of_the_first(first, others)
+        ended = [self.pursued(first, slight=SLIGHT_FALL)]
         for fit in others:
-            ended.append(self.pursued(fit, min(map(self.criterion, ended)), hope))
+            target = min(map(self.criterion, ended))
+            ended.append(self.pursued(fit, target, hope, slight=SLIGHT_FALL))
         best, *beaten = sorted(ended, key=self.criterion)
-        return [self._in_time_steps(self._from_elsewhere(best)), *beaten]
+        return [self.pursued(self.in_time_steps(self._from_elsewhere(best))), *beaten]
 
-    def _in_time_steps(self, fit: Fit) -> Fit:
+    def _in_steps_of_the_first(self, first: Fit, others: Sequence[Fit]) -> list[Fit]:
+        """Models in time steps that will do for the first: cliffs of coarse ones may decide a race."""
+        before = self.fitter
+        first = self._stepped(first)
+        if self.fitter is before:
+            return [first, *others]
+        changed = before.time_steps != self.fitter.time_steps
+        return [first, *(in_other_steps(self.fitter, fit, changed) for fit in others)]
+
+    def in_time_steps(self, fit: Fit) -> Fit:
+        """A fit in time steps that will do for it, fitted on if they are others."""
+        before = self.fitter
+        fit = self._stepped(fit)
+        return fit if self.fitter is before else self._from_elsewhere(self.pursued(fit))
+
+    def _stepped(self, fit: Fit) -> Fit:
         """A fit in time steps that will do for it, which are those of all fits from here on.
 
         Without the effect that it has now, nobody could see what shorter steps make better.
         """
         free = free_values(fit.terms, self.scales)
-        fitter, fit = shorter_steps(self.fitter, fit, free)
-        if fitter is self.fitter:
-            return fit
-        self.fitter = fitter
-        return self._from_elsewhere(self.pursued(fit))
+        self.fitter, fit = shorter_steps(self.fitter, fit, free)
+        return fit
 
     def _from_elsewhere(self, fit: Fit) -> Fit:
         """A fit, fitted on where windows that got stuck begin better elsewhere."""
         elsewhere = begun_elsewhere(self.fitter, fit)
         return fit if elsewhere is fit else self.pursued(elsewhere)
 
-    def pursued(self, fit: Fit, target: float = np.inf, hope: float = HOPE) -> Fit:
+    def pursued(
+        self, fit: Fit, target: float = np.inf, hope: float = HOPE, slight: float = 0.0
+    ) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target.
 
         A model that is clearly wrong is not fitted to the last digit, and one that still diverges after a
         round not at all.
+
+        Args:
+          slight: fall of the cost in a round, below which the rest is left for later.
         """
         free = free_values(fit.terms, self.scales)
         for _ in range(ROUNDS):
@@ -227,24 +219,32 @@ class Selection:
                 break
             enough = worth_a_round(self.fitter, fit)
             before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
-            if hopeless(self.criterion(fit) - target, before.cost - fit.cost, hope):
+            fell = before.cost - fit.cost
+            if fell < slight or hopeless(self.criterion(fit) - target, fell, hope):
                 break
         return fit
 
     def with_terms(self, step: Step, terms: Terms) -> Fit:
-        """The model with these terms instead, fitted from the step's starts or the first estimates.
+        """The model with these terms instead, fitted from the step's starts or the first estimates."""
+        return self._a_round(self._begun(step, terms))
+
+    def _begun(self, step: Step, terms: Terms) -> Fit:
+        """See `with_terms`, before starts are fitted.
 
         What is not known exactly begins where it is, or as it was said: what made up for a wrong model
         may be far off, and hardly finds back.
         """
-        self.progress(f"fitting {', '.join(term.effect.name for term in terms)}")
         free = free_values(terms, self.scales)
         begun = (
             self.fitter.under_or_anew(step.fit, each, free)
             for each in dict.fromkeys((terms, as_said(terms)))
         )
-        fitted = (self.fitter.fit(fit, free, rounds=1) for fit in begun)
-        return min(fitted, key=lambda fit: fit.cost)
+        return min(begun, key=lambda fit: fit.cost)
+
+    def _a_round(self, fit: Fit) -> Fit:
+        """A fit after its first round."""
+        self.progress(f"fitting {', '.join(term.effect.name for term in fit.terms)}")
+        return self.fitter.fit(fit, free_values(fit.terms, self.scales), rounds=1)
 
     def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
         """The model without the terms that it does nearly as well without.

@@ -17,7 +17,7 @@ from flywheel.diagnosis.diagnosis import Likeness
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free, free_values
 from flywheel.diagnosis.score import ScoreTest
-from flywheel.diagnosis.selection import Step
+from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.worth import worth_a_round
 from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term, Terms
 from flywheel.effects.effect import Memory, Values

@@ -237,7 +237,7 @@ class StartFitter(Fitter):
         for number, step in enumerate(islice(cycle(SCALES), SEARCHES)):
             states = self.predictor.moved(self.first[members], change)
             points = self.predictor.parallel(states, fit.carried, fit.terms, members)
-            by_start = self.differences.roughly_by_start(fit, members, change, points, step)
+            by_start = self.differences.roughly_by_start(fit, members, change, step)
             left = np.nan_to_num(self.windows.residual_of(members, points))
             steps = np.stack([self._steps(change, by_start, left, d) for d in DAMPING])
             tried = np.concatenate([np.zeros_like(change)[None], steps]) + change

@@ -33,10 +33,10 @@ def shorter_steps(
     """
     while (coarse := fitter.coarse(fit, tolerated)).any():
         finer = fitter.refined(coarse)
-        fit, other = _compared(fitter, fit, finer, _under(finer, fit, coarse), free)
+        fit, other = _compared(fitter, fit, finer, in_other_steps(finer, fit, coarse), free)
         if fit.cost <= other.cost:
             break
-        back = fitter.fit(_under(fitter, other, coarse), free, rounds=1)
+        back = fitter.fit(in_other_steps(fitter, other, coarse), free, rounds=1)
         if back.cost <= other.cost:
             return fitter, back
         fitter, fit = finer, other
@@ -60,7 +60,7 @@ def _compared(
     return fit, other
 
 
-def _under(fitter: Fitter, fit: Fit, where: np.ndarray) -> Fit:
+def in_other_steps(fitter: Fitter, fit: Fit, where: np.ndarray) -> Fit:
     """A fit with the time steps of another fitter, which are not the same in windows `where` (K,)."""
     held = None if fit.held is None else fit.held | where
     return replace(fitter.under(fit, fit.terms), held=held)

@@ -41,16 +41,18 @@ class UnderTest:
         seconds: float | None = None,
         sigma: float | None = None,
         around: Terms | None = None,
+        calibrated: bool = True,
     ) -> tuple[Fitter, Fit]:
         """A fitter of windows of recordings, and its fit without further effects.
 
-        Where a model is tested, the plant starts from where it fits best with terms like `around`.
+        Where a model is tested, the plant starts from where it fits best with terms like `around`. A plant
+        that is yet to be `calibrated` may be fitted roughly.
         """
         plant, model = self.plant, self.model
         windows = self.windows(recordings, seconds, sigma)
         if model is None:
             fitter = fitter_of(windows, plant, self.busy)
-            return baseline_fit(fitter, fitter.beginning(plant.terms), self.seed)
+            return baseline_fit(fitter, fitter.beginning(plant.terms), self.seed, calibrated)
         terms = plant.terms if around is None else around
         world = fitter_of(windows, plant, self.busy)
         world, start = refined_fit(world, world.beginning(terms), self.seed)

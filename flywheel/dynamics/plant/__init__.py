@@ -10,7 +10,7 @@ from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.reckoning import Reckoning
-from flywheel.dynamics.plant.refined import refined
+from flywheel.dynamics.plant.refined import hasty, refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
 from flywheel.dynamics.plant.tangent import between, moved, turning
@@ -31,6 +31,7 @@ __all__ = [
     "Scenery",
     "Shot",
     "between",
+    "hasty",
     "moved",
     "refined",
     "render_episode",

@@ -1,4 +1,4 @@
-"""The same plant with smaller time steps, to tell numbers from physics."""
+"""The same plant with smaller time steps, to tell numbers from physics, or with cheaper ones."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import mujoco
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.robots import Robot
 
+IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+
 
 def refined(plant: Plant, times: int = 2) -> Plant:
     """A plant whose MuJoCo steps are `times` shorter; its control step stays. Itself for 1."""
@@ -14,5 +16,17 @@ def refined(plant: Plant, times: int = 2) -> Plant:
         return plant
     spec = mujoco.MjSpec.from_string(plant.robot.xml)
     spec.option.timestep = plant.robot.timestep / times
-    robot = Robot.from_mjcf(spec.to_xml())
-    return Plant(robot, *plant.arguments())
+    return _of(spec, plant)
+
+
+def hasty(plant: Plant) -> Plant:
+    """A plant with an explicit integrator, whose steps cost a quarter less; itself if it has one already."""
+    spec = mujoco.MjSpec.from_string(plant.robot.xml)
+    if spec.option.integrator not in IMPLICIT:
+        return plant
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    return _of(spec, plant)
+
+
+def _of(spec: mujoco.MjSpec, plant: Plant) -> Plant:
+    return Plant(Robot.from_mjcf(spec.to_xml()), *plant.arguments())

@@ -11,8 +11,9 @@ from flywheel.diagnosis import promise
 from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.promise import LEAST, common_share, kept
-from flywheel.diagnosis.selection import Selection, Step
+from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
+from flywheel.diagnosis.step import Step
 from flywheel.effects import EFFECTS
 from flywheel.robots import Robot
 

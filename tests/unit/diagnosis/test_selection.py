@@ -179,7 +179,7 @@ def test_of_models_that_are_one_by_several_names_one_is_fitted(
     assert models[0].cost == pytest.approx(models[1].cost, rel=1e-9), seed
     pursued: list[str] = []
 
-    def pursue(fit: Fit, *_: float) -> Fit:
+    def pursue(fit: Fit, *_: float, **__: float) -> Fit:
         pursued.append(fit.terms[0].effect.name)
         return fit
 
@@ -201,8 +201,8 @@ def test_what_promised_the_most_and_is_not_ahead_begins_elsewhere_first(
         return freed if fit is behind else fit
 
     monkeypatch.setattr(fitter, "elsewhere", elsewhere)
-    monkeypatch.setattr(selection, "pursued", lambda fit, *_: fit)
-    monkeypatch.setattr(selection, "_in_time_steps", lambda fit: fit)
+    monkeypatch.setattr(selection, "pursued", lambda fit, *_, **__: fit)
+    monkeypatch.setattr(selection, "_stepped", lambda fit: fit)
     assert selection.race([behind, ahead])[0] is freed
     assert begun[0] is behind
     begun.clear()

@@ -89,6 +89,28 @@ def test_steps_are_asked_for_again_once_there_is_a_model(robot: Robot, seed: int
     np.testing.assert_allclose(again.cost, after.cost, rtol=1e-9)  # it is a fit of the new fitter
 
 
+def test_models_race_in_the_time_steps_that_the_first_one_asks_for(
+    robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = fitter_for(robot, seed, TIMES)
+    selection = Selection(own, (), 25.0)
+    first = own.fit(own.beginning())
+    other = own.fit(own.under(first, (Term(EFFECTS["winch_gain"], None, (0.05,)),)), rounds=1)
+    begun: list[tuple[np.ndarray, Fit]] = []
+
+    def pursued(fit: Fit, *_: float, **__: float) -> Fit:
+        begun.append((selection.fitter.time_steps, fit))
+        return fit
+
+    monkeypatch.setattr(selection, "pursued", pursued)
+    selection.race([first, other])
+    for steps, fit in begun[:2]:
+        assert (steps < robot.timestep).any(), seed
+        again = selection.fitter.under(fit, fit.terms)
+        np.testing.assert_allclose(again.cost, fit.cost, rtol=1e-9)  # a fit of the new fitter
+    assert {len(fit.terms) for _, fit in begun[:2]} == {0, 1}, seed
+
+
 def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) -> None:
     own = fitter_for(robot, seed, 1)
     fitter, fit = refined_fit(own, own.beginning())
