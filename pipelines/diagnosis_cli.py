@@ -24,8 +24,8 @@ UnsureOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="EFFECT=5%",
-        help="What the MJCF says only so well (standard deviation), such as cable_stiffness or "
-        "body_mass: fitted beside everything else. May be given again.",
+        help="What the MJCF says only so well (standard deviation, up to three of which are believed), "
+        "such as cable_stiffness or body_mass: fitted beside everything else. May be given again.",
         show_default=False,
     ),
 ]
