@@ -161,10 +161,10 @@ class Selection:
             stuck, and begin elsewhere before anything else.
           hope: see `pursued`.
         """
-        favourite, *others = begun
+        favourite, *others = different(begun)
         if any(self.criterion(fit) < self.criterion(favourite) for fit in others):
             favourite = self.fitter.elsewhere(favourite)
-        first, *others = different(sorted((favourite, *others), key=self.criterion))
+        first, *others = sorted((favourite, *others), key=self.criterion)
         first, *others = self._in_steps_of_the_first(first, others)
         ended = [self.pursued(first, slight=SLIGHT_FALL)]
         for fit in others:

@@ -9,6 +9,8 @@ from flywheel.diagnosis.held import Linear
 from flywheel.diagnosis.score import Score, ScoreTest
 from flywheel.records import Floats
 
+BY_CHANCE = 0.1  # of what a fit leaves beyond noise, that other starts may explain as well
+
 
 @dataclass(frozen=True)
 class Step:
@@ -35,6 +37,15 @@ class Step:
         """What the model leaves, beyond noise: sum of squares [sigma^2]; may be a little below zero."""
         return (self.test.noise - 1.0) * self.test.freedom
 
+    @property
+    def left(self) -> float:
+        """The same of what the fit left in fact, which promised to become `beyond_noise` and did not."""
+        return self.fit.cost - self.test.freedom
+
     def explained(self, share: float) -> bool:
-        """Whether some candidate promises to explain that share of what is left beyond noise."""
-        return max(score.power for score in self.scores) >= share * self.beyond_noise
+        """Whether some candidate promises to explain that share of what is left beyond noise.
+
+        And more than a fit that got stuck in cliffs of its cost may win by chance.
+        """
+        best = max(score.power for score in self.scores)
+        return best >= max(share * self.beyond_noise, BY_CHANCE * self.left)

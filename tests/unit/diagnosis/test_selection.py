@@ -167,6 +167,20 @@ def test_recordings_in_other_control_steps_than_the_plant_are_refused(
         diagnose(Plant(robot), [replace(trajectory, dt=0.02)])
 
 
+@pytest.mark.parametrize("stuck", [False, True])
+def test_a_further_effect_promises_more_than_a_stuck_fit_may_win_by_chance(
+    fitter: StartFitter, robot: Robot, seed: int, stuck: bool
+) -> None:
+    step = Selection(fitter, candidates(robot, {"winch_gain": NAMED["winch_gain"]}), 25.0).look(
+        fitted(fitter, rounds=2)
+    )
+    score = replace(step.scores[0], power=float(np.random.default_rng(seed).uniform(30.0, 90.0)))
+    left = score.power * (11.0 if stuck else 9.0)
+    test = replace(step.test, noise=0.99)  # nothing is left, says the linearisation
+    fit = replace(step.fit, cost=test.freedom + left)
+    assert replace(step, fit=fit, test=test, scores=(score,)).explained(SLIGHT) is not stuck, seed
+
+
 def test_of_models_that_are_one_by_several_names_one_is_fitted(
     robot: Robot, fitter: StartFitter, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
