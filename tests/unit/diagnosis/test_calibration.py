@@ -80,7 +80,9 @@ def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot,
     misled = selection.look(fitted(fitter, (replace(unsure, values=(1.5,)),), rounds=2))
     terms = (*misled.fit.terms, candidate.term((2.5,)))
     free = free_values(terms, selection.scales)
-    led = fitter.fit(fitter.under_or_anew(misled.fit, terms, free), free, rounds=1)
+    begun = fitter.under_or_anew(misled.fit, terms, free)
+    assert selection._begun(misled, terms).cost <= begun.cost, seed
+    led = fitter.fit(begun, free, rounds=1)
     found = selection.with_terms(misled, terms)
     # After a round the one that began lower need not be ahead; in the end it is not behind.
     ended = [selection.pursued(fit).cost for fit in (found, led)]
