@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.robots import Robot
 
 IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 
@@ -29,4 +30,6 @@ def hasty(plant: Plant) -> Plant:
 
 
 def _of(spec: mujoco.MjSpec, plant: Plant) -> Plant:
-    return Plant(Robot.from_mjcf(spec.to_xml()), *plant.arguments())
+    # Not read anew: it is the same robot, and a fitted plant may have winches that no robot's MJCF may have.
+    robot = replace(plant.robot, xml=spec.to_xml(), timestep=spec.option.timestep)
+    return Plant(robot, *plant.arguments())

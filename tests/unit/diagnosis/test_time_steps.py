@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from flywheel.dynamics.plant import (
     EffectivePlant,
     MeasurementModel,
     Plant,
+    hasty,
     refined,
 )
 from flywheel.effects import EFFECTS, Scales, Term, Terms
@@ -65,6 +67,19 @@ def test_every_window_is_simulated_in_its_own_steps(robot: Robot, seed: int) -> 
     assert np.array_equal(with_both[~halved], with_own[~halved])
     assert not np.array_equal(with_own[halved], with_finer[halved])
     assert mixed.fineness.tolist() == [2 if each else 1 for each in halved]
+
+
+def test_a_plant_with_winches_that_no_robot_may_have_is_still_refined(robot: Robot) -> None:
+    spec = mujoco.MjSpec.from_string(robot.xml)
+    for winch in spec.actuators:
+        winch.biasprm[0] = -0.01 * winch.gainprm[0]  # as fitted: every cable a little too long
+    plant = Plant(replace(robot, xml=spec.to_xml()))
+    own, finer, rough, without = (
+        each.settle(0.1).qpos for each in (plant, refined(plant), hasty(plant), Plant(robot))
+    )
+    slack = np.abs(own - without).max()
+    for each in (finer, rough):
+        assert 0.0 < np.abs(each - own).max() < 0.5 * slack
 
 
 def test_steps_are_halved_where_a_fall_asks_for_it(robot: Robot, seed: int) -> None:
