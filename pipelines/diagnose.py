@@ -14,7 +14,13 @@ from flywheel.diagnosis.whereabouts import Whereabouts
 from flywheel.effects import EFFECTS, NAMED, Effect
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
-from flywheel.reports.diagnosis_page import numbers, other_form, sentence, write_diagnosis
+from flywheel.reports.diagnosis_page import (
+    held_back,
+    numbers,
+    other_form,
+    sentence,
+    write_diagnosis,
+)
 from pipelines.logs import read_logs
 from pipelines.models import open_trained
 from pipelines.plants import open_plant
@@ -119,8 +125,9 @@ def _show(out: Console, found: Diagnosis, robot: str) -> None:
         out.print(table("effects", columns, rows))
     if form := other_form(found):
         out.print(f"another form than the effects of the library: {form}", soft_wrap=True)
-    if too_long := numbers(found):
-        out.print(too_long, soft_wrap=True)
+    for note in (held_back(found), numbers(found)):
+        if note:
+            out.print(note, soft_wrap=True)
     scores = [
         (s.candidate.effect.name, s.candidate.location, s.score, s.sizes[0], s.smallest)
         for s in found.ranking[:SHOWN]

@@ -122,7 +122,8 @@ class Diagnosis:
       other_form: it explains so much that what was found must have another form.
       where: what no effect explains acts; None where nothing is left.
       stand_in: a learned law for it, likewise.
-      calibration: what the plant was not sure of, as fitted beside the first answer.
+      calibration: what the plant was not sure of, as fitted beside the first answer. In JSON, `held_back`
+        says of which too much would have had to be changed to be believed.
       time_steps: of the simulations.
     """
 
@@ -162,7 +163,9 @@ class Diagnosis:
             "verdict": str(self.verdict),
             "model": self.model or "plant",
             "answer_set": [[found.summary() for found in each] for each in self.answers],
-            "calibration": [each.summary() for each in self.calibration],
+            "calibration": [
+                {**each.summary(), "held_back": each.held_back} for each in self.calibration
+            ],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,
             "error": self.errors.summary(),

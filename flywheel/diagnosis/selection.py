@@ -224,12 +224,8 @@ class Selection:
                 break
         return fit
 
-    def with_terms(self, step: Step, terms: Terms) -> Fit:
-        """The model with these terms instead, fitted from the step's starts or the first estimates."""
-        return self._a_round(self._begun(step, terms))
-
     def _begun(self, step: Step, terms: Terms) -> Fit:
-        """See `with_terms`, before starts are fitted.
+        """The model with these terms instead, at the step's starts or as first estimated; no fit yet.
 
         What is not known exactly begins where it is, or as it was said: what made up for a wrong model
         may be far off, and hardly finds back.

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flywheel.diagnosis.free import BELIEVED
 from flywheel.effects import Parameter, Term, place_name
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -94,6 +95,12 @@ class Found:
         """Largest of its sizes over its interval's width."""
         sizes = self.values[: len(self.term.effect.sizes)]
         return max(abs(v.value) / max(v.high - v.low, 1e-300) for v in sizes)
+
+    @property
+    def held_back(self) -> bool:
+        """A value ended as far from what was said of it as that is believed."""
+        known = zip(self.term.values, self.term.known, strict=False)
+        return any(abs(value) > 0.999 * BELIEVED * deviation for value, deviation in known)
 
     def summary(self) -> dict[str, Any]:
         """As in JSON."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flywheel.diagnosis import Diagnosis, Verdict
+from flywheel.diagnosis.free import BELIEVED
 from flywheel.diagnosis.limits import EQUALLY_GOOD
 from flywheel.diagnosis.verdict import Alternative
 from flywheel.reports.diagnosis_figures import PICTURES, picture
@@ -55,6 +56,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         sentence=sentence(found),
         other_form=other_form(found),
         numbers=numbers(found),
+        held_back=held_back(found),
         figures=_figures(found),
         about=about,
         limits=LIMITS,
@@ -104,6 +106,17 @@ def numbers(found: Diagnosis) -> str:
         f"The plant's own time steps of {1000 * steps.own:g} ms are too long for {steps.shorter} of "
         f"{len(steps.taken)} windows, which fit better in steps of down to {1000 * min(steps.taken):g} ms. "
         "What that changes is numbers, and counts for no effect."
+    )
+
+
+def held_back(found: Diagnosis) -> str:
+    """What the plant was not sure of, that these recordings take to be further off; "" for nothing."""
+    names = ", ".join(each.effect for each in found.calibration if each.held_back)
+    if not names:
+        return ""
+    return (
+        f"These recordings ask for more of {names} than is believed ({BELIEVED:g} of the deviations that "
+        "were named). Name a larger deviation, or look for what else is missing."
     )
 
 

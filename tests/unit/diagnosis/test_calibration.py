@@ -13,13 +13,14 @@ from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.calibration import FINALISTS, calibrated, unsure_terms
 from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.free import free_values
+from flywheel.diagnosis.free import BELIEVED, free_values
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
 from flywheel.errors import DataError, UnknownNameError
+from flywheel.reports.diagnosis_page import diagnosis_page, held_back
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
@@ -67,6 +68,8 @@ def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> No
     assert answer[0].values[0].value == pytest.approx(0.15, abs=0.02), seed
     (value,) = found.calibration[0].values
     assert value.low - 0.03 < 0.05 < value.high + 0.03, (seed, value)
+    assert not found.calibration[0].held_back, (seed, value)
+    assert held_back(found) == ""
 
 
 def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot, seed: int) -> None:
@@ -81,9 +84,9 @@ def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot,
     terms = (*misled.fit.terms, candidate.term((2.5,)))
     free = free_values(terms, selection.scales)
     begun = fitter.under_or_anew(misled.fit, terms, free)
-    assert selection._begun(misled, terms).cost <= begun.cost, seed
-    led = fitter.fit(begun, free, rounds=1)
-    found = selection.with_terms(misled, terms)
+    lower = selection._begun(misled, terms)
+    assert lower.cost <= begun.cost, seed
+    found, led = (fitter.fit(each, free, rounds=1) for each in (lower, begun))
     # After a round the one that began lower need not be ahead; in the end it is not behind.
     ended = [selection.pursued(fit).cost for fit in (found, led)]
     assert ended[0] < 1.1 * ended[1], seed
@@ -98,6 +101,26 @@ def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
     sure = {"cable_stiffness": 1e-6}
     found = diagnose(told, [log], (), FEW, window_seconds=0.4, seed=seed, unsure=sure)
     assert abs(found.calibration[0].values[0].in_plant) < 1e-4, seed
+
+
+def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(
+    robot: Robot, seed: int
+) -> None:
+    told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.3))
+    found = diagnose(
+        told,
+        [recorded(robot, (), seed)],
+        (),
+        FEW,
+        window_seconds=0.4,
+        unsure={"cable_stiffness": 0.05},
+    )
+    (stiffness,) = found.calibration
+    assert stiffness.held_back, (seed, stiffness)
+    assert stiffness.values[0].in_plant == pytest.approx(BELIEVED * 0.05)
+    assert found.summary()["calibration"][0]["held_back"]
+    assert "more of cable_stiffness than is believed (3 of" in held_back(found)
+    assert held_back(found) in diagnosis_page(found, {})
 
 
 @pytest.mark.parametrize("deviation", [0.0, -0.1, math.inf, math.nan])
