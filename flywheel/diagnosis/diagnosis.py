@@ -122,8 +122,8 @@ class Diagnosis:
       other_form: it explains so much that what was found must have another form.
       where: what no effect explains acts; None where nothing is left.
       stand_in: a learned law for it, likewise.
-      calibration: what the plant was not sure of, as fitted beside the first answer. In JSON, `held_back`
-        says of which too much would have had to be changed to be believed.
+      calibration: what the plant was not sure of, as fitted beside the first answer; in JSON, with what
+        was `held_back` (see `Found`).
       time_steps: of the simulations.
     """
 

@@ -99,6 +99,7 @@ class Found:
     @property
     def held_back(self) -> bool:
         """A value ended as far from what was said of it as that is believed."""
+        # A step that ends at a bound may miss it by a rounding.
         known = zip(self.term.values, self.term.known, strict=False)
         return any(abs(value) > 0.999 * BELIEVED * deviation for value, deviation in known)
 
