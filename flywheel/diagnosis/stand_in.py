@@ -1,10 +1,12 @@
 """A learned law that stands in for physics that the library does not have.
 
 Where none of the library's effects explains the recordings, a small network is put into the law of the
-cables: their strain, speed and direction give an extra tension, the same network for all cables. It is
-trained like any effect is fitted, through the plant and with the windows' starts, by Levenberg-Marquardt
-with a normal prior on its weights. What it changes is then held against what the effects of the library
-would change, to say what the unknown looks like.
+cables: their strain, speed and direction give an extra tension, the same network for all cables. Its
+hidden layer is drawn at random and stays so; its outputs are trained like any effect is fitted, through
+the plant and with the windows' starts, by Levenberg-Marquardt with a normal prior (random features:
+Rahimi and Recht 2007). Many random features find more than few trained ones, whose training gets stuck.
+What the law changes is then held against what the effects of the library would change, to say what the
+unknown looks like.
 """
 
 from __future__ import annotations
@@ -23,47 +25,41 @@ from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term, Ter
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats
 
-UNITS = 6  # hidden units
+UNITS = 32  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
-BEGINNINGS = 5  # random features whose outputs are trained for a round, to go on with the best
+BEGINNINGS = 2  # hidden layers whose outputs are trained for a round, to go on with the best
 ROUNDS = 5  # of the best of them, at most
-STEP = 0.05  # of a finite difference of a weight
+STEP = 0.05  # of a finite difference of an output
 SHOWN = 3  # effects that it is said to be like
 
 
-def _weights() -> tuple[Parameter, ...]:
-    inner = [
-        f"{kind}{unit}" for unit in range(UNITS) for kind in ("strain", "speed", "sign", "bias")
-    ]
-    found = [Parameter(name, "-", lambda s: 1.0, low=-10.0, high=10.0) for name in inner]
-    for unit in range(UNITS):
-        found.append(Parameter(f"out{unit}", "N", lambda s: 0.05 * s.weight, low=-10.0, high=10.0))
-    return tuple(found)
-
-
 class LearnedTension(TensionEffect):
-    """A network of one hidden layer: strain, speed and direction of a cable to extra tension."""
+    """A network of one hidden layer: strain, speed and direction of a cable to extra tension.
+
+    Laws of different hidden layers are not simulated in one batch, where effects go by their names.
+
+    Args:
+      hidden: (4, UNITS) weights of strain, speed and direction, and biases, of the hidden layer.
+    """
 
     name = "learned_tension"
-    sizes = _weights()
+    sizes = tuple(
+        Parameter(f"out{unit}", "N", lambda s: 0.05 * s.weight, low=-10.0, high=10.0)
+        for unit in range(UNITS)
+    )
     equation = "dT = sum_j v_j tanh(a_j e / l0 + b_j V + c_j tanh(V / v0) + d_j)"
     source = "fitted to the recordings"
     shown_by = "what no other effect explains"
 
+    def __init__(self, hidden: Floats) -> None:
+        self._hidden = hidden
+
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
         strain = cables.elastic / cables.stiffness / cables.rest / STRAIN
         speed = cables.speed / (FAST * cables.slow)
-        inputs = {
-            "strain": strain,
-            "speed": speed,
-            "sign": cables.direction,
-            "bias": np.ones_like(strain),
-        }
-        extra = np.zeros_like(cables.length)
-        for unit in range(UNITS):
-            inner = sum(values[f"{name}{unit}"] * x for name, x in inputs.items())
-            extra += values[f"out{unit}"] * np.tanh(inner)
-        return extra, memory
+        inputs = np.stack([strain, speed, cables.direction, np.ones_like(strain)], axis=-1)
+        outputs = np.stack([values[size.name] for size in self.sizes], axis=-1)
+        return (np.tanh(inputs @ self._hidden) * outputs).sum(axis=-1), memory
 
 
 @dataclass(frozen=True)
@@ -85,16 +81,16 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
     Args:
       fitter: of the windows.
       step: the model so far, with the test of the library on top of it.
-      seed: of the first weights.
+      seed: of the hidden layer.
     """
     begun = _begun(fitter, step, np.random.default_rng(seed))
+    free = _free(fitter, begun[0].terms)
     worth = worth_a_round(fitter, step.fit)
     # From each a step down may be found or not, whatever the sensitivities promise: it must be tried.
-    tried = [fitter.fit(fit, _weights_of(fitter, fit.terms, "out"), rounds=1) for fit in begun]
+    tried = [fitter.fit(fit, free, rounds=1) for fit in begun]
     trained = min(tried, key=lambda fit: fit.cost)
-    trained = fitter.fit(trained, _weights_of(fitter, trained.terms, "out"), rounds=1)
     for _ in range(ROUNDS):
-        before, trained = trained, fitter.fit(trained, _weights_of(fitter, trained.terms), rounds=1)
+        before, trained = trained, fitter.fit(trained, free, rounds=1)
         if trained.converged or before.cost - trained.cost <= worth:
             break
     return Learned(trained, _likeness(fitter, trained, step.test))
@@ -106,22 +102,19 @@ def _begun(fitter: Fitter, step: Step, rng: np.random.Generator) -> list[Fit]:
     known = tuple(size.typical(scales) for size in LearnedTension.sizes)
     found = []
     for _ in range(BEGINNINGS):
-        weights = (*rng.normal(size=4 * UNITS).tolist(), *[0.0] * UNITS)
-        law = Term(LearnedTension(), None, weights, known)
-        found.append(fitter.under(step.fit, (*step.fit.terms, law)))
+        law = LearnedTension(rng.normal(size=(4, UNITS)))
+        term = Term(law, None, (0.0,) * UNITS, known)
+        found.append(fitter.under(step.fit, (*step.fit.terms, term)))
     return found
 
 
-def _weights_of(fitter: Fitter, terms: Terms, layer: str = "") -> list[Free]:
-    """The values of terms; of the last one's weights those that begin with a word."""
-    last = len(terms) - 1
-    found = []
-    for value in free_values(terms, Scales.of(fitter.windows.robot)):
-        if value.term != last:
-            found.append(value)
-        elif LearnedTension.sizes[value.index].name.startswith(layer):
-            found.append(replace(value, step=STEP))
-    return found
+def _free(fitter: Fitter, terms: Terms) -> list[Free]:
+    """The values of terms, of which the last one is a law."""
+    law = len(terms) - 1
+    return [
+        replace(value, step=STEP) if value.term == law else value
+        for value in free_values(terms, Scales.of(fitter.windows.robot))
+    ]
 
 
 def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, ...]:
