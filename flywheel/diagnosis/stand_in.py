@@ -29,6 +29,7 @@ UNITS = 32  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
 BEGINNINGS = 2  # hidden layers whose outputs are trained for a round, to go on with the best
 ROUNDS = 5  # of the best of them, at most
+PATIENCE = 2  # rounds that explain little before it is given up: the next one may explain much
 STEP = 0.05  # of a finite difference of an output
 SHOWN = 3  # effects that it is said to be like
 
@@ -89,9 +90,11 @@ def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
     # From each a step down may be found or not, whatever the sensitivities promise: it must be tried.
     tried = [fitter.fit(fit, free, rounds=1) for fit in begun]
     trained = min(tried, key=lambda fit: fit.cost)
+    fruitless = 0
     for _ in range(ROUNDS):
         before, trained = trained, fitter.fit(trained, free, rounds=1)
-        if trained.converged or before.cost - trained.cost <= worth:
+        fruitless = fruitless + 1 if before.cost - trained.cost <= worth else 0
+        if trained.converged or fruitless == PATIENCE:
             break
     return Learned(trained, _likeness(fitter, trained, step.test))
 

@@ -9,7 +9,7 @@ from flywheel.diagnosis import worth as worth_module
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.stand_in import BEGINNINGS, ROUNDS, stand_in
+from flywheel.diagnosis.stand_in import BEGINNINGS, PATIENCE, ROUNDS, stand_in
 from flywheel.diagnosis.whereabouts import whereabouts
 from flywheel.diagnosis.windows import Windows
 from flywheel.dynamics.plant import Plant
@@ -54,7 +54,7 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
         shares = [like.share for like in learned.likeness]
         assert shares == sorted(shares, reverse=True), each
         assert all(0.0 <= share <= 1.0 + 1e-9 for share in shares), each
-    assert sum(learned_falls) > 0.4 * sum(true_falls), (seed, learned_falls, true_falls)
+    assert sum(learned_falls) > 0.5 * sum(true_falls), (seed, learned_falls, true_falls)
 
 
 def test_a_law_is_trained_only_while_that_explains_something(
@@ -72,7 +72,7 @@ def test_a_law_is_trained_only_while_that_explains_something(
         monkeypatch.setattr(worth_module, "FRUITLESS", worth)
         learned = stand_in(fitter, step, seed)
         trained[worth] = len(rounds) - BEGINNINGS, learned.fit.cost
-    assert trained[10.0][0] == 1
+    assert trained[10.0][0] <= PATIENCE  # it may converge sooner
     assert 1 < trained[0.0][0] <= ROUNDS
     assert trained[10.0][0] <= trained[0.01][0] <= trained[0.0][0]
     assert trained[0.0][1] <= trained[0.01][1] <= trained[10.0][1]
