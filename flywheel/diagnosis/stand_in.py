@@ -18,6 +18,7 @@ import numpy as np
 from flywheel.diagnosis.diagnosis import Likeness
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free, free_values
+from flywheel.diagnosis.probes import PROBES
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.worth import worth_a_round
@@ -121,11 +122,14 @@ def _free(fitter: Fitter, terms: Terms) -> list[Free]:
 
 
 def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, ...]:
+    """The library's effects, which alone may be asked for by name, against what the last term changes."""
     without = fitter.columns(trained, [trained.terms[:-1]])  # (K, D, 1)
     change = test.projection(without)[:, 0]
     power = float(change @ change)
     found = []
     for candidate, shapes in zip(test.candidates, test.slices, strict=True):
+        if candidate.effect in PROBES.values():
+            continue
         best = 0.0
         for columns in shapes:
             part = test.columns[:, columns]

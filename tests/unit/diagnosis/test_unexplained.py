@@ -85,6 +85,7 @@ def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
     assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), seed
     summary, law = found.summary(), found.stand_in
     assert law is not None and law.held_out is not None
+    assert {like.effect for like in law.likeness} <= set(FEW), "laws of no library have no say here"
     assert law.errors.augmented <= 1.01 * law.errors.baseline, seed  # there is nothing to learn
     assert summary["stand_in"]["error"]["unit"] == "m"
     assert {"recording", "from", "to", "cable", "point", "unit"} == set(summary["unexplained"])
