@@ -81,6 +81,11 @@ PROBES: dict[str, Effect] = {
 }
 
 
+def is_probe(effect: Effect) -> bool:
+    """Whether it is a question, and not one of the library's effects."""
+    return effect in PROBES.values()
+
+
 def probed(terms: Terms) -> Terms:
     """Those of them that are probes."""
-    return tuple(term for term in terms if term.effect in PROBES.values())
+    return tuple(term for term in terms if is_probe(term.effect))

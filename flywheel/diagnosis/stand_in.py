@@ -18,7 +18,7 @@ import numpy as np
 from flywheel.diagnosis.diagnosis import Likeness
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import Free, free_values
-from flywheel.diagnosis.probes import PROBES
+from flywheel.diagnosis.probes import is_probe
 from flywheel.diagnosis.score import ScoreTest
 from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.worth import worth_a_round
@@ -128,7 +128,7 @@ def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, 
     power = float(change @ change)
     found = []
     for candidate, shapes in zip(test.candidates, test.slices, strict=True):
-        if candidate.effect in PROBES.values():
+        if is_probe(candidate.effect):
             continue
         best = 0.0
         for columns in shapes:
