@@ -53,6 +53,11 @@ class Candidate:
         )
         return Term(self.effect, self.place, values + self.shapes[shape])
 
+    def allows(self, values: tuple[float, ...]) -> bool:
+        """Whether the effect can have these sizes, in its own units; its shapes may follow them."""
+        sizes = zip(values, self.effect.sizes, self.typical, strict=False)
+        return all(size.low * usual <= value <= size.high * usual for value, size, usual in sizes)
+
     def unit_terms(self, share: float = 1.0) -> list[Term]:
         """Each size alone at a share of its typical value: shapes outside, sizes inside."""
         count = len(self.typical)

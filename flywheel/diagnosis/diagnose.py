@@ -236,9 +236,13 @@ def _trusted(search: _Search, judged: _Judged) -> _Judged:
             break
         weakest = min(doubtful, key=lambda each: each.certainty)
         fit = selection.shortened(judged.steps[-1].fit, weakest.term)
-        earlier = [step for step in judged.steps[:-1] if places(step.fit.terms) < places(fit.terms)]
-        judged = _judged(search, [*earlier, selection.look(fit)])
+        judged = _judged(search, [*_before(judged.steps, fit), selection.look(fit)])
     return judged
+
+
+def _before(steps: Sequence[Step], fit: Fit) -> list[Step]:
+    """Steps whose models are part of a model."""
+    return [step for step in steps[:-1] if places(step.fit.terms) < places(fit.terms)]
 
 
 def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
@@ -262,10 +266,12 @@ def _settled(search: _Search, judged: _Judged) -> tuple[_Judged, list[Fit]]:
     if judged.verdict not in EXPLAINED:
         return judged, []
     margin = search.limits.equally_good
-    again, others = exchanged(selection, judged.steps, margin)
-    known = [fit for fit in others if not probed(fit.terms)]
-    first, *rivals = sorted([again, *known], key=selection.criterion)
-    instead = [fit for fit in others if probed(fit.terms)]
+    exchange = exchanged(selection, judged.steps, margin)
+    if step := exchange.shorter(selection):
+        return _settled(search, _judged(search, [*_before(judged.steps, step.fit), step]))
+    known = [fit for fit in exchange.others if not probed(fit.terms)]
+    first, *rivals = sorted([exchange.last, *known], key=selection.criterion)
+    instead = [fit for fit in exchange.others if probed(fit.terms)]
     limit = selection.criterion(first) + margin
     if first is not last or instead:
         steps = judged.steps if first is last else [*judged.steps[:-1], selection.look(first)]

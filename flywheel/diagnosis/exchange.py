@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from flywheel.diagnosis.fit import Fit
 from flywheel.diagnosis.probes import probed
@@ -17,7 +18,31 @@ RIVAL = 0.8  # share of an effect's power from which another is tried in its pla
 PATIENCE = 40.0  # `HOPE` for a law: one that is given up too early is an effect wrongly named
 
 
-def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tuple[Fit, list[Fit]]:
+@dataclass(frozen=True)
+class Exchange:
+    """What came of a model whose effects were exchanged for others.
+
+    Attributes:
+      last: the model, perhaps with better starts.
+      others: models that explain the data as well.
+      without: effect that was exchanged, and the model without it.
+    """
+
+    last: Fit
+    others: tuple[Fit, ...]
+    without: tuple[tuple[Term, Step], ...]
+
+    def shorter(self, selection: Selection) -> Step | None:
+        """The model without the least needed effect of several, if that does nearly as well."""
+        if len(self.without) < 2:
+            return None
+        term, step = min(
+            self.without, key=lambda each: selection.share(self.last, each[1].fit, each[0])
+        )
+        return step if selection.share(self.last, step.fit, term) <= 1.0 else None
+
+
+def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> Exchange:
     """The last model of a selection, and those that explain the data as well.
 
     Each of its effects is exchanged for others, and for probes, that scored nearly as well in its place.
@@ -28,9 +53,12 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
       steps: the last one's model is meant.
       margin: difference of the criteria up to which a model is as good.
     """
-    last, found = steps[-1].fit, []
+    last = steps[-1].fit
+    found: list[Fit] = []
+    shorter: list[tuple[Term, Step]] = []
     for term in selection.new(steps):
         step = _without(selection, steps, term)
+        shorter.append((term, step))
         least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
         for scores in (step.scores, step.probes):
             near = [s for s in scores if s.power > least and not same_place(s, term)]
@@ -38,7 +66,7 @@ def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> tup
     for fit in found:
         if selection.criterion(fit) < selection.criterion(last):
             last = _from_its_starts(selection, last, fit)
-    return last, found
+    return Exchange(last, tuple(found), tuple(shorter))
 
 
 def _without(selection: Selection, steps: Sequence[Step], term: Term) -> Step:
@@ -79,7 +107,7 @@ def _twin(selection: Selection, fit: Fit, term: Term, score: Score) -> Fit | Non
     Two fits of one model differ by more than a margin may be; twins need none.
     """
     effect, place = score.candidate.effect, score.candidate.place
-    if len(effect.parameters) != len(term.values):
+    if len(effect.parameters) != len(term.values) or not score.candidate.allows(term.values):
         return None
     terms = (*without(fit.terms, term), Term(effect, place, term.values))
     twin = selection.fitter.under(fit, terms)

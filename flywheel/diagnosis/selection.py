@@ -10,6 +10,7 @@ import numpy as np
 from flywheel.diagnosis.calibration import as_said, asked
 from flywheel.diagnosis.candidates import Candidate
 from flywheel.diagnosis.elsewhere import begun_elsewhere
+from flywheel.diagnosis.first_sight import at_first_sight
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import free_values
 from flywheel.diagnosis.held import Held
@@ -140,12 +141,14 @@ class Selection:
         best = step.scores[0]
         if best.score < self.threshold:
             return None
+        short = self.short(step)
         proposals: list[Terms] = [
-            (score.candidate.term(score.sizes, score.shape),) for score in self.short(step)
+            (score.candidate.term(score.sizes, score.shape),) for score in short
         ]
+        proposals += at_first_sight(self.fitter, step, self.library, short)
         if room > 1:
             proposals += promising_pairs(step.test, step.scores, self.threshold)
-        begun = different([self._begun(step, (*step.fit.terms, *terms)) for terms in proposals])
+        begun = different([self.begun(step, (*step.fit.terms, *terms)) for terms in proposals])
         fitted = [self._a_round(fit) for fit in begun]
         first, *others = self.race(fitted, HOPE if room > 1 else LAST_HOPE)
         return self.pruned(first, (step.fit, *others))
@@ -224,7 +227,7 @@ class Selection:
                 break
         return fit
 
-    def _begun(self, step: Step, terms: Terms) -> Fit:
+    def begun(self, step: Step, terms: Terms) -> Fit:
         """The model with these terms instead, at the step's starts or as first estimated; no fit yet.
 
         What is not known exactly begins where it is, or as it was said: what made up for a wrong model
@@ -254,15 +257,15 @@ class Selection:
         """
         while terms := asked(fit.terms):
             shorter = [self.dropped(fit, term, others) for term in terms]
-            shares = [self._share(fit, less, t) for less, t in zip(shorter, terms, strict=True)]
+            shares = [self.share(fit, less, t) for less, t in zip(shorter, terms, strict=True)]
             least = int(np.argmin(shares))
             if shares[least] > 1.0:
                 break
             fit = shorter[least]
         return fit
 
-    def _share(self, fit: Fit, less: Fit, term: Term) -> float:
-        """What a term explains, over what counts as seen."""
+    def share(self, fit: Fit, less: Fit, term: Term) -> float:
+        """What a term of a fit explains beside one without it, over what counts as seen."""
         return (less.cost - fit.cost) / self._worth(term)
 
     def _worth(self, term: Term) -> float:

@@ -84,7 +84,7 @@ def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot,
     terms = (*misled.fit.terms, candidate.term((2.5,)))
     free = free_values(terms, selection.scales)
     begun = fitter.under_or_anew(misled.fit, terms, free)
-    lower = selection._begun(misled, terms)
+    lower = selection.begun(misled, terms)
     assert lower.cost <= begun.cost, seed
     found, led = (fitter.fit(each, free, rounds=1) for each in (lower, begun))
     # After a round the one that began lower need not be ahead; in the end it is not behind.

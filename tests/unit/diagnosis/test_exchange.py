@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import exchange
+from flywheel.diagnosis import Verdict, exchange
 from flywheel.diagnosis.baseline import fitted
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.fit import Fit
@@ -16,6 +18,10 @@ from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
+
+concluding: Any = import_module(
+    "flywheel.diagnosis.diagnose"
+)  # the package has a function of that name
 
 
 def test_an_effect_is_exchanged_on_the_latest_step_without_it_or_on_a_fit_anew() -> None:
@@ -57,3 +63,53 @@ def test_of_rivals_that_are_one_by_several_names_one_is_fitted(
     assert pursued == [scores[0].candidate.effect.name], seed
     assert {fit.terms[-1].effect.name for fit in as_good} == {*names}, seed
     assert as_good[0].cost == pytest.approx(as_good[1].cost, rel=1e-6), seed
+
+
+def test_values_that_another_effect_cannot_have_make_no_twin(
+    robot: Robot, fitter: StartFitter, seed: int
+) -> None:
+    """A gain may be negative, a delay not."""
+    (late,) = candidates(robot, {"command_delay": EFFECTS["command_delay"]})
+    selection = Selection(fitter, (late,), 25.0)
+    gain = Term(EFFECTS["winch_gain"], None, (-0.05,))
+    last = fitter.under(fitter.beginning(), (gain,))
+    score: Any = SimpleNamespace(candidate=late, sizes=(0.01,), shape=0)
+    assert exchange._twin(selection, last, gain, score) is None, seed
+
+
+@pytest.mark.parametrize(("costs", "left"), [((130.0, 124.0), 1), ((130.0, 126.0), None)])
+def test_an_effect_goes_that_turns_out_not_to_be_needed(
+    fitter: StartFitter, costs: tuple[float, float], left: int | None
+) -> None:
+    """With the better starts that were found meanwhile; each has to explain 25 here."""
+    selection = Selection(fitter, (), 25.0)
+    terms = tuple(Term(EFFECTS[n], None, (0.1,)) for n in ("winch_gain", "cable_friction"))
+    last = replace(fitter.beginning(), cost=100.0)
+    steps: list[Any] = [SimpleNamespace(fit=replace(last, cost=cost)) for cost in costs]
+    found = exchange.Exchange(last, (), tuple(zip(terms, steps, strict=True)))
+    assert found.shorter(selection) is (None if left is None else steps[left])
+    alone = exchange.Exchange(last, (), ((terms[1], steps[1]),))
+    assert alone.shorter(selection) is None  # without the only one nothing is left
+
+
+def test_an_answer_is_judged_without_what_is_not_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    a, b = (Term(EFFECTS[name], None, (0.1,)) for name in ("winch_gain", "cable_friction"))
+    first, shorter, other, last = (
+        SimpleNamespace(fit=SimpleNamespace(terms=terms)) for terms in ((), (b,), (a,), (a, b))
+    )
+    exchanges = iter([SimpleNamespace(shorter=lambda _: shorter)])
+    judged: list[Any] = []
+
+    def judge(_: Any, steps: list[Any]) -> Any:
+        judged.append(steps)
+        return SimpleNamespace(steps=steps, verdict=Verdict.NOISE_ONLY)
+
+    monkeypatch.setattr(concluding, "exchanged", lambda *_: next(exchanges))
+    monkeypatch.setattr(concluding, "_judged", judge)
+    search: Any = SimpleNamespace(
+        selection=SimpleNamespace(criterion=None), limits=SimpleNamespace(equally_good=1.0)
+    )
+    begun: Any = SimpleNamespace(steps=[first, other, last], verdict=Verdict.EFFECT)
+    settled, others = concluding._settled(search, begun)
+    assert judged == [[first, shorter]]
+    assert (settled.steps, others) == ([first, shorter], [])

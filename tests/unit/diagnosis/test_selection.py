@@ -35,8 +35,9 @@ def test_a_model_does_not_begin_where_another_one_was_led_astray(
     bent = step.fit.change + 3.0 * fitter.prior * rng.choice([-1.0, 1.0], step.fit.change.shape)
     astray = replace(fitter.at(bent, step.fit.starts.winch, ()), held=step.fit.held)
     terms = (candidate.term((0.01,)),)
+    free = free_values(terms, selection.scales)
     straight, recovered = (
-        selection._a_round(selection._begun(each, terms))
+        fitter.fit(selection.begun(each, terms), free, rounds=1)
         for each in (step, replace(step, fit=astray))
     )
     assert astray.cost > 10.0 * straight.cost, seed
