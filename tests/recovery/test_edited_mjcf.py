@@ -1,0 +1,35 @@
+"""What somebody changed in an MJCF, or in its commands, is found in logs of plain MuJoCo."""
+
+from __future__ import annotations
+
+import secrets
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from flywheel.data.recordings import read_recording
+from flywheel.diagnosis import diagnose
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import EFFECTS
+from flywheel.robots import load_robot
+from tests.recovery.edited_mjcf import EDITS, record
+
+LIBRARY = {each.__name__: EFFECTS[each.__name__] for each in EDITS}
+SECONDS, DRAWN = 2.0, 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", range(DRAWN))
+def test_an_edit_is_named_placed_and_measured(tmp_path: Path, draw: int) -> None:
+    seed, robot = secrets.randbits(32), load_robot("prism3")
+    rng = np.random.default_rng(seed)
+    edit = rng.choice(EDITS)(mujoco.MjSpec.from_string(robot.xml), rng)
+    record(robot.xml, edit, SECONDS, rng, tmp_path / "log.csv")
+    (log,) = read_recording(tmp_path / "log.csv", robot).episodes
+    found = diagnose(Plant(robot), [log.trajectory], library=LIBRARY)
+    (answer,) = found.answers[0]
+    assert (answer.effect, answer.location) == (edit.effect, edit.location), (seed, found.verdict)
+    assert answer.values[0].value == pytest.approx(edit.value, rel=0.2), seed
+    assert found.errors.augmented < 1.1 * found.errors.noise < found.errors.baseline, seed
