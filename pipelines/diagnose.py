@@ -15,6 +15,7 @@ from flywheel.effects import EFFECTS, NAMED, Effect
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import (
+    doubtful,
     held_back,
     numbers,
     other_form,
@@ -125,7 +126,7 @@ def _show(out: Console, found: Diagnosis, robot: str) -> None:
         out.print(table("effects", columns, rows))
     if form := other_form(found):
         out.print(f"another form than the effects of the library: {form}", soft_wrap=True)
-    for note in (held_back(found), numbers(found)):
+    for note in (doubtful(found), held_back(found), numbers(found)):
         if note:
             out.print(note, soft_wrap=True)
     scores = [

@@ -13,6 +13,7 @@ from flywheel.diagnosis.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.calibration import calibrated, unsure_terms
 from flywheel.diagnosis.candidates import Candidate, candidates
 from flywheel.diagnosis.diagnosis import Diagnosis, StandIn, TimeSteps
+from flywheel.diagnosis.doubtful import doubtful_numbers
 from flywheel.diagnosis.elsewhere import eased
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.exchange import exchanged
@@ -213,6 +214,7 @@ def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajec
         model="" if under_test.model is None else under_test.model.name,
         calibration=tuple(each for each in judged.effects if each.term.known),
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
+        doubtful=() if under_test.model else doubtful_numbers(selection, judged.steps, unexplained),
     )
 
 

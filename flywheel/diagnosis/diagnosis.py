@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flywheel.diagnosis.adequacy import Adequacy
+from flywheel.diagnosis.doubtful import Doubtful
 from flywheel.diagnosis.evidence import Evidence
 from flywheel.diagnosis.next_experiment import NextExperiment, next_experiment
 from flywheel.diagnosis.other_law import NONE, OtherLaw
@@ -125,6 +126,7 @@ class Diagnosis:
       calibration: what the plant was not sure of, as fitted beside the first answer; in JSON, with what
         was `held_back` (see `Found`).
       time_steps: of the simulations.
+      doubtful: numbers of the MJCF that may be what is wrong instead.
     """
 
     verdict: Verdict
@@ -144,6 +146,7 @@ class Diagnosis:
     stand_in: StandIn | None = None
     calibration: Alternative = ()
     time_steps: TimeSteps = TimeSteps(0.0, ())
+    doubtful: tuple[Doubtful, ...] = ()
 
     @property
     def next_experiment(self) -> NextExperiment:
@@ -166,6 +169,7 @@ class Diagnosis:
             "calibration": [
                 {**each.summary(), "held_back": each.held_back} for each in self.calibration
             ],
+            "doubtful_numbers": [each.summary() for each in self.doubtful],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,
             "error": self.errors.summary(),

@@ -57,6 +57,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         other_form=other_form(found),
         numbers=numbers(found),
         held_back=held_back(found),
+        doubtful=doubtful(found),
         figures=_figures(found),
         about=about,
         limits=LIMITS,
@@ -117,6 +118,22 @@ def held_back(found: Diagnosis) -> str:
     return (
         f"These recordings ask for more of {names} than is believed ({BELIEVED:g} of the deviations that "
         "were named). Name a larger deviation, or look for what else is missing."
+    )
+
+
+def doubtful(found: Diagnosis) -> str:
+    """Which number of the MJCF may be what is wrong instead; "" for none."""
+    if not found.doubtful:
+        return ""
+    first, *others = found.doubtful
+    ways = f"{abs(first.off):.1%} {'more' if first.off > 0 else 'less'} of {first.name}"
+    does = "more than" if first.more else "nearly as much as"
+    explains = f"{does} {first.instead}" if first.instead else "some of what the answer leaves"
+    also = f" So would another {' or '.join(each.name for each in others)}." if others else ""
+    share = max(1, round(100 * abs(first.off)))
+    return (
+        f"Or a number of the MJCF is wrong: {ways} would explain {explains} (score {first.score:.0f}).{also} "
+        f"If you are not sure of it, ask again with --unsure {first.name}={share}%."
     )
 
 

@@ -59,7 +59,7 @@ def weak_cable(spec: Spec, rng: np.random.Generator) -> Edit:
 
 def payload(spec: Spec, rng: np.random.Generator) -> Edit:
     """A heavier cap."""
-    number, mass = rng.integers(len(spec.sensors)), rng.uniform(30.0, 60.0)
+    number, mass = rng.integers(len(spec.sensors)), rng.uniform(60.0, 100.0)
 
     def edit(spec: Spec) -> None:
         (cap,) = (g for g in spec.geoms if g.name == f"cap{number}")

@@ -1,0 +1,84 @@
+"""Numbers of the MJCF that may be wrong where an effect seems to be missing; they are never an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.score import Score, sensitivities, slices_of
+from flywheel.diagnosis.selection import Selection
+from flywheel.diagnosis.step import Step
+from flywheel.effects import CALIBRATIONS
+
+# Share of what the best effect promises, from which a number may be what is wrong in its place; and how far
+# off a number is at most.
+NEARLY, LIKELY = 0.8, 0.25
+
+
+@dataclass(frozen=True)
+class Doubtful:
+    """A number of the MJCF which, if it were another, would explain nearly as much as an effect.
+
+    Attributes:
+      name: of the number.
+      off: by how much it would have to be more, as a share.
+      score: like a candidate's.
+      instead: the candidate that scored highest where it was asked for; "" where it explains something
+        beside the answer.
+      more: it promises more than that candidate.
+    """
+
+    name: str
+    off: float
+    score: float
+    instead: str
+    more: bool
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {
+            "name": self.name,
+            "off": self.off,
+            "score": self.score,
+            "instead_of": self.instead or None,
+        }
+
+
+def doubtful_numbers(
+    selection: Selection, steps: Sequence[Step], unexplained: bool
+) -> tuple[Doubtful, ...]:
+    """Numbers that nobody said to be unsure of, the one that scores highest first.
+
+    Args:
+      selection, steps: that led to the answer.
+      unexplained: the answer leaves something, which a number beside it may explain.
+    """
+    found: dict[str, Doubtful] = {}
+    for step, after in zip(steps, [*steps[1:], None], strict=True):
+        if after is None and not unexplained:
+            break
+        best = step.scores[0]
+        for score in _scores(selection, step):
+            name, off = score.candidate.effect.name, score.sizes[0] * score.candidate.typical[0]
+            seen = score.score >= selection.threshold and score.power >= NEARLY * best.power
+            if seen and abs(off) <= LIKELY and name not in found:
+                instead = "" if after is None else best.candidate.label
+                more = score.power > best.power
+                found[name] = Doubtful(name, float(off), score.score, instead, more)
+    return tuple(sorted(found.values(), key=lambda each: -each.score))
+
+
+def _scores(selection: Selection, step: Step) -> list[Score]:
+    """Of all numbers that the model does not have."""
+    fitter, had = selection.fitter, {term.effect.name for term in step.fit.terms}
+    library = {name: each for name, each in CALIBRATIONS.items() if name not in had}
+    asked, test = candidates(fitter.windows.robot, library), step.test
+    if not asked:
+        return []
+    columns, shorter = sensitivities(fitter, step.fit, asked, test.projection, test.residual)
+    of_numbers = replace(
+        test, candidates=asked, columns=columns, shorter=shorter, slices=slices_of(asked)
+    )
+    return of_numbers.scores()

@@ -1,0 +1,102 @@
+"""Which numbers of an MJCF are doubted where an effect seems to be missing."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from flywheel.diagnosis import doubtful as asking
+from flywheel.diagnosis.baseline import fitted, fitter_of
+from flywheel.diagnosis.calibration import unsure_terms
+from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.doubtful import Doubtful, doubtful_numbers
+from flywheel.diagnosis.selection import Selection
+from flywheel.diagnosis.step import Step
+from flywheel.diagnosis.windows import Windows
+from flywheel.dynamics.plant import Plant, PlantParameters
+from flywheel.effects import CALIBRATIONS, EFFECTS, Term, Terms
+from flywheel.reports.diagnosis_page import doubtful
+from flywheel.robots import Robot
+from tests.unit.diagnosis.conftest import recorded
+
+FEW = {name: EFFECTS[name] for name in ("winch_gain", "stiffening", "slope")}
+OFF = 0.08
+Looked = tuple[Selection, Step]
+
+
+def looked(robot: Robot, seed: int, hidden: Terms = (), had: Terms = (), **scales: float) -> Looked:
+    """At a recording of a robot with hidden effects, by a plant with other numbers."""
+    told = Plant(robot, parameters=PlantParameters(**scales))
+    fitter = fitter_of(Windows.cut(robot, [recorded(robot, hidden, seed)], seconds=0.4), told)
+    selection = Selection(fitter, candidates(robot, FEW), 25.0)
+    return selection, selection.look(fitted(fitter, had))
+
+
+@pytest.fixture(scope="module")
+def stiffer(robot: Robot, seed: int) -> Looked:
+    return looked(robot, seed, cable_stiffness=1.0 / (1.0 + OFF))
+
+
+def named(selection: Selection, *steps: Step, unexplained: bool = False) -> dict[str, Doubtful]:
+    return {each.name: each for each in doubtful_numbers(selection, steps, unexplained)}
+
+
+def test_a_wrong_stiffness_is_doubted(stiffer: Looked, seed: int) -> None:
+    selection, step = stiffer
+    found = named(selection, step, step)["cable_stiffness"]
+    assert found.off == pytest.approx(OFF, abs=0.04), seed
+    assert (found.more, found.instead) == (True, step.scores[0].candidate.label), seed
+    assert found.summary()["off"] == found.off
+
+
+def test_a_wrong_mass_is_doubted(robot: Robot, seed: int) -> None:
+    selection, step = looked(robot, seed, mass=1.0 / (1.0 + OFF))
+    found = named(selection, step, step)["body_mass"]
+    assert found.off == pytest.approx(OFF, abs=0.04), seed
+
+
+def test_beside_an_answer_it_is_asked_only_of_what_that_leaves(stiffer: Looked, seed: int) -> None:
+    selection, step = stiffer
+    assert not named(selection, step), seed
+    assert named(selection, step, unexplained=True)["cable_stiffness"].instead == "", seed
+
+
+def test_no_number_is_doubted_where_an_effect_explains_far_more(robot: Robot, seed: int) -> None:
+    selection, step = looked(robot, seed, (Term(EFFECTS["winch_gain"], None, (0.3,)),))
+    assert step.scores[0].candidate.effect.name == "winch_gain", seed
+    assert not named(selection, step, step), seed
+
+
+def test_what_somebody_is_unsure_of_is_not_doubted_again(robot: Robot, seed: int) -> None:
+    had = unsure_terms(dict.fromkeys(CALIBRATIONS, 1e-6))  # as sure as to leave it where it is
+    selection, step = looked(robot, seed, had=had, cable_stiffness=1.0 / (1.0 + OFF))
+    assert not named(selection, step, step, unexplained=True), seed
+
+
+def test_a_number_that_would_have_to_be_far_off_is_not_doubted(
+    stiffer: Looked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    selection, step = stiffer
+    monkeypatch.setattr(asking, "LIKELY", 0.25 * OFF)
+    assert not named(selection, step, step)
+
+
+def test_a_person_is_told_what_to_do() -> None:
+    found: Any = SimpleNamespace(
+        doubtful=(
+            Doubtful("cable_stiffness", 0.0597, 504.3, "ground_friction", more=True),
+            Doubtful("body_mass", -0.054, 400.5, "ground_friction", more=True),
+        )
+    )
+    said = doubtful(found)
+    assert (
+        "6.0% more of cable_stiffness would explain more than ground_friction (score 504)" in said
+    )
+    assert "So would another body_mass." in said
+    assert said.endswith("--unsure cable_stiffness=6%.")
+    beside: Any = SimpleNamespace(doubtful=(Doubtful("body_mass", -0.003, 30.0, "", more=False),))
+    assert "0.3% less of body_mass would explain some of what the answer leaves" in doubtful(beside)
+    assert doubtful(beside).endswith("--unsure body_mass=1%.")
+    assert doubtful(SimpleNamespace(doubtful=())) == ""  # type: ignore[arg-type]
