@@ -129,7 +129,7 @@ def test_what_is_hidden_is_found_and_what_is_not_is_not(
     if not share:
         assert found.verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT), seed
         return
-    # Two of seven draws named a little damping beside it, which is wrong: an open weakness (docs/results).
+    # Two of six draws named a little damping beside it, which is wrong: an open weakness (docs/results).
     (named,) = (each for each in found.answers[0] if each.effect == "winch_gain")
     assert named.values[0].value == pytest.approx(share, rel=0.1), seed
     assert found.ranking[0].candidate.effect.name == "winch_gain", seed
