@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.exchange import RIVAL
 from flywheel.diagnosis.score import Score, sensitivities, slices_of
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.step import Step
 from flywheel.effects import CALIBRATIONS
 
-# Share of what the best effect promises, from which a number may be what is wrong in its place; and how far
-# off a number is at most.
-NEARLY, LIKELY = 0.8, 0.25
+LIKELY = 0.25  # share that a number is off at most
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ def doubtful_numbers(
         best = step.scores[0]
         for score in _scores(selection, step):
             name, off = score.candidate.effect.name, score.sizes[0] * score.candidate.typical[0]
-            seen = score.score >= selection.threshold and score.power >= NEARLY * best.power
+            seen = score.score >= selection.threshold and score.power >= RIVAL * best.power
             if seen and abs(off) <= LIKELY and name not in found:
                 instead = "" if after is None else best.candidate.label
                 more = score.power > best.power

@@ -66,5 +66,6 @@ def _terms(candidate: Candidate) -> list[Term]:
 
 def _same_way(score: Score, candidate: Candidate, term: Term) -> bool:
     """A score that proposes this effect at its place, with a size of the same sign."""
-    proposed = score.candidate.term(score.sizes, score.shape).values
-    return score.candidate is candidate and float(np.dot(proposed, term.values)) > 0
+    if score.candidate is not candidate:  # which may have another number of sizes
+        return False
+    return float(np.dot(score.sizes, term.values[: len(score.sizes)])) > 0  # shapes have no sign

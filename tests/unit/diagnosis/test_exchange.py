@@ -19,9 +19,8 @@ from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 
-concluding: Any = import_module(
-    "flywheel.diagnosis.diagnose"
-)  # the package has a function of that name
+# By its path: the package has a function of that name.
+concluding: Any = import_module("flywheel.diagnosis.diagnose")
 
 
 def test_an_effect_is_exchanged_on_the_latest_step_without_it_or_on_a_fit_anew() -> None:

@@ -52,12 +52,15 @@ def test_a_large_effect_is_seen_with_its_sign(
 
 
 def test_what_a_score_proposes_is_not_proposed_again_but_with_the_other_sign(
-    misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
+    robot: Robot, misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
 ) -> None:
     score = next(s for s in misled[1].scores if s.candidate.effect.name == "winch_gain")
     same, other = (replace(score, sizes=(way * sign,)) for way in (0.5, -0.5))
     assert at_first_sight(*misled, library, known=(same,)) == [], seed
     assert len(at_first_sight(*misled, library, known=(other,))) == 1, seed
+    (slope,) = candidates(robot, {"slope": EFFECTS["slope"]})
+    aslant = replace(score, candidate=slope, sizes=(1.0, 1.0))  # two sizes beside one
+    assert len(at_first_sight(*misled, library, known=(aslant,))) == 1, seed
 
 
 def test_nothing_is_looked_for_where_a_score_promises_much(
