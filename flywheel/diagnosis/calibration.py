@@ -72,7 +72,7 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     hollows in the cost, and a fit stays in the one that it begins in, surer of it than it should be. The
     first round of all of them goes by the sensitivities at the fit; only the best go on. A model that lacks
     more than that is not fitted to the last digit, and begins nowhere else. One that may be right begins
-    beside what was found, too, until that finds nothing better.
+    beside what was found, too, for as long as that finds something better.
     """
     if not terms:
         return fit
@@ -104,7 +104,8 @@ def _out_of_hollows(fitter: Fitter, fit: Fit, unknown: Sequence[Free]) -> Fit:
         begun = _begun_beside(fitter, held, fit.terms, unknown)
         ended = [fitter.fit(each, unknown, rounds=PURSUED) for each in begun]
         best = min(ended, key=lambda each: each.cost)
-        for each in ended:
+        others = [each for each in ended if each is not best]
+        for each in others:
             best = fitter.best_of(best, fitter.under(each, best.terms))
         before, fit = fit, min(fit, fitter.fit(best, unknown), key=lambda each: each.cost)
         if before.cost - fit.cost < WORTH_IT:

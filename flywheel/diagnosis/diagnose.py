@@ -270,7 +270,8 @@ def _settled(search: _Search, judged: _Judged) -> tuple[_Judged, list[Fit]]:
     margin = search.limits.equally_good
     exchange = exchanged(selection, judged.steps, margin)
     if step := exchange.shorter(selection):
-        return _settled(search, _judged(search, [*_before(judged.steps, step.fit), step]))
+        shorter = _judged(search, [*_before(judged.steps, step.fit), step])
+        return _settled(search, _trusted(search, shorter))
     known = [fit for fit in exchange.others if not probed(fit.terms)]
     first, *rivals = sorted([exchange.last, *known], key=selection.criterion)
     instead = [fit for fit in exchange.others if probed(fit.terms)]

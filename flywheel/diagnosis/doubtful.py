@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from flywheel.diagnosis.calibration import asked
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.exchange import RIVAL
+from flywheel.diagnosis.sameness import places
 from flywheel.diagnosis.score import Score, sensitivities, slices_of
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.step import Step
@@ -24,9 +26,8 @@ class Doubtful:
       name: of the number.
       off: by how much it would have to be more, as a share.
       score: like a candidate's.
-      instead: the candidate that scored highest where it was asked for; "" where it explains something
-        beside the answer.
-      more: it promises more than that candidate.
+      instead: what was added where it was asked for; "" where it explains something beside the answer.
+      more: it promises more than that explained.
     """
 
     name: str
@@ -58,26 +59,38 @@ def doubtful_numbers(
     for step, after in zip(steps, [*steps[1:], None], strict=True):
         if after is None and not unexplained:
             break
-        best = step.scores[0]
+        explained = max(score.power for score in step.scores)
+        if after is not None:  # which may be more than its score promised
+            explained = max(explained, step.fit.cost - after.fit.cost)
         for score in _scores(selection, step):
             name, off = score.candidate.effect.name, score.sizes[0] * score.candidate.typical[0]
-            seen = score.score >= selection.threshold and score.power >= RIVAL * best.power
+            seen = score.score >= selection.threshold and score.power >= RIVAL * explained
             if seen and abs(off) <= LIKELY and name not in found:
-                instead = "" if after is None else best.candidate.label
-                more = score.power > best.power
+                instead = "" if after is None else _added(selection, step, after)
+                more = score.power > explained
                 found[name] = Doubtful(name, float(off), score.score, instead, more)
     return tuple(sorted(found.values(), key=lambda each: -each.score))
 
 
+def _added(selection: Selection, step: Step, after: Step) -> str:
+    """What a step has more than the one before, or else what it has."""
+    robot, before = selection.fitter.windows.robot, places(step.fit.terms)
+    terms = asked(after.fit.terms)
+    more = [term for term in terms if (term.effect.name, term.place) not in before]
+    return " with ".join(term.label(robot) for term in more or terms)
+
+
 def _scores(selection: Selection, step: Step) -> list[Score]:
-    """Of all numbers that the model does not have."""
+    """Of all numbers that the model does not have, and that are not asked about anyway."""
     fitter, had = selection.fitter, {term.effect.name for term in step.fit.terms}
+    had |= {candidate.effect.name for candidate in selection.library}
     library = {name: each for name, each in CALIBRATIONS.items() if name not in had}
-    asked, test = candidates(fitter.windows.robot, library), step.test
-    if not asked:
+    numbers, test = candidates(fitter.windows.robot, library), step.test
+    if not numbers:
         return []
-    columns, shorter = sensitivities(fitter, step.fit, asked, test.projection, test.residual)
+    fit = fitter.under(step.fit, step.fit.terms)  # in the time steps that the fitter has by now
+    columns, shorter = sensitivities(fitter, fit, numbers, test.projection, test.residual)
     of_numbers = replace(
-        test, candidates=asked, columns=columns, shorter=shorter, slices=slices_of(asked)
+        test, candidates=numbers, columns=columns, shorter=shorter, slices=slices_of(numbers)
     )
     return of_numbers.scores()

@@ -11,9 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flywheel.diagnosis.calibration import as_said
 from flywheel.diagnosis.candidates import Candidate
-from flywheel.diagnosis.fit import Fitter
+from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.sameness import places
 from flywheel.diagnosis.score import Score
+from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.worth import worth_a_round
 from flywheel.effects import Term, Terms
@@ -29,7 +32,8 @@ def at_first_sight(
 ) -> list[Terms]:
     """A further effect that explains most of what the model leaves at the first estimates; none mostly.
 
-    It is only asked where a model is clearly wrong, and no score promises to explain much of it.
+    It is only asked where a model is clearly wrong, and no score promises to explain much of it; and not of
+    a network, which begins with what it saw.
 
     Args:
       fitter, step: the model.
@@ -37,18 +41,27 @@ def at_first_sight(
       known: what is refitted anyway.
     """
     believed = max(score.power for score in step.scores) > BELIEVED * step.left
-    if believed or not worth_a_round(fitter, step.fit):
+    wrong = isinstance(fitter, StartFitter) and worth_a_round(fitter, step.fit) > 0.0
+    had = places(step.fit.terms)
+    further = [each for each in library if (each.effect.name, each.place) not in had]
+    if believed or not wrong or not further:
         return []
-    begun = fitter.beginning(step.fit.terms)
-    tried = [(candidate, term) for candidate in library for term in _terms(candidate)]
-    points = fitter.predictions(begun, [(*begun.terms, term) for _, term in tried])
-    costs = np.array([(fitter.windows.residual(each) ** 2).sum() for each in points])
-    costs = np.where(np.isfinite(points).all(axis=(1, 2, 3, 4)), costs, np.inf)
-    candidate, term = tried[int(costs.argmin())]
-    explained = begun.cost - costs.min() > MOSTLY * (begun.cost - step.test.freedom)
+    begun = fitter.beginning(as_said(step.fit.terms))  # what was fitted was misled, too
+    best = [(*_best(fitter, begun, candidate), candidate) for candidate in further]
+    cost, term, candidate = min(best, key=lambda each: each[0])
+    explained = begun.cost - cost > MOSTLY * (begun.cost - step.test.freedom)
     if not explained or any(_same_way(score, candidate, term) for score in known):
         return []
     return [(term,)]
+
+
+def _best(fitter: Fitter, begun: Fit, candidate: Candidate) -> tuple[float, Term]:
+    """What the windows' residuals cost with the best of its terms, without any fit."""
+    terms = list(dict.fromkeys(_terms(candidate)))  # bounded sizes are the same ones
+    points = fitter.predictions(begun, [(*begun.terms, term) for term in terms])
+    costs = np.array([(fitter.windows.residual(each) ** 2).sum() for each in points])
+    costs = np.where(np.isfinite(points).all(axis=(1, 2, 3, 4)), costs, np.inf)
+    return float(costs.min()), terms[int(costs.argmin())]
 
 
 def _terms(candidate: Candidate) -> list[Term]:

@@ -93,8 +93,10 @@ class Selection:
             # A score is a promise of the linearisation; a fit need not keep it.
             if better is None or self.criterion(better) >= self.criterion(steps[-1].fit):
                 break
-            # only the fit was not good enough yet
-            if places(better.terms) == places(steps[-1].fit.terms):
+            # Only the fit was not good enough yet; other values of what the plant had are an answer.
+            if places(better.terms) == places(steps[-1].fit.terms) and (
+                len(steps) > 1 or not asked(better.terms)
+            ):
                 steps.pop()
             steps.append(self.look(better))
         return steps

@@ -128,8 +128,9 @@ def doubtful(found: Diagnosis) -> str:
     first, *others = found.doubtful
     ways = f"{abs(first.off):.1%} {'more' if first.off > 0 else 'less'} of {first.name}"
     does = "more than" if first.more else "nearly as much as"
-    explains = f"{does} {first.instead}" if first.instead else "some of what the answer leaves"
-    also = f" So would another {' or '.join(each.name for each in others)}." if others else ""
+    explains = f"{does} {first.instead}" if first.instead else "some of what is left"
+    names = " or ".join(each.name for each in others)
+    also = f" Another {names} would explain about as much." if others else ""
     share = max(1, round(100 * abs(first.off)))
     return (
         f"Or a number of the MJCF is wrong: {ways} would explain {explains} (score {first.score:.0f}).{also} "

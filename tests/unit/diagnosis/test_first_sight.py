@@ -100,6 +100,7 @@ def test_what_is_seen_at_first_is_fitted_beside_what_scores_propose(
     fitter, step = misled
     selection = Selection(fitter, library, 25.0)
     wrong = next(s for s in step.scores if s.candidate.effect.name == "payload")
+    monkeypatch.setattr("flywheel.diagnosis.selection.promising_pairs", lambda *_: [])
     monkeypatch.setattr(selection, "short", lambda _: [replace(wrong, sizes=(1.0,))])
     scores = tuple(replace(s, power=1.0, score=30.0) for s in step.scores)
     then = tuple(replace(s, power=0.0) for s in step.scores)
@@ -107,3 +108,14 @@ def test_what_is_seen_at_first_is_fitted_beside_what_scores_propose(
     found = selection.run(replace(step, scores=scores))[-1]
     assert [term.effect.name for term in found.fit.terms] == ["winch_gain"], seed
     assert found.fit.terms[0].values[0] == pytest.approx(0.3 * sign, abs=0.05), seed
+
+
+def test_what_a_model_has_is_not_tried_again(
+    misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
+) -> None:
+    fitter, step = misled
+    right = next(each for each in library if each.effect.name == "winch_gain")
+    had = Term(EFFECTS["winch_gain"], None, (0.01 * sign,))
+    wrong = replace(step, fit=replace(step.fit, terms=(had,)))
+    assert at_first_sight(fitter, step, [right], known=()), seed
+    assert at_first_sight(fitter, wrong, [right], known=()) == [], seed

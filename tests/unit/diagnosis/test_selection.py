@@ -301,3 +301,18 @@ def test_a_model_that_diverges_is_given_up_after_a_round(
 
     monkeypatch.setattr(selection.fitter, "fit", fit)
     assert selection.pursued(diverged) is diverged and len(rounds) == 1
+
+
+def test_other_values_of_what_a_plant_had_are_an_answer_and_better_starts_are_none(
+    robot: Robot, fitter: StartFitter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (candidate,) = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
+    selection = Selection(fitter, (candidate,), 25.0)
+    plain = selection.look(fitted(fitter, rounds=1))
+    for terms, expected in (((candidate.term((0.1,)),), 2), ((), 1)):
+        first = replace(plain, fit=replace(plain.fit, terms=terms))
+        better = iter([replace(first.fit, cost=0.5 * first.fit.cost), None])
+        monkeypatch.setattr(selection, "_moved", lambda _: None)
+        monkeypatch.setattr(selection, "_next", lambda *_, found=better: next(found))
+        monkeypatch.setattr(selection, "look", lambda fit, at=first: replace(at, fit=fit))
+        assert len(selection._run(first)) == expected
