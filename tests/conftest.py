@@ -23,12 +23,13 @@ from tests.readme_commands import the_two_commands
 
 ROOT = Path(__file__).parents[1]
 BIN = Path(sys.executable).parent
-STARTING_RAY = ("tests/test_readme.py", "tests/test_docker.py")
+STARTING_RAY = ("tests/integration/", "tests/test_readme.py", "tests/test_docker.py")
 NO_EGL = "libEGL is not installed: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip the tests that draw where there is nothing to draw with."""
+    """Tests that start a Ray first, which take longest; skip those that draw where nothing can."""
+    items.sort(key=lambda item: not starts_ray(item.nodeid))
     if ctypes.util.find_library("EGL"):
         return
     for item in items:
@@ -36,15 +37,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason=NO_EGL))
 
 
+def starts_ray(nodeid: str) -> bool:
+    """Whether a test starts a Ray, which takes both cores."""
+    return nodeid.startswith(STARTING_RAY)
+
+
 class TwoProcesses(LoadScopeScheduling):
-    """Gives one of two processes all tests that start a Ray, which takes both cores.
+    """Gives one of two processes all tests that start a Ray.
 
     The others go by file, so that what a file sets up is set up once; pages of the docs one by one.
     """
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0]
-        if file.startswith("tests/integration/") or file in STARTING_RAY:
+        if starts_ray(nodeid):
             return "ray"
         return nodeid if file == "tests/test_docs.py" else file
 
