@@ -86,8 +86,8 @@ def test_nothing_is_looked_for_where_the_model_may_be_right(
 def test_what_explains_little_is_not_proposed(
     misled: Misled, library: tuple[Candidate, ...], seed: int
 ) -> None:
-    others = [each for each in library if each.effect.name != "winch_gain"]
-    assert at_first_sight(*misled, others, known=()) == [], seed
+    payloads = [each for each in library if each.effect.name == "payload"]  # a tenth at most
+    assert at_first_sight(*misled, payloads, known=()) == [], seed
 
 
 def test_what_is_seen_at_first_is_fitted_beside_what_scores_propose(
