@@ -29,8 +29,9 @@ def test_an_edit_is_named_placed_and_measured(tmp_path: Path, draw: int) -> None
     record(robot.xml, edit, SECONDS, rng, tmp_path / "log.csv")
     (log,) = read_recording(tmp_path / "log.csv", robot).episodes
     found = diagnose(Plant(robot), [log.trajectory], library=LIBRARY)
+    named = [(each.effect, each.location) for each in found.answers[0]]
+    assert named == [(edit.effect, edit.location)], (seed, found.verdict)
     (answer,) = found.answers[0]
-    assert (answer.effect, answer.location) == (edit.effect, edit.location), (seed, found.verdict)
     (value,) = answer.values
     certain = max(0.2 * abs(edit.value), value.high - value.low)  # twice a 95 % interval
     assert value.value == pytest.approx(edit.value, abs=certain), seed
