@@ -106,7 +106,8 @@ def test_an_answer_is_judged_without_what_is_not_needed(monkeypatch: pytest.Monk
     monkeypatch.setattr(concluding, "exchanged", lambda *_: next(exchanges))
     monkeypatch.setattr(concluding, "_judged", judge)
     search: Any = SimpleNamespace(
-        selection=SimpleNamespace(criterion=None), limits=SimpleNamespace(equally_good=1.0)
+        selection=SimpleNamespace(criterion=None, new=lambda _: ()),
+        limits=SimpleNamespace(equally_good=1.0),
     )
     begun: Any = SimpleNamespace(steps=[first, other, last], verdict=Verdict.EFFECT)
     settled, others = concluding._settled(search, begun)

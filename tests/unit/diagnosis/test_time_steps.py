@@ -10,7 +10,7 @@ import pytest
 
 from flywheel.diagnosis.baseline import fitted, fitter_of, refined_fit
 from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.fit import Fit
+from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.start_fit import StartFitter
 from flywheel.diagnosis.time_steps import TOLERATED, shorter_steps
@@ -111,17 +111,17 @@ def test_models_race_in_the_time_steps_that_the_first_one_asks_for(
     selection = Selection(own, (), 25.0)
     first = own.fit(own.beginning())
     other = own.fit(own.under(first, (Term(EFFECTS["winch_gain"], None, (0.05,)),)), rounds=1)
-    begun: list[tuple[np.ndarray, Fit]] = []
+    begun: list[tuple[Fitter, Fit]] = []  # the best one may ask for shorter steps once more
 
     def pursued(fit: Fit, *_: float, **__: float) -> Fit:
-        begun.append((selection.fitter.time_steps, fit))
+        begun.append((selection.fitter, fit))
         return fit
 
     monkeypatch.setattr(selection, "pursued", pursued)
     selection.race([first, other])
-    for steps, fit in begun[:2]:
-        assert (steps < robot.timestep).any(), seed
-        again = selection.fitter.under(fit, fit.terms)
+    for fitter, fit in begun[:2]:
+        assert (fitter.time_steps < robot.timestep).any(), seed
+        again = fitter.under(fit, fit.terms)
         np.testing.assert_allclose(again.cost, fit.cost, rtol=1e-9)  # a fit of the new fitter
     assert {len(fit.terms) for _, fit in begun[:2]} == {0, 1}, seed
 
