@@ -10,6 +10,7 @@ import pytest
 from flywheel.diagnosis import Verdict, diagnose
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
+from flywheel.diagnosis.first_sight import at_first_sight
 from flywheel.diagnosis.network_fit import NetworkFitter
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.subject import Subject
@@ -135,6 +136,17 @@ def test_what_is_hidden_is_found_and_what_is_not_is_not(
     assert named.values[0].value == pytest.approx(share, rel=0.1), seed
     assert found.ranking[0].candidate.effect.name == "winch_gain", seed
     assert found.errors.augmented < found.errors.baseline, seed
+
+
+def test_a_network_is_not_asked_at_first_sight(
+    robot: Robot, fitter: NetworkFitter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = candidates(robot, FEW)
+    step = Selection(fitter, library, 25.0).look(fitter.beginning())
+    scores = tuple(replace(score, power=1.0) for score in step.scores)
+    fit = replace(step.fit, cost=10.0 * fitter.freedom(step.fit))
+    monkeypatch.setattr(NetworkFitter, "predictions", None)  # nothing is simulated
+    assert at_first_sight(fitter, replace(step, fit=fit, scores=scores), library, ()) == []
 
 
 def test_a_model_that_does_not_fit_is_refused(
