@@ -9,7 +9,6 @@ from typing import Any
 from flywheel.diagnosis.calibration import asked
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.exchange import RIVAL
-from flywheel.diagnosis.sameness import places
 from flywheel.diagnosis.score import Score, sensitivities, slices_of
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.step import Step
@@ -74,10 +73,9 @@ def doubtful_numbers(
 
 def _added(selection: Selection, step: Step, after: Step) -> str:
     """What a step has more than the one before, or else what it has."""
-    robot, before = selection.fitter.windows.robot, places(step.fit.terms)
-    terms = asked(after.fit.terms)
-    more = [term for term in terms if (term.effect.name, term.place) not in before]
-    return " with ".join(term.label(robot) for term in more or terms)
+    robot = selection.fitter.windows.robot
+    terms = selection.new([step, after]) or asked(after.fit.terms)
+    return " with ".join(term.label(robot) for term in terms)
 
 
 def _scores(selection: Selection, step: Step) -> list[Score]:

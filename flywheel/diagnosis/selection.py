@@ -95,7 +95,7 @@ class Selection:
                 break
             # Only the fit was not good enough yet; other values of what the plant had are an answer.
             if places(better.terms) == places(steps[-1].fit.terms) and (
-                len(steps) > 1 or not asked(better.terms)
+                len(steps) > 1 or not self._moves(steps[0], better)
             ):
                 steps.pop()
             steps.append(self.look(better))
@@ -103,12 +103,15 @@ class Selection:
 
     def _moved(self, first: Step) -> Fit | None:
         """The model as it was with other values of the effects that it had; None if they were right."""
-        had = asked(first.fit.terms)
-        if not had:
+        if not asked(first.fit.terms):
             return None
         fit = self.pursued(replace(first.fit, converged=False))  # with its values held so far
-        moved = first.fit.cost - fit.cost > sum(self._worth(term) for term in had)
-        return fit if moved else None
+        return fit if self._moves(first, fit) else None
+
+    def _moves(self, first: Step, fit: Fit) -> bool:
+        """Whether a fit explains enough to say that what the model had has other values."""
+        had = asked(first.fit.terms)
+        return bool(had) and first.fit.cost - fit.cost > sum(self._worth(term) for term in had)
 
     def new(self, steps: Sequence[Step]) -> Terms:
         """Terms of the last step that the first does not have."""

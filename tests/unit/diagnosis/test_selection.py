@@ -309,9 +309,10 @@ def test_other_values_of_what_a_plant_had_are_an_answer_and_better_starts_are_no
     (candidate,) = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
     selection = Selection(fitter, (candidate,), 25.0)
     plain = selection.look(fitted(fitter, rounds=1))
-    for terms, expected in (((candidate.term((0.1,)),), 2), ((), 1)):
+    had, half = (candidate.term((0.1,)),), 0.5 * plain.fit.cost
+    for terms, fall, expected in ((had, half, 2), (had, 0.1, 1), ((), half, 1)):
         first = replace(plain, fit=replace(plain.fit, terms=terms))
-        better = iter([replace(first.fit, cost=0.5 * first.fit.cost), None])
+        better = iter([replace(first.fit, cost=first.fit.cost - fall), None])
         monkeypatch.setattr(selection, "_moved", lambda _: None)
         monkeypatch.setattr(selection, "_next", lambda *_, found=better: next(found))
         monkeypatch.setattr(selection, "look", lambda fit, at=first: replace(at, fit=fit))
