@@ -196,45 +196,59 @@ def test_better_starts_found_in_shorter_steps_are_no_evidence_for_them(
     assert fit.cost < 1.02 * fitted(own).cost
 
 
-def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(robot: Robot, seed: int) -> None:
-    logs = [fallen(robot, seed + i, TIMES) for i in range(FALLS)]
-    loud = 5.0 * NOISE * robot.length  # so much that the plant's own steps will do
-    own = fitter_of(Windows.cut(robot, logs, seconds=0.4, sigma=loud), Plant(robot))
-    fit = own.fit(own.beginning())
-    assert not own.coarse(fit, TOLERATED).any(), seed
-    library = candidates(robot, {"winch_gain": EFFECTS["winch_gain"]})
-    selection = Selection(own, library, 25.0)
-    steps = selection.run(selection.look(fit))
-    assert (selection.fitter.time_steps < robot.timestep).any(), seed
-    assert len(steps) == 1, seed
-    assert steps[0].fit.cost < fit.cost, seed
+@pytest.fixture
+def before_nothing(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """What is tolerated where shorter steps are asked for before nothing is said.
 
-
-def test_a_plant_whose_effect_has_another_value_is_still_asked_about_it_in_shorter_steps(
-    robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before_nothing = []
+    Ones that fit no better might not be taken; here they are, for all windows.
+    """
+    asked: list[float] = []
 
     def shorter(own: StartFitter, fit: Fit, _: object, tolerated: float = TOLERATED) -> Any:
-        """Shorter ones that fit no better might not be taken; here they are, once they are asked for."""
         if tolerated == TOLERATED:
             return own, fit
-        before_nothing.append(tolerated)
+        asked.append(tolerated)
         everywhere = np.ones(len(own.windows), bool)
         finer = own.refined(everywhere)
         return finer, in_other_steps(finer, fit, everywhere)
 
     monkeypatch.setattr("flywheel.diagnosis.selection.shorter_steps", shorter)
+    return asked
+
+
+def selection_of(robot: Robot, seed: int, plant: Plant, terms: Terms = ()) -> Selection:
+    """For a fall whose noise is said to be so loud that the plant's own steps will do."""
+    log = fallen(robot, seed, TIMES, terms)
+    windows = Windows.cut(robot, [log], seconds=0.4, sigma=5.0 * NOISE * robot.length)
+    return Selection(
+        fitter_of(windows, plant), candidates(robot, {"slope": EFFECTS["slope"]}), 25.0
+    )
+
+
+def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(
+    robot: Robot, seed: int, before_nothing: list[float]
+) -> None:
+    selection = selection_of(robot, seed, Plant(robot))
+    own = selection.fitter
+    fit = own.fit(own.beginning())
+    assert not own.coarse(fit, TOLERATED).any(), seed
+    (step,) = selection.run(selection.look(fit))
+    assert before_nothing == [TOLERATED_BY_NOTHING], seed
+    assert (selection.fitter.time_steps < robot.timestep).all(), seed
+    again = selection.fitter.under(step.fit, ())
+    np.testing.assert_allclose(again.cost, step.fit.cost, rtol=1e-9)  # a fit of the new fitter
+
+
+def test_a_plant_whose_effect_has_another_value_is_still_asked_about_it_in_shorter_steps(
+    robot: Robot, seed: int, before_nothing: list[float]
+) -> None:
     effect = EFFECTS["cable_damping"]
     had, has = (
         (Term(effect, None, (times * effect.sizes[0].typical(Scales.of(robot)),)),)
         for times in (1.0, 4.0)
     )
-    logs = [fallen(robot, seed + i, TIMES, has) for i in range(FALLS)]
-    plant = EffectivePlant(robot, had)
-    loud = 5.0 * NOISE * robot.length
-    own = fitter_of(Windows.cut(robot, logs, seconds=0.4, sigma=loud), plant)
-    selection = Selection(own, candidates(robot, {"slope": EFFECTS["slope"]}), 25.0)
+    selection = selection_of(robot, seed, EffectivePlant(robot, had), has)
+    own = selection.fitter
     first, *_, last = selection.run(selection.look(own.fit(own.beginning(had))))
     assert before_nothing == [TOLERATED_BY_NOTHING], seed
     assert (selection.fitter.time_steps < robot.timestep).all(), seed
