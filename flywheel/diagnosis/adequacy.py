@@ -54,7 +54,7 @@ def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) ->
     return Adequacy(
         noise=float(test.left @ test.left) / max(test.freedom, 1.0),
         doubt=windows.doubt,
-        loudest=_loudest(test.left, measured.sum(axis=(1, 2, 3)), test.freedom),
+        loudest=loudest(test.left, measured.sum(axis=(1, 2, 3)), test.freedom),
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, known),
         by_window=fitter.mean_squares(fit),
@@ -62,7 +62,7 @@ def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) ->
     )
 
 
-def _loudest(left: Floats, measured: np.ndarray, freedom: float) -> float:
+def loudest(left: Floats, measured: np.ndarray, freedom: float) -> float:
     """Largest excess of the squares of one window, of which (K,) samples were measured."""
     squares = (left.reshape(len(measured), -1) ** 2).sum(axis=1)
     free = measured * freedom / max(1, measured.sum())

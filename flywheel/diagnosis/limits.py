@@ -42,6 +42,7 @@ class Limits:
             threshold=max(self.threshold, MARGIN * own.score),
             loud=self.loud * max(1.0, own.noise),
             correlated=self.correlated + max(0.0, own.correlation),
+            outstanding=max(self.outstanding, own.loudest),
         )
 
     def enough(self, left: Adequacy) -> bool:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flywheel.diagnosis.adequacy import sample_correlation
+from flywheel.diagnosis.adequacy import loudest, sample_correlation
 from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.free import term_cost
 from flywheel.diagnosis.held import Held, Linear
@@ -46,12 +46,13 @@ class OwnErrors:
 
     Attributes:
       score: best score of any candidate.
-      noise, correlation: of what is left of them; see `Adequacy`.
+      noise, correlation, loudest: of what is left of them; see `Adequacy`.
     """
 
     score: float
     noise: float
     correlation: float
+    loudest: float
 
 
 class NetworkFitter(Fitter):
@@ -156,6 +157,7 @@ class NetworkFitter(Fitter):
     def own_errors(self, test: ScoreTest) -> OwnErrors:
         """What a test makes of the network's own errors, in draws that it does not know."""
         measured = np.isfinite(self.windows.measured)
+        by_window = measured.sum(axis=(1, 2, 3))
         found = []
         for draw in np.moveaxis(self._own, 2, 0):
             residual = test.projection(draw[..., None])[:, 0]
@@ -163,7 +165,8 @@ class NetworkFitter(Fitter):
             best = max(s.score for s in replace(test, residual=residual, noise=noise).scores())
             left = test.whole(draw[..., None])[:, 0]
             loud = float(left @ left) / max(test.freedom, 1.0)
-            found.append((best, loud, sample_correlation(left, measured.shape)))
+            correlation = sample_correlation(left, measured.shape)
+            found.append((best, loud, correlation, loudest(left, by_window, test.freedom)))
         return OwnErrors(*np.quantile(found, BEYOND, axis=0).tolist())
 
     def _unseen(self, worlds: Floats) -> Floats:

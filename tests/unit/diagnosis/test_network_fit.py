@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict, diagnose
+from flywheel.diagnosis.adequacy import adequacy
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.first_sight import at_first_sight
+from flywheel.diagnosis.limits import OUTSTANDING
 from flywheel.diagnosis.network_fit import NetworkFitter
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.subject import Subject
@@ -79,6 +81,9 @@ def test_its_own_errors_are_far_above_the_noise_and_are_not_taken_for_an_effect(
     own = fitter.own_errors(step.test)
     assert step.test.noise < 1.5 * max(1.0, own.noise), seed
     assert step.scores[0].score < max(25.0, 2 * own.score), seed
+    left = adequacy(fitter, fit, step.test, None)
+    assert left.loudest < max(OUTSTANDING, own.loudest), seed
+    assert own.loudest > OUTSTANDING, seed  # far louder in one window than noise ever is
 
 
 def test_only_what_comes_after_its_past_is_explained(fitter: NetworkFitter) -> None:

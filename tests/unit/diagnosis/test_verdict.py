@@ -59,15 +59,16 @@ def test_a_shape_alone_shows_nothing(robot: Robot) -> None:
 
 def test_what_a_model_does_wrong_by_itself_is_not_taken_for_more() -> None:
     limits, rng = Limits(), np.random.default_rng()
-    own = OwnErrors(*rng.uniform((25.0, 1.1, 0.1), (100.0, 2.0, 0.5)))
+    own = OwnErrors(*rng.uniform((25.0, 1.1, 0.1, 6.0), (100.0, 2.0, 0.5, 60.0)))
     beyond = limits.beyond(own)
     # A few draws seldom show the worst of them: scores somewhat above theirs are no evidence either.
     assert beyond.threshold > 1.2 * own.score
     assert beyond.loud > own.noise
     assert beyond.correlated > own.correlation
+    assert beyond.outstanding >= own.loudest
 
 
 def test_a_model_that_does_nothing_wrong_is_asked_what_a_plant_is() -> None:
     rng = np.random.default_rng()
-    quiet = OwnErrors(*rng.uniform((0.0, 0.5, -0.1), (10.0, 1.0, 0.0)))
+    quiet = OwnErrors(*rng.uniform((0.0, 0.5, -0.1, 0.0), (10.0, 1.0, 0.0, 6.0)))
     assert Limits().beyond(quiet) == Limits()
