@@ -6,13 +6,16 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from flywheel.diagnosis import doubtful as asking
+from flywheel.diagnosis import score
 from flywheel.diagnosis.baseline import fitted, fitter_of
 from flywheel.diagnosis.calibration import unsure_terms
 from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.doubtful import Doubtful, doubtful_numbers
+from flywheel.diagnosis.fit import Fit, Fitter
 from flywheel.diagnosis.selection import Selection
 from flywheel.diagnosis.step import Step
 from flywheel.diagnosis.windows import Windows
@@ -98,6 +101,25 @@ def test_no_number_is_doubted_where_an_effect_explains_far_more(robot: Robot, se
     selection, step = looked(robot, seed, (Term(EFFECTS["winch_gain"], None, (0.3,)),))
     assert step.scores[0].candidate.effect.name == "winch_gain", seed
     assert not named(selection, step, with_added(step)), seed
+
+
+def test_it_is_asked_in_the_time_steps_of_the_end(
+    stiffer: Looked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first step's may have been longer, and what changes with them is no number's doing."""
+    selection, step = stiffer
+    finer = selection.fitter.refined(np.ones(len(selection.fitter.windows), bool))
+    costs: list[float] = []
+
+    def sensitivities(fitter: Fitter, fit: Fit, *rest: Any) -> Any:
+        assert fitter is finer
+        costs.append(fit.cost)
+        return score.sensitivities(fitter, fit, *rest)
+
+    monkeypatch.setattr(asking, "sensitivities", sensitivities)
+    asking._scores(Selection(finer, selection.library, 25.0), step)
+    assert costs == [pytest.approx(finer.under(step.fit, step.fit.terms).cost, rel=1e-9)]
+    assert costs[0] != pytest.approx(step.fit.cost, rel=1e-9)
 
 
 def test_what_somebody_is_unsure_of_is_not_doubted_again(stiffer: Looked) -> None:

@@ -113,3 +113,30 @@ def test_an_answer_is_judged_without_what_is_not_needed(monkeypatch: pytest.Monk
     settled, others = concluding._settled(search, begun)
     assert judged == [[first, shorter]]
     assert (settled.steps, others) == ([first, shorter], [])
+
+
+def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the whole one would, whose intervals are others."""
+    names = ("winch_gain", "cable_friction", "cable_damping")
+    a, b, c = (Term(EFFECTS[name], None, (0.1,)) for name in names)
+
+    def step(*terms: Term) -> Any:
+        return SimpleNamespace(fit=SimpleNamespace(terms=terms))
+
+    def judge(_: Any, steps: list[Any]) -> Any:
+        terms = steps[-1].fit.terms
+        answer = [SimpleNamespace(term=t, shown=t is not b, certainty=0.1) for t in terms]
+        return SimpleNamespace(steps=steps, answer=answer, verdict=Verdict.NOISE_ONLY)
+
+    exchange_of = SimpleNamespace(shorter=lambda _: step(a, b))
+    monkeypatch.setattr(concluding, "exchanged", lambda *_: exchange_of)
+    monkeypatch.setattr(concluding, "_judged", judge)
+    selection = SimpleNamespace(
+        new=lambda steps: steps[-1].fit.terms,
+        shortened=lambda fit, term: step(*(t for t in fit.terms if t is not term)).fit,
+        look=lambda fit: step(*fit.terms),
+    )
+    search: Any = SimpleNamespace(selection=selection, limits=SimpleNamespace(equally_good=1.0))
+    begun: Any = SimpleNamespace(steps=[step(), step(a), step(a, b, c)], verdict=Verdict.EFFECT)
+    settled, _ = concluding._settled(search, begun)
+    assert [each.fit.terms for each in settled.steps] == [(), (a,)]
