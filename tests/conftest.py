@@ -16,6 +16,7 @@ os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 import pytest
+from hypothesis import settings
 from typer.testing import CliRunner
 from xdist.scheduler import LoadScopeScheduling
 
@@ -24,6 +25,11 @@ from tests.readme_commands import the_two_commands
 ROOT = Path(__file__).parents[1]
 BIN = Path(sys.executable).parent
 STARTING_RAY = ("tests/integration/", "tests/test_readme.py", "tests/test_docker.py")
+# The same examples every time; fresh ones with --hypothesis-profile fresh.
+settings.register_profile("fixed", derandomize=True, deadline=None)
+settings.register_profile("fresh", deadline=None)
+settings.load_profile("fixed")
+
 NO_EGL = "libEGL is not installed: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
 
 

@@ -1,0 +1,220 @@
+"""Files that people hand over: read only if they are files, and only as much as can be sensible.
+
+Whoever reads a file says what it is, for the message, and which error a bad one raises. Nothing here
+waits for a pipe, follows a device, or reads more than its limit.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import reprlib
+import stat
+import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import yaml
+
+from flywheel.errors import FlywheelError
+
+MB = 1e6
+LARGEST_TEXT = 20 * MB  # of an MJCF or a JSON file [bytes]; the largest of ours has 1 MB
+LARGEST_YAML = 2 * MB  # [bytes]
+DEEPEST = 60  # brackets within brackets: far more than any file of ours has
+MOST_VALUES = 1_000_000  # single values of a file, aliases written out
+LONGEST_NAME = 80  # characters of a file's name that is made of another name
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 60, 60
+_SHORT.maxlist = _SHORT.maxdict = _SHORT.maxtuple = 4
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def file_name(name: str) -> str:
+    """What a file or folder that is called after `name` is called: one path component, never hidden.
+
+    The only way to a path from a name that was read in a file, such as a robot's. Everything that is not
+    a letter, a digit, ".", "_", "-", "+" or a space becomes "-".
+    """
+    plain = unicodedata.normalize("NFKC", name)
+    safe = re.sub(r"[^\w.+ -]+", "-", plain).strip("-. ")
+    while len(safe.encode()) > LONGEST_NAME:
+        safe = safe[:-1]
+    return safe.rstrip("-. ") or "unnamed"
+
+
+@contextmanager
+def opened(
+    path: str | Path, what: str, error: type[FlywheelError], limit: float | None = LARGEST_TEXT
+) -> Iterator[BinaryIO]:
+    """Open a regular file for reading.
+
+    Args:
+      path: of the file.
+      what: it is, for messages: "recording", "MJCF".
+      error: that is raised.
+      limit: of its size [bytes]; None for any.
+
+    Raises:
+      error: there is none; it is a folder, a pipe or a device; it is too large; it may not be read.
+    """
+    path = Path(path)
+    try:
+        # Without O_NONBLOCK opening a pipe waits for a writer, for ever.
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (FileNotFoundError, NotADirectoryError):
+        raise error(f"There is no {what} {path}.") from None
+    except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
+        raise error(f"The {what} {str(path)!r} cannot be read: {_reason(problem)}.") from None
+    about = os.fstat(handle)
+    if not stat.S_ISREG(about.st_mode):
+        os.close(handle)
+        kind = _KINDS.get(stat.S_IFMT(about.st_mode), "no regular file")
+        raise error(f"The {what} {path} is {kind}; a regular file is needed.")
+    with os.fdopen(handle, "rb") as file:
+        if limit is not None and about.st_size > limit:
+            raise error(
+                f"The {what} {path} has {about.st_size / MB:.4g} MB; at most {limit / MB:g} MB are read."
+            )
+        yield file
+
+
+def read_bytes(
+    path: str | Path, what: str, error: type[FlywheelError], limit: float = LARGEST_TEXT
+) -> bytes:
+    """Contents of a regular file; see `opened`."""
+    with opened(path, what, error, limit) as file:
+        try:
+            content = file.read(int(limit) + 1)
+        except OSError as problem:
+            raise error(f"The {what} {path} cannot be read: {_reason(problem)}.") from None
+    if len(content) > limit:  # files of /proc say that they are empty
+        raise error(f"The {what} {path} has more than {limit / MB:g} MB, the most that is read.")
+    return content
+
+
+def read_text(
+    path: str | Path, what: str, error: type[FlywheelError], limit: float = LARGEST_TEXT
+) -> str:
+    """Text of a regular file in UTF-8, with or without a mark of it at the beginning.
+
+    Raises:
+      error: see `opened`; or it is not UTF-8.
+    """
+    content = read_bytes(path, what, error, limit)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        line = content[: problem.start].count(b"\n") + 1
+        raise error(
+            f"The {what} {path} is not text in UTF-8: line {line} has the byte "
+            f"0x{content[problem.start]:02x}. Save it as UTF-8."
+        ) from None
+    if "\0" in text:
+        raise error(f"The {what} {path} is not text: it holds bytes of zero.")
+    return text
+
+
+def read_yaml(path: str | Path, what: str, error: type[FlywheelError]) -> Any:
+    """Plain values of a YAML file; None of an empty one.
+
+    Raises:
+      error: see `read_text`; or it is not YAML, or deeper or larger (with aliases written out) than allowed.
+    """
+    return parsed_yaml(read_text(path, what, error, LARGEST_YAML), f"The {what} {path}", error)
+
+
+def parsed_yaml(text: str, what: str, error: type[FlywheelError]) -> Any:
+    """Plain values of a text in YAML; see `read_yaml`.
+
+    Args:
+      text: in YAML.
+      what: it is, at the beginning of a sentence: "The map a.yaml".
+      error: that is raised.
+    """
+    try:
+        _check_yaml(text, what, error)
+        return yaml.load(text, Loader=yaml.CSafeLoader)
+    except yaml.YAMLError as problem:
+        raise error(f"{what} is not YAML: {problem}") from None
+    except (ValueError, TypeError) as problem:  # 2020-02-31, !!int foo, a list as a key
+        raise error(f"{what} has a value that is none: {problem}.") from None
+    except RecursionError:
+        raise error(f"{what} has more than {DEEPEST} brackets within brackets.") from None
+
+
+def _check_yaml(text: str, what: str, error: type[FlywheelError]) -> None:
+    """Refuse what would be too much once it is written out, by its events alone."""
+    sizes, anchors = [0], [""]  # of each collection that is open: values so far, and its anchor
+    known: dict[str, int] = {}  # anchor -> values
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        size, anchor = 1, getattr(event, "anchor", None) or ""
+        if isinstance(event, yaml.CollectionStartEvent):
+            sizes.append(0)
+            anchors.append(anchor)
+            if len(sizes) > DEEPEST + 1:
+                raise error(f"{what} has more than {DEEPEST} brackets within brackets.")
+            continue
+        if isinstance(event, yaml.CollectionEndEvent):
+            size, anchor = 1 + sizes.pop(), anchors.pop()
+        elif isinstance(event, yaml.AliasEvent):
+            if anchor in anchors:
+                raise error(f"{what} holds itself: *{anchor} is within &{anchor}.")
+            size = known.get(anchor, 1)
+        known[anchor] = size
+        sizes[-1] += size
+        if sizes[-1] > MOST_VALUES:
+            raise error(f"{what} has more than {MOST_VALUES:,} values, with aliases written out.")
+
+
+def read_json(path: str | Path, what: str, error: type[FlywheelError]) -> Any:
+    """Plain values of a JSON file.
+
+    Raises:
+      error: see `read_text`; or it is not JSON, or too deep.
+    """
+    return parsed_json(read_text(path, what, error), f"The {what} {path}", error)
+
+
+def parsed_json(text: str | bytes, what: str, error: type[FlywheelError]) -> Any:
+    """Plain values of a text in JSON; see `parsed_yaml`."""
+    try:
+        values = json.loads(text)
+    except RecursionError:
+        raise error(f"{what} has more than {DEEPEST} brackets within brackets.") from None
+    except ValueError as problem:  # also of 5000 digits, and of bytes that are no text
+        raise error(f"{what} is not JSON: {problem}.") from None
+    if _deeper_than(values, DEEPEST):
+        raise error(f"{what} has more than {DEEPEST} brackets within brackets.")
+    return values
+
+
+def _deeper_than(values: Any, most: int) -> bool:
+    """Whether lists and mappings are nested more than so often."""
+    level = [values]
+    for _ in range(most):
+        level = [
+            inner
+            for each in level
+            if isinstance(each, dict | list)
+            for inner in (each.values() if isinstance(each, dict) else each)
+        ]
+    return any(isinstance(each, dict | list) for each in level)
+
+
+def shown(value: object) -> str:
+    """A value for a message: the beginning of its repr, however large or deep it is."""
+    return _SHORT.repr(value)
+
+
+def _reason(problem: Exception) -> str:
+    return (isinstance(problem, OSError) and problem.strerror) or str(problem)
