@@ -154,6 +154,10 @@ def _attachment(
     offset = in_body_frame(model, data, body, data.site_xpos[site])
     if body < 0:
         return Attachment(-1, offset, -1)
-    on_body = bodies[body].points
-    gaps = [np.linalg.norm(points[i].offset - offset) for i in on_body]
-    return Attachment(body, offset, on_body[int(np.argmin(gaps))])
+
+    def gap(point: int) -> tuple[float, ...]:
+        """To a point; between those as near it is its place that counts, not its number."""
+        place = points[point].offset
+        return round(float(np.linalg.norm(place - offset)), 9), *place
+
+    return Attachment(body, offset, min(bodies[body].points, key=gap))

@@ -15,6 +15,7 @@ What stands for what:
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -25,7 +26,8 @@ from flywheel.errors import RobotError
 from flywheel.records import State
 from flywheel.robots.bodies import read_bodies
 from flywheel.robots.cables import read_cables
-from flywheel.robots.robot import Body, Cable, Robot, TrackedPoint
+from flywheel.robots.ground import ground_of
+from flywheel.robots.robot import Body, Cable, Robot, TrackedPoint, Winch
 from flywheel.robots.winches import read_winches
 
 ASSETS = ("mesh", "hfield", "skin", "include", "model")
@@ -48,6 +50,7 @@ def read_robot(source: str | Path) -> Robot:
     bodies, points = read_bodies(spec, model, data)
     winches = read_winches(model, keyframe.act)
     cables = read_cables(model, data, bodies, points, winches, keyframe.act)
+    _refuse_equal_columns(points, winches)
     return Robot(
         name=root.attrib["model"],
         xml=xml,
@@ -59,7 +62,7 @@ def read_robot(source: str | Path) -> Robot:
         keyframe=keyframe,
         timestep=float(model.opt.timestep),
         length=_characteristic_length(bodies, points, cables),
-        grounded=bool((model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).any()),
+        grounded=ground_of(model) is not None,
     )
 
 
@@ -113,6 +116,24 @@ def _refuse_unnamed(model: mujoco.MjModel) -> None:
     for index in range(1, model.nbody):
         if model.body_weldid[index] == index and not model.body(index).name:
             raise RobotError(f"The moving body number {index} has no name; give it one.")
+
+
+def _refuse_equal_columns(points: tuple[TrackedPoint, ...], winches: tuple[Winch, ...]) -> None:
+    """Columns of recordings are named after sensors and winches, beside one that is called time."""
+    columns = Counter(
+        [
+            "time",
+            *(f"{point.name}.{axis}" for point in points for axis in "xyz"),
+            *(f"ctrl.{winch.name}" for winch in winches),
+            *(winch.sensor for winch in winches if winch.sensor),
+        ]
+    )
+    column, count = columns.most_common(1)[0]
+    if count > 1:
+        raise RobotError(
+            f"{count} columns of a recording would be named {column!r}; give the sensor or the actuator "
+            "that it comes from another name."
+        )
 
 
 def _keyframe(model: mujoco.MjModel) -> State:

@@ -23,6 +23,7 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.robot import Winch
 
+LAST_GROUP = 30  # of actuators that an MJCF can disable
 KINDS: dict[int, Literal["rate", "position"]] = {
     int(mujoco.mjtDyn.mjDYN_INTEGRATOR): "rate",
     int(mujoco.mjtDyn.mjDYN_FILTEREXACT): "position",
@@ -36,12 +37,14 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
       act: (na,) the keyframe's activations.
 
     Raises:
-      RobotError: an actuator that is neither a winch's nor passive, a winch's actuator without a
-        limit it needs, or a tuple whose actuators could not move alike.
+      RobotError: an actuator that is neither a winch's nor passive, or that is switched off, a winch's
+        actuator without a limit it needs, a tuple whose actuators could not move alike, or two winches
+        of one name.
     """
     driving = [a for a in range(model.nu) if not is_passive(model, a)]
     if not driving:
         raise RobotError("The MJCF has no winch; at least one actuator must drive a tendon.")
+    _refuse_disabled(model)
     for actuator in driving:
         _check(model, actuator, act)
     measured = _measured(model)
@@ -50,7 +53,7 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
         _check_alike(model, name, actuators, act)
     winches = [_winch(model, name, group, measured) for name, group in groups.items()]
     _refuse_shared_cables(model, winches)
-    return tuple(sorted(winches, key=lambda w: w.actuators[0]))
+    return tuple(sorted(winches, key=lambda w: min(w.actuators)))
 
 
 def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
@@ -62,8 +65,8 @@ def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
 def _winch(
     model: mujoco.MjModel, name: str, actuators: tuple[int, ...], measured: dict[int, str]
 ) -> Winch:
+    actuators = tuple(sorted(actuators, key=lambda a: a not in measured))
     first = actuators[0]
-    sensors = [measured[a] for a in actuators if a in measured]
     kind = KINDS[int(model.actuator_dyntype[first])]
     control_range = model.actuator_ctrlrange[first]
     limited = model.actuator_actlimited[first]
@@ -76,9 +79,9 @@ def _winch(
         control_range=(float(control_range[0]), float(control_range[1])),
         rest_range=(float(rest_range[0]), float(rest_range[1])),
         time_constant=float(model.actuator_dynprm[first, 0]) if kind == "position" else 0.0,
-        measured=bool(sensors),
+        measured=first in measured,
         activation=int(model.actuator_actadr[first]),
-        sensor=sensors[0] if sensors else "",
+        sensor=measured.get(first, ""),
     )
 
 
@@ -125,8 +128,21 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
         )
 
 
+def _refuse_disabled(model: mujoco.MjModel) -> None:
+    for actuator, group in enumerate(model.actuator_group.tolist()):
+        if 0 <= group <= LAST_GROUP and int(model.opt.disableactuator) >> group & 1:
+            raise RobotError(
+                f"The actuator {model.actuator(actuator).name!r} is in group {group}, which the MJCF's "
+                "actuatorgroupdisable switches off; leave the actuator or the group out."
+            )
+
+
 def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, ...]]:
-    """Winch name -> its actuators: the tuples of actuators, then each actuator that is in none."""
+    """Winch name -> its actuators: the tuples of actuators, then each actuator that is in none.
+
+    Raises:
+      RobotError: a tuple of something else, an actuator in two tuples, or two winches of one name.
+    """
     groups: dict[str, tuple[int, ...]] = {}
     for index in range(model.ntuple):
         start, size = model.tuple_adr[index], model.tuple_size[index]
@@ -141,9 +157,15 @@ def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, .
             raise RobotError(
                 f"The tuple {name!r} must list actuators of winches only, each in one tuple at most."
             )
-        groups[name] = tuple(sorted(members))
-    alone = set(driving) - {a for group in groups.values() for a in group}
-    return groups | {model.actuator(a).name: (a,) for a in sorted(alone)}
+        groups[name] = members
+    taken = {a for group in groups.values() for a in group}
+    alone = {model.actuator(a).name: (a,) for a in driving if a not in taken}
+    if both := groups.keys() & alone.keys():
+        raise RobotError(
+            f"A tuple and a winch's actuator that is in none are both named {min(both)!r}; winches need "
+            "names of their own, because columns of recordings are named after them."
+        )
+    return groups | alone
 
 
 def _check_alike(model: mujoco.MjModel, name: str, actuators: tuple[int, ...], act: Floats) -> None:

@@ -42,8 +42,10 @@ def scaled(model: mujoco.MjModel, robot: Robot, parameters: PlantParameters) -> 
     model = model.__copy__()
     if not parameters.changed():
         return model
-    model.geom_friction[:] *= parameters.friction
-    _scale_contact(model.geom_solref, parameters.contact_stiffness)
+    for friction in (model.geom_friction, model.pair_friction):
+        friction[:] *= parameters.friction
+    for solref in (model.geom_solref, model.pair_solref, model.pair_solreffriction):
+        _scale_contact(solref, parameters.contact_stiffness)
     _scale_cables(model, parameters)
     _scale_winches(model, robot, parameters.winch_speed)
     model.body_mass[:] *= parameters.mass

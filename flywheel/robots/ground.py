@@ -1,0 +1,70 @@
+"""The ground: the plane that a robot can stand on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from flywheel.records import Floats
+
+LEVEL = 1e-12  # by which the upward part of a level plane's normal may fall short of 1
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A plane that stands still and takes part in contacts.
+
+    Attributes:
+      geom: MuJoCo's id.
+      place: (3,) where the MJCF puts its frame [m].
+      normal: (3,) unit vector.
+    """
+
+    geom: int
+    place: Floats
+    normal: Floats
+
+    @property
+    def level(self) -> bool:
+        """Its normal points straight up."""
+        return bool(self.normal[2] > 1.0 - LEVEL)
+
+    @property
+    def height(self) -> float:
+        """Of a level one [m]."""
+        return float(self.place[2])
+
+
+def collides(model: mujoco.MjModel) -> np.ndarray:
+    """(ngeom,) bool: which geoms take part in contacts, of themselves or in pairs that are listed."""
+    listed = np.isin(np.arange(model.ngeom), [model.pair_geom1, model.pair_geom2])
+    return ((model.geom_contype | model.geom_conaffinity) != 0) | listed
+
+
+def ground_of(model: mujoco.MjModel) -> Ground | None:
+    """The ground of a model, None without any.
+
+    Of several planes it is the most level one, then the highest; never the one that happens to come first.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    still = model.body_weldid[model.geom_bodyid] == 0
+    planes = np.flatnonzero(
+        (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & still & collides(model)
+    )
+    grounds = [
+        Ground(geom, data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3)[:, 2].copy())
+        for geom in planes.tolist()
+    ]
+
+    def rank(ground: Ground) -> tuple[float, ...]:
+        at = ground.geom
+        contact = (*model.geom_friction[at], *model.geom_solref[at], float(model.geom_condim[at]))
+        towards = float(
+            ground.place @ ground.normal
+        )  # how far the plane is from the world's origin [m]
+        return (round(float(ground.normal[2]), 9), round(towards, 9), *contact)
+
+    return max(grounds, key=rank, default=None)
