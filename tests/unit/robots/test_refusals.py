@@ -214,7 +214,7 @@ def test_masses_given_by_an_inertial_are_spread_over_the_pieces() -> None:
 
 
 def test_files_and_names_that_do_not_exist_are_said(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="nowhere.xml.*No such file"):
+    with pytest.raises(RobotError, match="There is no MJCF .*nowhere.xml"):
         load_robot(str(tmp_path / "nowhere.xml"))
     with pytest.raises(UnknownNameError, match="Did you mean 'prism3'"):
         load_robot("prism")
