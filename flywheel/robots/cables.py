@@ -122,6 +122,11 @@ def _ends(
     tendon: int,
 ) -> tuple[Attachment, Attachment]:
     name = model.tendon(tendon).name
+    if model.tendon_limited[tendon] and model.tendon_range[tendon, 0] > 0:
+        raise RobotError(
+            f"The tendon {name!r} would push when shorter than {model.tendon_range[tendon, 0]:g} m (its "
+            "range); a cable only pulls: begin its range with 0."
+        )
     path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     kinds = [
         mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower() for k in model.wrap_type[path]

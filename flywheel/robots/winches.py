@@ -91,7 +91,7 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
     bias = model.actuator_biasprm[actuator]
     force = model.actuator_forcerange[actuator]
     kind = int(model.actuator_dyntype[actuator])
-    limits = model.actuator_actrange[actuator]
+    limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
     on_tendon = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
     fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
     affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
@@ -110,8 +110,20 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
         ),
         (model.actuator_ctrllimited[actuator], "have a ctrlrange"),
         (
+            KINDS.get(kind) != "rate" or control[0] <= 0 <= control[1],
+            f"be able to stand still: its ctrlrange must hold 0; got {control[0]:g} to {control[1]:g}",
+        ),
+        (
+            KINDS.get(kind) != "position" or control[0] >= 0,
+            f"have no ctrlrange below 0: it is a rest length; got {control[0]:g} to {control[1]:g}",
+        ),
+        (
             model.actuator_actlimited[actuator] or KINDS.get(kind) == "position",
             "have an actrange (shortest and longest rest length)",
+        ),
+        (
+            not model.actuator_actlimited[actuator] or limits[0] >= 0,
+            f"have no actrange below 0: it is a rest length; got {limits[0]:g} to {limits[1]:g}",
         ),
         ((model.actuator_gear[actuator] == [1, 0, 0, 0, 0, 0]).all(), "have gear 1"),
         (model.actuator_actnum[actuator] == 1, "have one activation"),
@@ -120,7 +132,10 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
         if not met:
             raise RobotError(f"The actuator {model.actuator(actuator).name!r} must {need}.")
     rest = act[model.actuator_actadr[actuator]]
+    # A winch that takes positions holds its own only within its ctrlrange.
     low, high = limits if model.actuator_actlimited[actuator] else (1e-9, np.inf)
+    if KINDS[kind] == "position":
+        low, high = max(low, control[0]), min(high, control[1])
     if not low <= rest <= high:
         raise RobotError(
             f"The first keyframe starts the actuator {model.actuator(actuator).name!r} at rest length "

@@ -248,7 +248,7 @@ def test_a_shell_turns_as_a_shell() -> None:
 
 
 def test_files_and_names_that_do_not_exist_are_said(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="nowhere.xml.*No such file"):
+    with pytest.raises(RobotError, match="There is no MJCF .*nowhere.xml"):
         load_robot(str(tmp_path / "nowhere.xml"))
     with pytest.raises(UnknownNameError, match="Did you mean 'prism3'"):
         load_robot("prism")
