@@ -40,10 +40,9 @@ class Bounds:
     below: bool = False
 
     def __contains__(self, value: Any) -> bool:
-        if not isinstance(value, Real) or isinstance(value, bool):
+        if isinstance(value, bool) or not isinstance(value, Real):
             return False
-        # Compared as it is: a float of 10**400 would overflow.
-        number: Any = value
+        number: Any = value  # as it is: float(10**400) would overflow
         high_enough = number > self.low if self.above else number >= self.low
         return bool(high_enough and (number < self.high if self.below else number <= self.high))
 
@@ -125,16 +124,18 @@ EpisodeSeconds = Annotated[float, EPISODE_SECONDS]
 # That are predicted from what was seen, or looked at together: after seconds, contacts decide.
 HORIZON_SECONDS = Bounds(0, 600, "s", above=True)
 HorizonSeconds = Annotated[float, HORIZON_SECONDS]
-# That one process waits for another: a day.
+# That one process waits for another: at most a day.
+Patience = Annotated[float, Bounds(0, 86_400, "s", above=True)]
 WaitingSeconds = Annotated[float, Bounds(0, 86_400, "s")]
 
 # Lengths.
 # In units of the robot's length L.
-RobotLengths = Annotated[float, Bounds(0, 1000, "L", above=True)]
-RobotLengthsOrNone = Annotated[float, Bounds(0, 1000, "L")]
+PositiveRobotLengths = Annotated[float, Bounds(0, 1000, "L", above=True)]
+RobotLengths = Annotated[float, Bounds(0, 1000, "L")]
 # Where something stands: single precision still tells centimetres apart.
 METRES = Bounds(-1e5, 1e5, "m")
 Metres = Annotated[float, METRES]
+PositiveMetres = Annotated[float, Bounds(0, 1e5, "m", above=True)]
 
 # Texts.
 # Of people, things and places; makes titles, file names and tags.
