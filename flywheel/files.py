@@ -26,6 +26,7 @@ LARGEST_TEXT = 20 * MB  # of an MJCF or a JSON file [bytes]; the largest of ours
 LARGEST_YAML = 2 * MB  # [bytes]
 DEEPEST = 60  # brackets within brackets: far more than any file of ours has
 MOST_VALUES = 1_000_000  # single values of a file, aliases written out
+LONGEST_PATH = 1000  # characters of one that is told whole
 LONGEST_NAME = 80  # characters of a file's name that is made of another name
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 60, 60
@@ -90,7 +91,9 @@ def opened(
     except (FileNotFoundError, NotADirectoryError):
         raise error(f"There is no {what} {path}.") from None
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
-        raise error(f"The {what} {str(path)!r} cannot be read: {_reason(problem)}.") from None
+        name = str(path)
+        name = repr(name) if len(name) < LONGEST_PATH else shown(name)
+        raise error(f"The {what} {name} cannot be read: {_reason(problem)}.") from None
     about = os.fstat(handle)
     if not stat.S_ISREG(about.st_mode):
         os.close(handle)
@@ -166,9 +169,10 @@ def parsed_yaml(text: str, what: str, error: type[FlywheelError], most: int = MO
         return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as problem:
         raise error(f"{what} is not YAML: {problem}") from None
-    # 2020-02-31, !!int foo, a list as a key, !!timestamp foo, !!bool foo
-    except (ValueError, TypeError, AttributeError, LookupError) as problem:
+    except (ValueError, TypeError) as problem:  # 2020-02-31, !!int foo, a list as a key
         raise error(f"{what} has a value that is none: {problem}.") from None
+    except (AttributeError, LookupError):  # !!timestamp foo, !!bool foo
+        raise error(f"{what} has a value that is not of the type in front of it.") from None
     except RecursionError:
         raise error(f"{what} has more than {DEEPEST} brackets within brackets.") from None
 

@@ -54,7 +54,9 @@ def _explained(schema: type[BaseModel], error: Any) -> str:
         return f"{where}: unknown key.{hint} Allowed: {', '.join(allowed)}."
     if error["type"] == "missing":
         return f"{where}: must be given."
-    said = error["msg"].removeprefix("Value error, ")[:LONGEST_PROBLEM]
+    said = error["msg"].removeprefix("Value error, ")[:LONGEST_PROBLEM].rstrip(".")
+    if error["type"] == "value_error":  # our own words, which say what was got
+        return f"{where}: {said}."
     return f"{where}: {said}; got {shown(error['input'])}."
 
 

@@ -21,8 +21,7 @@ from flywheel.runtime.references import check_texts, resolved
 from flywheel.validation import LONGEST_PROBLEM, M, validated
 
 EXTENDS = "extends"
-DEEPEST_EXTENDS = 20  # files, each of which extends the next
-MOST_FILES = 50  # of one configuration
+MOST_FILES = 50  # that one configuration is made of
 MOST_NAMES = 20  # of files that are there
 
 
@@ -78,12 +77,8 @@ def _with_parents(
         raise ConfigError(f"{path} extends itself, by way of {children[-1]}.")
     if own in read:
         return read[own]
-    if len(children) == DEEPEST_EXTENDS:
-        raise ConfigError(
-            f"{children[0]} extends files that extend files, more than {DEEPEST_EXTENDS} times."
-        )
-    if len(read) == MOST_FILES:
-        raise ConfigError(f"The configuration extends more than {MOST_FILES} files.")
+    if len(read) + len(children) >= MOST_FILES:
+        raise ConfigError(f"{path}: a configuration is made of at most {MOST_FILES} files.")
     values = _values(path)
     below: dict[Any, Any] = {}
     for name in _names(path, values.pop(EXTENDS, [])):

@@ -45,8 +45,8 @@ class Demand:
 
     def __str__(self) -> str:
         return (
-            f"{self.what} take about {self.bytes / GB:,.3g} GB; at most {self.most / GB:,.0f} GB "
-            "are allowed"
+            f"{self.what} take about {self.bytes / GB:,.0f} GB; at most {self.most / GB:,.0f} GB are "
+            "allowed"
         )
 
 

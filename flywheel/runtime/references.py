@@ -66,7 +66,7 @@ def resolved(values: dict[Any, Any], what: str) -> Any:
                     f"{what}: ${{{key}}} refers to {shown(found)}, not to a single value."
                 )
             if found is None:
-                raise ConfigError(f"{what}: ${{{key}}} refers to nothing that is given.")
+                raise ConfigError(f"{what}: ${{{key}}} refers to nothing that is given there.")
     try:
         return OmegaConf.to_container(OmegaConf.create(values), resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
