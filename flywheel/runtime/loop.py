@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from flywheel.data import TrajectoryStore
+from flywheel.errors import ConfigError
 from flywheel.reports import write_report
 from flywheel.robots import Robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
@@ -30,6 +31,7 @@ from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.training_worker import TrainerWorker
 from flywheel.runtime.workers import SimWorker
 
+OVERBOOKED = 16  # times the cores of a machine: each is a process of some 300 MB
 HURRY = 3.0  # seconds for the tracker when a run ends early; the rest is delivered on its resume
 OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
 
@@ -59,6 +61,7 @@ def run(
       RunError: the run cannot go on; the message says why. What is finished is kept.
       Interrupted: the user asked to stop.
     """
+    cluster = ClusterConfig(address, cores_of(config.workers, address))
     files = RunFolder(Path(folder).absolute())
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
@@ -70,7 +73,6 @@ def run(
                 return done
         files.check_space(config.workers.least_free_gb)
         shown.say(f"The run is in {folder}. Ctrl-C stops it; --resume goes on.")
-        cluster = ClusterConfig(address, cores_of(config.workers))
         with (
             Cluster(cluster) as ray,
             StopRequest() as stop,  # after Ray, which catches signals, too
@@ -177,6 +179,17 @@ def _tracked(
             )
 
 
-def cores_of(workers: WorkersConfig) -> int:
-    """Cores of a local cluster: as configured, or those this process may use."""
-    return workers.cores or len(os.sched_getaffinity(0))
+def cores_of(workers: WorkersConfig, address: str | None) -> int:
+    """Cores of a local cluster: as configured, or those this process may use.
+
+    Raises:
+      ConfigError: no cluster's address is given, and this machine has far fewer.
+    """
+    there = len(os.sched_getaffinity(0))
+    cores = workers.cores or there
+    if address is None and cores > OVERBOOKED * there:
+        raise ConfigError(
+            f"workers.cores is {cores:,}, this machine has {there}; at most {OVERBOOKED * there} are "
+            "booked here. A cluster is named with --address."
+        )
+    return cores

@@ -15,22 +15,24 @@ There is no file that says how far a run is: what is there says it.
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
 import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from pydantic import BaseModel, ConfigDict
 
 from flywheel.errors import ConfigError, RunError
+from flywheel.files import file_name
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.config import RunConfig, config_digest, decisive
-from flywheel.runtime.config_files import differences, validated
+from flywheel.runtime.config import RunConfig, config_digest, decisive, load_config
+from flywheel.runtime.config_files import differences, yaml_of
 from flywheel.runtime.measures import DiagnosisNote
 from flywheel.runtime.results import Arm, IterationResult, load, save
 from flywheel.runtime.served import WEIGHTS
+from flywheel.validation import lines
 
 
 class Identity(BaseModel):
@@ -143,13 +145,10 @@ class RunFolder:
                 f"There is a run in {self.path} already. Continue it with --resume, or give "
                 "another folder."
             )
-        stored = validated(
-            RunConfig, yaml.safe_load(self.config_file.read_text()), str(self.config_file)
-        )
+        stored = load_config(self.config_file)
         if changes := list(differences(decisive(stored), decisive(config))):
-            lines = "\n".join(f"  {change}" for change in changes)
             raise ConfigError(
-                f"The run in {self.path} was begun with another configuration:\n{lines}\n"
+                f"The run in {self.path} was begun with another configuration:\n{lines(changes)}\n"
                 "Resume it with the one it has, or begin a new run in another folder."
             )
         self._check_robot(config)
@@ -179,15 +178,14 @@ class RunFolder:
     def _created(self, config: RunConfig) -> Identity:
         self.check_space(config.workers.least_free_gb)  # a run that is refused leaves nothing
         identity = Identity(
-            key=f"{config.name}-{uuid.uuid4().hex[:8]}",
+            key=f"{_plain(config.name)}-{uuid.uuid4().hex[:8]}",
             config_digest=config_digest(config),
             begun=time.strftime("%F %T"),
         )
         self.robot_file.write_text(load_robot(config.robot).xml)
         (self.path / "run.json").write_text(identity.model_dump_json(indent=1))
-        text = yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False)
         temporary = self.config_file.with_suffix(".tmp")
-        temporary.write_text(text)
+        temporary.write_text(yaml_of(config), encoding="utf-8")
         temporary.replace(self.config_file)  # last: with it, the run has begun
         return identity
 
@@ -196,6 +194,11 @@ class RunFolder:
 
     def _result(self, iteration: int, arm: Arm) -> Path:
         return self.path / "iterations" / f"{name_of(iteration, arm)}.json"
+
+
+def _plain(name: str) -> str:
+    """A name in the few letters that keys of runs are made of."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", file_name(name))
 
 
 def name_of(iteration: int, arm: Arm) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import secrets
 from pathlib import Path
 
@@ -47,9 +46,7 @@ def test_what_is_written_is_read_again(name: str) -> None:
         ("weak_cable", "", {"share": 0.1}, "no place of weak_cable on prism3"),
         ("cable_friction", "", {"fource": 1.0}, "no parameter of cable_friction 'fource'.*'force'"),
         ("cable_friction", "", {}, "also needs force"),
-        ("cable_friction", "", {"force": math.nan}, r"finite and not negative \[N\], got nan"),
-        ("cable_friction", "", {"force": -1.0}, r"not negative \[N\], got -1"),
-        ("winch_gain", "", {"share": math.inf}, "share of winch_gain must be finite"),
+        ("cable_friction", "", {"force": -1.0}, r"cannot be negative \[N\], got -1"),
     ],
 )
 def test_what_cannot_be_is_said(
@@ -85,10 +82,13 @@ def test_a_plant_of_another_robot_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("robot: [", "not a YAML file"),
+        ("robot: [", "is not YAML"),
         ("just words", "not an adopted plant"),
         ("{robot: a, digest: b, version: 1, effects: []}", "effects: Tuple should have at least 1"),
-        ("{robot: a, digest: b, version: 1, efects: []}", "efects: Extra inputs"),
+        (
+            "{robot: a, digest: b, version: 1, efects: []}",
+            "efects: unknown key. Did you mean 'effects'",
+        ),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
