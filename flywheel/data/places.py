@@ -165,20 +165,15 @@ class LocalPlace:
 def _sizes_below(root: Path, folder: Path) -> Iterator[tuple[str, int]]:
     """Path below the root and size of every entry that is no folder."""
     try:
-        for entry in os.scandir(folder):
-            if entry.is_dir(follow_symlinks=False):
-                yield from _sizes_below(root, Path(entry))
-            else:
-                yield Path(entry).relative_to(root).as_posix(), _size(entry)
-    except OSError as error:  # a bad disk, or set aside at this moment
-        raise DataError(f"{folder} cannot be read: {error.strerror}.") from None
-
-
-def _size(entry: os.DirEntry[str]) -> int:
-    try:
-        return entry.stat().st_size
-    except FileNotFoundError:  # where a link leads to
-        return 0
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    yield from _sizes_below(root, Path(entry))
+                else:
+                    yield Path(entry).relative_to(root).as_posix(), entry.stat().st_size
+    except OSError as error:  # a bad disk, a link to nowhere, or set aside at this moment
+        where = error.filename or folder
+        raise DataError(f"{where} cannot be read: {error.strerror}.") from None
 
 
 def new_workspace(root: Path) -> Path:

@@ -184,11 +184,9 @@ def _differences(receipt: Receipt, found: Found) -> Iterator[tuple[str, Kind]]:
         content = found.files.get(f"{prefix}{path}")
         if path not in there:
             yield f"{path} is missing", "missing"
-        elif content is None:
-            yield f"{path} was altered: it has {there[path]} bytes", "altered"
-        elif hashlib.sha256(content).hexdigest() != sha256:
+        elif content is None or hashlib.sha256(content).hexdigest() != sha256:
             yield f"{path} was altered", "altered"
-    for path in there.keys() - receipt.files.keys():
+    for path in sorted(there.keys() - receipt.files.keys()):
         yield f"{path} does not belong there", "foreign"
     # Arrays of other content were left by a writer on S3 that came second; nobody reads them.
     for path in found.sizes:
