@@ -233,7 +233,9 @@ def verify(
     run: RunArgument,
     snapshot: Annotated[str, typer.Option(help="Only this one; everything by default.")] = "",
 ) -> None:
-    """Read every byte again and compare; names each damaged episode and what is wrong with it.
+    """Read every byte again and compare; names what is damaged, exchanged, missing or foreign.
+
+    Of a run's folder also its results, models, configuration and robot; of a store all that is in it.
 
     [bold]Example[/bold]
 
@@ -260,6 +262,26 @@ def show_data(
     from pipelines.data import show_store
 
     show_store(run, snapshot)
+
+
+@data_app.command("rewind")
+def rewind_run(
+    run: RunArgument,
+    iteration: Annotated[
+        int, typer.Argument(help="The first that has to be done again.", show_default=False)
+    ],
+) -> None:
+    """Set aside what a run did from an iteration on, so that --resume does it again.
+
+    Nothing is deleted: results and models go to RUN/aside, episodes to the store's quarantine.
+
+    [bold]Example[/bold]
+
+    flywheel data rewind runs/prism3 1
+    """
+    from pipelines.data import go_back
+
+    go_back(run, iteration)
 
 
 @robot_app.command()

@@ -229,7 +229,10 @@ class _ShownWatch(Watch):
 
 
 def _config(source: Path, overrides: list[str]) -> RunConfig:
-    return load_config(source / "config.yaml" if source.is_dir() else source, overrides)
+    if not source.is_dir():
+        return load_config(source, overrides)
+    RunFolder(source).config()  # refused where it is not what the run was begun with
+    return load_config(source / "config.yaml", overrides)
 
 
 def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:

@@ -8,11 +8,11 @@ from flywheel.runtime.filming import film
 from flywheel.runtime.jobs import Job
 from flywheel.runtime.plan import Effects, ceiling, unseen, unseen_ceiling
 from flywheel.runtime.results import PooledTest, RunResult, UnseenCourse
+from flywheel.runtime.run_folder import POOLED
 from flywheel.runtime.run_state import Run, usable
 from flywheel.runtime.scoring import navigation, score_jobs, scored
 from flywheel.runtime.workers import FLOOR, INFORMED_FLOOR, PERSISTENCE
 
-POOLED = "pooled-tests"
 ON_RECORDINGS = "persistence on recordings"
 
 

@@ -15,16 +15,18 @@ from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.conclusion import conclude
 from flywheel.runtime.config import RunConfig, WorkersConfig
 from flywheel.runtime.interrupts import Interrupted, StopRequest
+from flywheel.runtime.inventory import check_sound
 from flywheel.runtime.iteration import run_iteration
 from flywheel.runtime.jobs import Group
-from flywheel.runtime.keeping import result_so_far, start_tags
+from flywheel.runtime.keeping import end_rests_on, result_so_far, start_tags
 from flywheel.runtime.lock import hold
 from flywheel.runtime.outbox import OUTBOX_FILE
 from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import Progress, Quiet
 from flywheel.runtime.publishing import publish_end, publish_start
 from flywheel.runtime.results import RESULT_FILE, RunResult
-from flywheel.runtime.run_folder import Identity, RunFolder
+from flywheel.runtime.run_folder import RunFolder
+from flywheel.runtime.run_identity import Identity
 from flywheel.runtime.run_state import HELPERS, Run
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 from flywheel.runtime.tracking import open_tracker
@@ -58,7 +60,8 @@ def run(
     Raises:
       ConfigError: the folder is in use, holds a run and `resume` is false, holds a run of another
         configuration, or the cluster is too small.
-      RunError: the run cannot go on; the message says why. What is finished is kept.
+      RunError: the run cannot go on, or what it would go on from is not what it left there; the message
+        says why. What is finished is kept.
       Interrupted: the user asked to stop.
     """
     cluster = ClusterConfig(address, cores_of(config.workers, address))
@@ -68,6 +71,7 @@ def run(
         identity = files.begin(config, resume)
         robot = files.robot(config)
         shown = progress or Quiet()
+        check_sound(files, TrajectoryStore(files.store_url(config)))
         if (done := finished_run(files)) is not None:
             with _tracked(config, files, identity, tracker, shown):  # delivers what is waiting
                 return done
@@ -108,7 +112,7 @@ def turn(run: Run, identity: Identity) -> RunResult:
     if run.tracker is not None:
         videos = [run.folder.path / each.video for each in result.unseen if each.video]
         publish_end(run.tracker, result, [*write_report(result, run.folder.path), *videos])
-    result.save(run.folder.path)
+    result.save(run.folder.path, end_rests_on(run, result))
     return result
 
 
