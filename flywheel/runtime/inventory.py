@@ -11,6 +11,7 @@ Everything that a later step relies on has a seal, or is named with its digest o
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -150,7 +151,7 @@ class Inventory:
             self._turns[name] = kept
 
     def _end(self) -> Iterator[Fault]:
-        if not (self.folder.path / RESULT_FILE).exists():
+        if not os.path.lexists(self.folder.path / RESULT_FILE):
             return
         try:
             self._result = RunResult.read(self.folder.path)
@@ -176,7 +177,7 @@ class Inventory:
                 wanted.setdefault(name_of(iteration, arm), "a later one is there")
         for name, why in sorted(wanted.items()):
             path = self.folder.path / "iterations" / f"{name}.json"
-            if not path.exists() and not path.is_symlink():
+            if not os.path.lexists(path):
                 what = f"it is missing, though {why}"
                 yield Fault("missing", f"iterations/{path.name}", what, _number(name))
 
@@ -217,7 +218,9 @@ class Inventory:
         """What is wrong with files of the folder that something rests on."""
         wanted = {n: (d, i) for n, d, i in self._seals() if not n.startswith((SEGMENT, SNAPSHOT))}
         wanted |= self._pages
-        names = {digest: name for name, (digest, _) in wanted.items()}
+        names: dict[tuple[str, str], str] = {}
+        for name, (digest, _) in wanted.items():
+            names[digest, _role(name)] = name
         found: list[Fault] = []
         own = {name: name for name in wanted}
         for name, (digest, since) in wanted.items():
@@ -230,7 +233,7 @@ class Inventory:
                 found.append(_fault(error, name, since, idle))
                 continue
             if there != digest:
-                own[name] = names.get(there, name)
+                own[name] = names.get((there, _role(name)), name)
                 found.append(Fault("altered", name, "it was altered", since, idle))
         yield from _told_apart(found, own, lambda where: where)
 
@@ -331,6 +334,11 @@ def _entries(folder: Path) -> list[Path]:
     """What is in a folder, but what is being written; nothing if there is no folder."""
     found = sorted(folder.iterdir()) if folder.is_dir() else []
     return [path for path in found if not UNFINISHED.fullmatch(path.name)]
+
+
+def _role(name: str) -> str:
+    """What a file is in its model: "served/weights.npz"."""
+    return name.split("/", 2)[-1] if name.startswith("models/") else ""
 
 
 def _number(name: str) -> int:

@@ -233,7 +233,7 @@ def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
       DataError: no such file, or its contents are not such a record.
       Unsound: it was altered, or is another's.
     """
-    if not path.is_symlink() and not path.exists():
+    if not os.path.lexists(path):
         message = f"There is no {path.name} in {path.parent}; has the run begun?"
         raise Unsound(message, "missing")
     what = f"The file {path}"
