@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.mutants.__main__ import HERE, drawn, equivalents, shares, sources
 from tests.mutants.mutation import mutants_of
+from tests.mutants.sample import HERE, drawn, equivalents, shares, sources
 from tests.mutants.trial import ROOT
 
 
@@ -107,7 +107,7 @@ def test_a_sample_hangs_on_its_seed_and_hardly_on_edits() -> None:
 
 
 def test_the_tests_of_all_sources_exist() -> None:
-    for source in sources([]):
+    for source in sources():
         for test in source.tests:
             assert (ROOT / test).exists(), test
 
