@@ -61,8 +61,10 @@ def counted(
     """Test the mutants of one file.
 
     Raises:
-      SystemExit: the tests of the sound file fail.
+      SystemExit: the tests of the sound file fail, or somebody is editing it.
     """
+    if (bench.tree / source.path).read_text() != source.text:
+        raise SystemExit(f"{source.path} was edited while it was copied. Begin again.")
     sound = bench.tested(source.tests, 600.0)
     if sound.code != PASSED:
         raise SystemExit(f"{source.path} as it is does not pass its tests.\n{sound.printed}")

@@ -89,7 +89,7 @@ def test_it_ends_after_its_cycles_and_then_holds() -> None:
 
 def test_names_are_for_provenance() -> None:
     assert [Gait(ROBOT, name).name for name in PATTERNS] == ["gait:roll", "gait:cw", "gait:ccw"]
-    assert Gait(ROBOT, "cw").model == ""
+    assert (Gait(ROBOT, "cw").model, Gait(ROBOT, "cw").history) == ("", 0)
 
 
 def test_other_gaits_and_robots_are_refused() -> None:
@@ -285,6 +285,15 @@ def test_a_target_that_is_reached_is_left_after_a_short_dwell() -> None:
         assert not commanded(one, 0.5).any()
         steps += 1
     assert steps == np.floor(DWELL / dt) + 1
+
+
+def test_a_slack_cable_is_not_paid_out_however_fast_its_length_falls() -> None:
+    one, slack = reach(0.2), between(0.9, PATTERNS["ccw"])
+    assert (commanded(one, 0.8, rest=slack) < 0).all()
+    assert not commanded(one, 0.5, rest=slack).any()
+    taut_one = reach(0.2)
+    assert (commanded(taut_one, 0.8) < 0).all()
+    assert (commanded(taut_one, 0.5) > 0).all()  # which a taut one is
 
 
 def test_one_winch_that_moves_keeps_all_from_dwelling() -> None:

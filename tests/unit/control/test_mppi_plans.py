@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from flywheel.control import Mppi, MppiConfig
 from flywheel.control.mppi import Search, softmin
+from flywheel.errors import ConfigError
 from flywheel.records import Past, Rollout
 from flywheel.robots import Robot
 from flywheel.tasks import Task
@@ -213,6 +214,23 @@ def test_a_setting_is_accepted_up_to_its_limit(name: str, limit: tuple[float, fl
     assert getattr(MppiConfig(**{name: last}), name) == last
     with pytest.raises(ValidationError, match=name):
         MppiConfig(**{name: beyond})
+
+
+def test_the_usual_settings_are_within_their_limits() -> None:
+    usual = MppiConfig()
+    assert MppiConfig(**usual.model_dump()) == usual
+
+
+@pytest.mark.parametrize("name", MppiConfig.TIMES)
+@pytest.mark.parametrize("seconds", [1e-9, 0.25 * DT, 1.04 * DT])
+def test_times_that_are_no_whole_steps_are_refused(
+    watched: Watched, name: str, seconds: float
+) -> None:
+    changes = {"replan_seconds": DT} | {name: seconds}
+    if name == "horizon_seconds":
+        changes["replan_seconds"] = seconds
+    with pytest.raises(ConfigError, match="must be a multiple of the model's 0.1 s"):
+        Mppi(watched, MppiConfig(**changes))
 
 
 def test_settings_do_not_change_while_they_are_used() -> None:

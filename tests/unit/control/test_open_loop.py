@@ -28,6 +28,7 @@ def test_what_is_not_planned_takes_no_time_and_shows_nothing(robot: Robot, past:
     for controller in (Hold(robot, DT), RandomControls(robot, DT)):
         command = controller.act(past)
         assert (command.plan_seconds, command.diagnostics) == (0.0, {})
+        assert (controller.model, controller.history) == ("", 0)
 
 
 def test_random_commands_keep_to_the_ranges_and_use_them(
@@ -164,6 +165,8 @@ def test_a_wrong_configuration_is_refused(wrong: dict) -> None:
 
 
 def test_a_configuration_at_its_limits_is_accepted() -> None:
+    usual = RandomConfig()
+    assert RandomConfig(**usual.model_dump()) == usual
     lowest = RandomConfig(seconds=(1.0, 1.0), drive=0.0, slowest=0.0)
     assert (lowest.seconds, lowest.drive, lowest.slowest) == ((1.0, 1.0), 0.0, 0.0)
     highest = RandomConfig(drive=1.0, slowest=1.0)

@@ -242,6 +242,23 @@ def test_of_several_shapes_the_one_that_explains_most_counts(case: Case) -> None
         assert (found.shape, found.sizes) == (shape, pytest.approx((30.0,)))
 
 
+@pytest.mark.parametrize("size", [-3.0, -0.2, 0.2])
+def test_a_size_that_cannot_be_negative_explains_nothing_in_its_place(
+    case: Case, size: float
+) -> None:
+    test = case.test()
+    for index, candidate in enumerate(case.library):
+        one_sided = candidate.effect.sizes[0].one_sided
+        if len(candidate.shapes) > 1:  # of which another may go the other way
+            continue
+        planted = test.columns[:, test.slices[index][0]][:, 0] * size
+        found = test.scores(planted)[index]
+        if one_sided and size < 0:
+            assert found.power == 0.0 and set(found.sizes) == {0.0}
+        else:
+            assert found.sizes[0] == pytest.approx(size) and found.power > 0.0
+
+
 def test_a_noisy_recording_makes_scores_smaller_and_errors_larger(case: Case) -> None:
     """Four times the noise: half as sure, a quarter of the score. Less than was said changes nothing."""
     quiet, usual, loud = (
@@ -288,6 +305,12 @@ def test_a_window_that_is_far_off_counts_less(case: Case) -> None:
     weighted = test.projection.weights
     expected = left_by(stacked(case.model, weighted), below(loud[..., None], weighted))[:, 0]
     np.testing.assert_allclose(test.residual, expected, atol=1e-9)
+
+
+def test_windows_that_are_all_far_off_count_in_full(case: Case) -> None:
+    far = replace(case, fit=replace(case.fit, residual=7.0 * case.fit.residual)).test()
+    np.testing.assert_allclose(far.projection.weights, 1.0)
+    np.testing.assert_allclose(far.residual, 7.0 * case.test().residual)
 
 
 def test_windows_that_saw_less_than_they_have_unknowns_do_not_say_what_is_usual(case: Case) -> None:
