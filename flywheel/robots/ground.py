@@ -9,7 +9,7 @@ import numpy as np
 
 from flywheel.records import Floats
 
-LEVEL = 1e-12  # by which the upward part of a level plane's normal may fall short of 1
+LEVEL = 1e-12  # by how much the upward part of a level plane's normal may fall short of 1
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Ground:
 
     Attributes:
       geom: MuJoCo's id.
-      place: (3,) where the MJCF puts its frame [m].
+      place: (3,) a point of it in the world [m].
       normal: (3,) unit vector.
     """
 
