@@ -9,16 +9,16 @@ import numpy as np
 
 from flywheel.records import Floats
 
-LEVEL = 1e-12  # by which the upward part of a level plane's normal may fall short of 1
+LEVEL = 1e-12  # by how much the upward part of a level plane's normal may fall short of 1
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A plane that stands still and takes part in contacts.
+    """A plane that takes part in contacts; MuJoCo has none that move.
 
     Attributes:
       geom: MuJoCo's id.
-      place: (3,) where the MJCF puts its frame [m].
+      place: (3,) a point of it in the world [m].
       normal: (3,) unit vector.
     """
 
@@ -46,25 +46,20 @@ def collides(model: mujoco.MjModel) -> np.ndarray:
 def ground_of(model: mujoco.MjModel) -> Ground | None:
     """The ground of a model, None without any.
 
-    Of several planes it is the most level one, then the highest; never the one that happens to come first.
+    Of several planes it is the most level one, then the highest, then the roughest: which comes first in the
+    MJCF does not matter.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    still = model.body_weldid[model.geom_bodyid] == 0
-    planes = np.flatnonzero(
-        (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & still & collides(model)
-    )
+    planes = np.flatnonzero((model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & collides(model))
     grounds = [
         Ground(geom, data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3)[:, 2].copy())
         for geom in planes.tolist()
     ]
 
     def rank(ground: Ground) -> tuple[float, ...]:
-        at = ground.geom
-        contact = (*model.geom_friction[at], *model.geom_solref[at], float(model.geom_condim[at]))
-        towards = float(
-            ground.place @ ground.normal
-        )  # how far the plane is from the world's origin [m]
-        return (round(float(ground.normal[2]), 9), round(towards, 9), *contact)
+        at, from_origin = ground.geom, float(ground.place @ ground.normal)
+        place = (round(float(ground.normal[2]), 9), round(from_origin, 9))
+        return (*place, *model.geom_friction[at], *model.geom_solref[at])
 
     return max(grounds, key=rank, default=None)

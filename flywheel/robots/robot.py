@@ -160,7 +160,7 @@ class Robot:
       timestep: MuJoCo's step [s].
       length: characteristic length L, for errors and noise: the longest distance between two tracked
         points of one body [m].
-      grounded: the MJCF has a plane that stands still and takes part in contacts.
+      grounded: the MJCF has a plane that takes part in contacts.
     """
 
     name: str
