@@ -222,7 +222,7 @@ def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
         (("answer_set", 0, 0, "parameters", "share", "value"), math.inf, "share.value: must be a number"),
         (("answer_set", 0, 0, "parameters", "share", "low"), "x", "share.low: .*valid number; got 'x'"),
         (("held_out", "augmented"), "x", "held_out.augmented: .*got 'x'"),
-        (("recordings",), "monday.csv", "recordings: .*got 'monday.csv'"),
+        (("recordings",), ["x" * 199] * 5000, "evidence .* has 1,0.* characters .* at most 200,000"),
         (("robot",), [], r"robot: must be a mapping; got \[\]"),
     ],
 )  # fmt: skip
@@ -268,3 +268,12 @@ def test_a_folder_that_cannot_be_made_is_told(out: str, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(FlywheelError, match="cannot be written"):
         adopt(WHOLE, PRISM, tmp_path / out)
+
+
+def test_evidence_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+    deep: Any = "x"
+    for _ in range(59):
+        deep = [deep]
+    with pytest.raises(FlywheelError, match="more than 60 brackets within brackets"):
+        adopt({**WHOLE, "residual": deep}, PRISM, tmp_path)
+    assert list(tmp_path.iterdir()) == []
