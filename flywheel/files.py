@@ -219,6 +219,8 @@ def parsed_json(text: str | bytes, what: str, error: type[FlywheelError]) -> Any
     """Plain values of a text in JSON; see `parsed_yaml`."""
     try:
         values = json.loads(text)
+        if "\\ud" in str(text).lower():  # halves of characters, which no file can hold
+            json.dumps(values, ensure_ascii=False).encode()
     except RecursionError:
         raise error(f"{what} has more than {DEEPEST} brackets within brackets.") from None
     except ValueError as problem:  # also of 5000 digits, and of bytes that are no text

@@ -95,7 +95,8 @@ SHARE = Bounds(0, 1)
 Share = Annotated[float, SHARE]
 PartialShare = Annotated[float, Bounds(0, 1, below=True)]
 # Beside a typical one of 1. Tests and demonstrations exaggerate by 1e7.
-Factor = Annotated[float, Bounds(0, 1e9, above=True)]
+FACTOR = Bounds(0, 1e9, above=True)
+Factor = Annotated[float, FACTOR]
 # Of a cost or a loss, beside others around 1; 0 leaves it out.
 Weight = Annotated[float, Bounds(0, 1e9)]
 # A shell's random numbers and numpy's generators both take these.
@@ -106,8 +107,9 @@ Seed = Annotated[int, SEED]
 # Names of episodes count in four digits.
 EPISODES = Bounds(0, 10_000)
 Episodes = Annotated[int, EPISODES]
-# Plans or windows that are rolled out at once, each of some megabytes.
-Samples = Annotated[int, Bounds(1, 10_000)]
+# Plans or windows that are rolled out at once, each of some megabytes; and draws of chance.
+SAMPLES = Bounds(1, 10_000)
+Samples = Annotated[int, SAMPLES]
 # Of an optimiser: at ten a second, a million take a day.
 OptimiserSteps = Annotated[int, Bounds(1, 10_000_000)]
 # Of one process. Ours gain nothing beyond a few.
@@ -115,8 +117,8 @@ THREADS = Bounds(1, 1024)
 Threads = Annotated[int, THREADS]
 
 # Times.
-# The shortest control step of a cable-driven robot, and the longest in which one does not fall over.
-CONTROL_STEP = Bounds(1e-4, 1, "s")
+# Shortest and longest control step of a cable-driven robot.
+CONTROL_STEP = Bounds(1e-4, 10, "s")
 ControlStep = Annotated[float, CONTROL_STEP]
 # Of one episode: the longest of ours have two minutes.
 EPISODE_SECONDS = Bounds(0, 3600, "s", above=True)
@@ -135,7 +137,8 @@ RobotLengths = Annotated[float, Bounds(0, 1000, "L")]
 # Where something stands: single precision still tells centimetres apart.
 METRES = Bounds(-1e5, 1e5, "m")
 Metres = Annotated[float, METRES]
-PositiveMetres = Annotated[float, Bounds(0, 1e5, "m", above=True)]
+POSITIVE_METRES = Bounds(0, 1e5, "m", above=True)
+PositiveMetres = Annotated[float, POSITIVE_METRES]
 
 # Texts.
 # Of people, things and places; makes titles, file names and tags.

@@ -14,6 +14,7 @@ from flywheel.files import shown
 M = TypeVar("M", bound=BaseModel)
 MOST_PROBLEMS = 20  # that a message tells of
 LONGEST_PROBLEM = 1000  # characters, of a name or a value in it
+_TYPES = {"model_type": "a mapping", "dict_type": "a mapping", "tuple_type": "a list"}
 
 
 def validated(schema: type[M], values: Any, complaint: str, error: type[FlywheelError]) -> M:
@@ -57,6 +58,8 @@ def _explained(schema: type[BaseModel], error: Any) -> str:
     said = error["msg"].removeprefix("Value error, ")[:LONGEST_PROBLEM].rstrip(".")
     if error["type"] == "value_error":  # our own words, which say what was got
         return f"{where}: {said}."
+    if error["type"] in _TYPES:  # pydantic speaks of Python
+        said = f"must be {_TYPES[error['type']]}"
     return f"{where}: {said}; got {shown(error['input'])}."
 
 

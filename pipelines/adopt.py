@@ -35,8 +35,11 @@ def take_over(answer_file: Path, robot_name: str, folder: Path, answer: int | No
     ]
     out = console()
     out.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
-    out.print(f"Diagnose and compare with --robot {path.parent}.", soft_wrap=True)
-    out.print(f"Run with effects={path}: data are then simulated on this plant.", soft_wrap=True)
+    for line in (
+        f"Diagnose and compare with --robot {path.parent}.",
+        f"Run with effects={path}: data are then simulated on this plant.",
+    ):
+        out.print(line, soft_wrap=True, markup=False)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from flywheel.errors import ConfigError
 from flywheel.evaluation.intervals import Interval
 from flywheel.hidden.cases import GROUPS, Case, cases
 from flywheel.hidden.cases import Group as CaseGroup
-from flywheel.robots import load_robot
+from flywheel.registry import lookup
+from flywheel.robots import ROBOTS, load_robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.examination import CaseResult, Examiner, Line, publish_examination, summary
 from flywheel.runtime.interrupts import StopRequest
@@ -24,6 +25,7 @@ from flywheel.runtime.progress import console_progress
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.trained import TrainedModel
 from pipelines.models import open_trained
+from pipelines.options import TYPICAL_SIZES, number
 from pipelines.show import console, table
 
 LONGEST = 1800.0  # without a sign of progress, a case is begun again [s]
@@ -50,6 +52,7 @@ def examine(
       model: to be tested in the plant's stead; see `pipelines.models`.
       address: of an existing Ray cluster.
     """
+    lookup(ROBOTS, robot, "robot")  # workers load it by its name
     wanted = [c for c in cases(load_robot(robot), _checked(groups), sizes, seeds) if only in c.name]
     if not wanted:
         raise ConfigError(f"No case of {robot} has {only!r} in its name.")
@@ -65,6 +68,15 @@ def examine(
     tracker = open_tracker(folder, f"diagnose-bench-{robot}", robot)
     publish_examination(tracker, lines, [written.absolute()])
     tracker.close()
+
+
+def listed(sizes: str) -> list[float]:
+    """Sizes from "0.5,1,2", in typical sizes.
+
+    Raises:
+      ConfigError: one is none.
+    """
+    return [number(size, "Each of --sizes", TYPICAL_SIZES) for size in sizes.split(",")]
 
 
 def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> list[CaseResult]:

@@ -18,6 +18,7 @@ from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError, FlywheelError
+from flywheel.files import file_name
 from flywheel.records import Episode
 from flywheel.runtime.config import RunConfig, config_digest, load_config
 from flywheel.runtime.filming import scenery_of
@@ -149,7 +150,7 @@ class Driver:
         """Make the video of an episode."""
         task, states = self.recorder.task(self.plan(seed)), episode.trajectory.states
         assert task is not None and states is not None, "a planned episode on a plant has both"
-        path = self.wish.video or Path(f"navigate-{self.wish.model}-{seed}.mp4")
+        path = self.wish.video or Path(f"navigate-{file_name(self.wish.model)}-{seed}.mp4")
         scenery = scenery_of(task, episode.terrain)
         return render_episode(self.recorder.robot, states, path, scenery, plans=episode.plans)
 
@@ -210,7 +211,7 @@ def _log(wish: Wish, seed: int) -> Path | None:
     if wish.logs is None:
         return None
     wish.logs.mkdir(parents=True, exist_ok=True)
-    path = wish.logs / f"{wish.model}-{seed}.csv"
+    path = wish.logs / f"{file_name(wish.model)}-{seed}.csv"
     if path.exists():
         raise ConfigError(f"{path} is there already; name another folder for the logs.")
     return path

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from flywheel.files import file_name
 from flywheel.reports.page import PAGE_FILE
 from flywheel.runtime.config import load_config
 from flywheel.runtime.dashboard import DATABASE
@@ -32,7 +33,7 @@ def turn(
       folder: of the run; by default runs/<name of the file>.
     """
     settings = load_config(config, overrides)
-    place = folder or RUNS / config.stem
+    place = folder or RUNS / file_name(config.stem)
     result = run(settings, place, resume=resume, address=address, progress=console_progress())
     show_summary(console(), result, place)
 

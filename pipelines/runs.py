@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from flywheel.data import TrajectoryStore
 from flywheel.errors import DataError, UnknownNameError
+from flywheel.files import shown
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.results import IterationResult, RunResult
@@ -61,11 +63,11 @@ class OpenRun:
     def iteration(self, name: str) -> IterationResult:
         """An iteration by its number ("2": MPPI's arm) or name ("i0002-control")."""
         known = {name_of(i.iteration, i.arm): i for i in self.result.iterations}
-        wanted = name_of(int(name), "mppi") if name.isdigit() else name
+        wanted = name_of(int(name), "mppi") if re.fullmatch("[0-9]{1,4}", name) else name
         if wanted in known:
             return known[wanted]
         raise UnknownNameError(
-            f"The run in {self.folder.path} has no model {name!r}. It has: {', '.join(known)}."
+            f"The run in {self.folder.path} has no model {shown(name)}. It has: {', '.join(known)}."
         )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flywheel import __version__
-from flywheel.diagnosis.answer import Answer
+from flywheel.diagnosis.answer import Answer, evidence_of
 from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
 from flywheel.effects.adopted import file_digest, next_version
 from flywheel.robots import Robot
@@ -54,7 +54,7 @@ def adopt(
         parent="" if parent is None else file_digest(parent),
         effects=effects,
         evidence={
-            **said.evidence(),
+            **evidence_of(summary),
             "intervals": [each.intervals() for each in found],
             "code": __version__,
         },

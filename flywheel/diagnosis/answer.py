@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Self
@@ -17,9 +18,9 @@ from flywheel.quantities import Name
 from flywheel.validation import validated
 
 CLEAR = (Verdict.EFFECT, Verdict.PARTIAL)
-EVIDENCE = {"verdict", "error", "held_out", "residual", "recordings", "held_out_recordings"}
+EVIDENCE = ("verdict", "error", "held_out", "residual", "recordings", "held_out_recordings")
 MOST_ANSWERS = 1000  # also of the effects of one
-MOST_RECORDINGS = 5000
+LARGEST_EVIDENCE = 200_000  # characters, as JSON: a plant's file must stay one that is read
 
 
 class _Part(BaseModel):
@@ -67,13 +68,11 @@ class FoundEffect(_Part):
 Together = Annotated[tuple[FoundEffect, ...], Field(max_length=MOST_ANSWERS)]
 
 
-class RootMeanSquares(_Part):
-    """Errors before and after; `Errors.summary()` [m]. What was not finite is no reason to adopt."""
+class HeldOut(_Part):
+    """Root mean squares on held-out recordings, before and after [m]. May be NaN."""
 
-    noise: StrictFloat = math.nan
     baseline: StrictFloat
     augmented: StrictFloat
-    unit: Name = "m"
 
 
 class AboutRobot(_Part):
@@ -90,18 +89,14 @@ class Answer(_Part):
       verdict: in a word.
       answer_set: alternatives, each of effects that act together.
       calibration: what the plant was not sure of.
-      error, held_out, residual, recordings, held_out_recordings: evidence.
+      held_out: what was kept to judge the answer by; None for nothing.
       robot: that was diagnosed.
     """
 
     verdict: Name = "(none)"
     answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
     calibration: Together = ()
-    error: RootMeanSquares | None = None
-    held_out: RootMeanSquares | None = None
-    residual: dict[Name, StrictFloat] | None = Field(default=None, max_length=MOST_PARAMETERS)
-    recordings: tuple[Name, ...] | None = Field(default=None, max_length=MOST_RECORDINGS)
-    held_out_recordings: tuple[Name, ...] | None = Field(default=None, max_length=MOST_RECORDINGS)
+    held_out: HeldOut | None = None
     robot: AboutRobot = AboutRobot()
 
     @classmethod
@@ -153,6 +148,18 @@ class Answer(_Part):
                 "none the less."
             )
 
-    def evidence(self) -> dict[str, Any]:
-        """What is kept beside the effects, as plain values."""
-        return self.model_dump(mode="json", include=EVIDENCE, exclude_none=True, exclude_unset=True)
+
+def evidence_of(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of an answer beside its effects: for people, and as it is.
+
+    Raises:
+      DataError: it is too large.
+    """
+    kept = {key: summary[key] for key in EVIDENCE if summary.get(key) is not None}
+    size = len(json.dumps(kept, default=str))
+    if size > LARGEST_EVIDENCE:
+        raise DataError(
+            f"The answer's evidence ({', '.join(EVIDENCE)}) has {size:,} characters as JSON; at most "
+            f"{LARGEST_EVIDENCE:,} are kept with a plant."
+        )
+    return kept

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from flywheel.effects.effect import Effect, Terms
 from flywheel.effects.written import WrittenTerm
 from flywheel.errors import ConfigError, RobotError
-from flywheel.files import file_name, read_yaml, yaml_text
+from flywheel.files import file_name, parsed_yaml, read_yaml, yaml_text
 from flywheel.quantities import Bounds, Name
 from flywheel.robots import Robot
 from flywheel.validation import validated
@@ -71,7 +71,7 @@ class AdoptedPlant(BaseModel):
         """Write it into `parent/<robot>-<version>`, which must not be there yet, and return its file.
 
         Raises:
-          ConfigError: the folder is there, or cannot be made.
+          ConfigError: the folder is there, or cannot be made; the evidence is too deep to be read again.
         """
         folder = Path(parent) / f"{_prefix(self.robot)}{self.version}"
         try:
@@ -83,6 +83,7 @@ class AdoptedPlant(BaseModel):
                 draft.mkdir()
                 (draft / MJCF).write_text(robot.xml, encoding="utf-8")
                 text = yaml_text(self.model_dump(mode="json"))
+                parsed_yaml(text, "The adopted plant", ConfigError)  # as it will be read
                 (draft / PLANT).write_text(text, encoding="utf-8")
                 draft.rename(folder)
         except OSError as error:

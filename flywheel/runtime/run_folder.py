@@ -274,7 +274,7 @@ class RunFolder:
 
 def _plain(name: str) -> str:
     """A name in the few letters that keys of runs are made of."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", file_name(name))
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", file_name(name)).strip("-") or "run"
 
 
 def name_of(iteration: int, arm: Arm) -> str:

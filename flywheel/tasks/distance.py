@@ -19,7 +19,6 @@ from flywheel.robots import Box
 Moves = Literal["diagonal", "manhattan"]
 STRAIGHT = ((1, 0), (0, 1))
 DIAGONAL = ((1, 1), (1, -1))
-MOST_CORNERS = 4_000_000  # of a grid: ways over them take seconds and a gigabyte
 
 
 @dataclass(frozen=True)
@@ -94,16 +93,9 @@ def grid_around(
       moves: "diagonal" moves to 8 neighbours, "manhattan" to the 4 along x and y.
 
     Raises:
-      ConfigError: the goal lies outside of the ground, or in an obstacle or too near to one; or the
-        ground has too many cells.
+      ConfigError: the goal lies outside of the ground, or in an obstacle or too near to one.
     """
-    sides = np.ceil((high - low) / cell) + 1
-    if sides.prod() > MOST_CORNERS:
-        raise ConfigError(
-            f"Ground from {_xy(low)} to {_xy(high)} in cells of {cell:.3g} m has {sides.prod():,.0f} "
-            f"corners; at most {MOST_CORNERS:,}. Nearer goals and obstacles, or larger cells, have fewer."
-        )
-    size = sides.astype(int)
+    size = np.ceil((high - low) / cell).astype(int) + 1
     # The goal is a corner of the grid, so that the distance is exactly zero there and only there.
     origin = goal - np.ceil((goal - low) / cell) * cell
     start = np.rint((goal - origin) / cell).astype(int)

@@ -25,8 +25,8 @@ from flywheel.validation import validated
 
 SETTINGS = (RunConfig, RandomConfig, AdoptedPlant)
 NOT_ALLOWED = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**30, 10**400, True, "5", [1])
-# Evidence, which is shown and not computed with.
-SHOWN_ONLY = ("Fitted.low", "Fitted.high", "RootMeanSquares.", "Answer.residual")
+# Evidence, which is shown, and compared at most.
+SHOWN_ONLY = ("Fitted.low", "Fitted.high", "HeldOut.")
 
 
 @dataclass(frozen=True)

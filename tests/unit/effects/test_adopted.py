@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 import secrets
 from pathlib import Path
 
@@ -101,3 +103,52 @@ def test_other_files_are_refused(tmp_path: Path, text: str, message: str) -> Non
 def test_a_missing_one_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no adopted plant .*nowhere.yaml"):
         AdoptedPlant.read(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize("field", ["robot", "digest", "version", "parent", "effects", "evidence"])
+def test_a_field_of_another_type_is_refused_by_its_name(tmp_path: Path, field: str) -> None:
+    path = adopted().write(tmp_path, PRISM)
+    good = yaml.safe_load(path.read_text())
+    others = (None, True, -3, 0.5, "x", [], [1], {}, {1: 2}, math.nan, math.inf, 10**40)
+    for other in others:
+        path.write_text(yaml.safe_dump({**good, field: other}))
+        try:
+            AdoptedPlant.read(path)
+        except FlywheelError as error:
+            assert field in str(error) or "digest" in str(error)
+            assert len(str(error)) < 1000
+
+
+def test_values_of_effects_are_numbers_within_bounds_however_they_are_written(
+    tmp_path: Path,
+) -> None:
+    path = adopted().write(tmp_path, PRISM)
+    text = path.read_text()
+    path.write_text(text.replace("force: 3.0", "force: 1e-3"))
+    assert AdoptedPlant.read(path)[0].effects[0].parameters == {"force": 1e-3}
+    for wrong in (".nan", ".inf", "1e300", "true", "'3'", "null", "[3]", "!!float x"):
+        path.write_text(text.replace("force: 3.0", f"force: {wrong}"))
+        with pytest.raises(ConfigError, match="force: must be a number|a value that is none"):
+            AdoptedPlant.read(path)
+
+
+def test_what_is_no_file_of_a_plant_is_refused_at_once(tmp_path: Path) -> None:
+    path = adopted().write(tmp_path, PRISM)
+    for text in ("a: &a [1]\n" * 3 + "b: [" + "x, " * 2_000_000 + "]", "\xff", "[" * 100):
+        path.write_text(text, encoding="latin-1")
+        with pytest.raises(ConfigError):
+            AdoptedPlant.read(path)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(ConfigError, match="is a pipe"):
+        AdoptedPlant.read(path.parent)
+    for name in ("x" * 5000, "a\0b", "/dev/zero"):
+        with pytest.raises(ConfigError):
+            AdoptedPlant.read(name)
+
+
+def test_names_that_yaml_would_take_for_numbers_come_back_as_names(tmp_path: Path) -> None:
+    friction = FRICTION.model_copy(update={"location": "1e3"})
+    path = adopted(robot="1e3", effects=(friction,)).write(tmp_path, PRISM)
+    plant, _ = AdoptedPlant.read(path)
+    assert (plant.robot, plant.effects[0].location) == ("1e3", "1e3")

@@ -94,7 +94,7 @@ def test_what_is_no_course_is_refused(change: tuple[str, str], words: str) -> No
 def test_unknown_and_missing_courses_are_named(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="s_course"):
         load_course("s_cours")
-    with pytest.raises(RobotError, match="There is no course"):
+    with pytest.raises(RobotError, match="No such file"):
         load_course(str(tmp_path / "none.xml"))
 
 
