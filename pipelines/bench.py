@@ -34,6 +34,7 @@ from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.plant.benchmark import SIMULATIONS, STEPS, contenders
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError
+from flywheel.outputs import check_outputs, write_output
 from flywheel.records import Past
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
@@ -84,6 +85,7 @@ def measure(threads: str, seconds: float, only: str, output: Path, robot: str = 
     counts = parsed_threads(threads)
     chosen = [name.strip() for name in only.split(",") if name.strip()] or list(BENCHES)
     benches = {name: lookup(BENCHES, name, "bench") for name in chosen}
+    check_outputs({"JSON": output})
     loaded = load_robot(robot)
     found: list[Measurement] = []
     with console_progress().stage("bench", len(benches) * len(counts)) as stage:
@@ -96,8 +98,8 @@ def measure(threads: str, seconds: float, only: str, output: Path, robot: str = 
     rows = [(m.of, m.value, m.unit, m.threads, m.against, m.ratio) for m in found]
     out.print(table(f"{robot} on {machine()['processor']}", columns, rows))
     record = {"robot": robot, "machine": machine(), "measurements": [asdict(m) for m in found]}
-    output.write_text(json.dumps(record, indent=1) + "\n")
-    out.print(f"Written to {output}", soft_wrap=True)
+    write_output(output, json.dumps(record, indent=1) + "\n")
+    out.say(f"Written to {output}")
 
 
 def parsed_threads(text: str) -> list[int]:

@@ -191,7 +191,7 @@ def summary(
 @app.command()
 def ui(
     run: RunArgument,
-    port: Annotated[int, typer.Option(help="To serve at.")] = 5000,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="To serve at.")] = 5000,
 ) -> None:
     """Serve the MLflow dashboard of a run on this machine, until Ctrl-C.
 

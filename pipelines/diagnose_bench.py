@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from flywheel.errors import ConfigError
 from flywheel.evaluation.intervals import Interval
 from flywheel.hidden.cases import GROUPS, Case, cases
 from flywheel.hidden.cases import Group as CaseGroup
+from flywheel.outputs import check_folder, write_output
 from flywheel.robots import load_robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.examination import CaseResult, Examiner, Line, publish_examination, summary
@@ -21,6 +23,7 @@ from flywheel.runtime.interrupts import StopRequest
 from flywheel.runtime.jobs import Group, Job
 from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import console_progress
+from flywheel.runtime.results import load
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.trained import TrainedModel
 from pipelines.models import open_trained
@@ -53,6 +56,7 @@ def examine(
     wanted = [c for c in cases(load_robot(robot), _checked(groups), sizes, seeds) if only in c.name]
     if not wanted:
         raise ConfigError(f"No case of {robot} has {only!r} in its name.")
+    check_folder(folder, "folder of the results")
     folder.mkdir(parents=True, exist_ok=True)
     tested = None if model is None else open_trained(model, load_robot(robot))
     missing = [case for case in wanted if not _file(folder, case.name).exists()]
@@ -67,6 +71,21 @@ def examine(
     tracker.close()
 
 
+def sizes_of(text: str) -> list[float]:
+    """Sizes from "0.5,1,2".
+
+    Raises:
+      ConfigError: it is not such a list.
+    """
+    try:
+        sizes = [float(size) for size in text.split(",")]
+    except ValueError:
+        sizes = [math.nan]
+    if not all(0 < size < math.inf for size in sizes):
+        raise ConfigError(f"Sizes are positive numbers with commas between, got {text!r}.")
+    return sizes
+
+
 def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> list[CaseResult]:
     """The results that the folder has.
 
@@ -74,7 +93,7 @@ def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> 
       ConfigError: they are of another model.
     """
     files = [_file(folder, case.name) for case in wanted]
-    results = [CaseResult.model_validate_json(file.read_text()) for file in files if file.exists()]
+    results = [load(CaseResult, file) for file in files if file.exists()]
     digest = "" if tested is None else tested.weights.digest
     for result in results:
         if result.model != digest:
@@ -104,10 +123,7 @@ def _examine(
 
 
 def _keep(folder: Path, result: CaseResult) -> None:
-    file = _file(folder, result.name)
-    temporary = file.with_suffix(".tmp")
-    temporary.write_text(result.model_dump_json(indent=1) + "\n")
-    temporary.replace(file)
+    write_output(_file(folder, result.name), result.model_dump_json(indent=1) + "\n")
 
 
 def _file(folder: Path, name: str) -> Path:
@@ -143,8 +159,7 @@ def write_table(lines: Sequence[Line], path: Path) -> Path:
     with out.capture() as printed:
         out.print(made)
     rows = [row.strip() for row in printed.get().splitlines() if row.strip()]
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
+    return write_output(path, "\n".join(rows) + "\n")
 
 
 def _table(lines: Sequence[Line]) -> Table:

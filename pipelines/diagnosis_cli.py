@@ -132,7 +132,7 @@ def diagnose_bench(
         str, typer.Option(help="none, single, pairs, triples, outside, hard.")
     ] = "none,single,pairs,triples,outside,hard",
     sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
-    seeds: Annotated[int, typer.Option(help="Cases of each kind.")] = 5,
+    seeds: Annotated[int, typer.Option(min=1, help="Cases of each kind.")] = 5,
     only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
     model: TrainedSpec = None,
     address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
@@ -145,7 +145,7 @@ def diagnose_bench(
 
     flywheel diagnose-bench --groups single --sizes 1 --seeds 1 --only winch
     """
-    from pipelines.diagnose_bench import examine
+    from pipelines.diagnose_bench import examine, sizes_of
 
-    factors = [float(size) for size in sizes.split(",")]
+    factors = sizes_of(sizes)
     examine(folder, robot, groups.split(","), factors, range(seeds), only, model, address)

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
+from flywheel.files import MB, read_bytes
 from flywheel.runtime.measures import (
     DiagnosisNote,
     ErrorNumbers,
@@ -26,6 +27,7 @@ from flywheel.runtime.measures import (
 
 Arm = Literal["mppi", "control"]
 RESULT_FILE = "result.json"
+LARGEST_RESULT = 500 * MB  # [bytes]; that of a run of days has some MB
 
 
 class IterationResult(ResultRecord):
@@ -204,10 +206,10 @@ def load(kind: type[R], path: Path) -> R:
     Raises:
       DataError: no such file, or its contents are not such a record.
     """
+    if not path.exists():
+        raise DataError(f"There is no {path.name} in {path.parent}; has the run begun?")
     try:
-        return kind.model_validate_json(path.read_text())
-    except FileNotFoundError:
-        raise DataError(f"There is no {path.name} in {path.parent}; has the run begun?") from None
+        return kind.model_validate_json(read_bytes(path, "result", DataError, LARGEST_RESULT))
     except ValueError as error:
         raise DataError(f"{path} is not a {kind.__name__}: {error}") from None
 
