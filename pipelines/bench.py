@@ -36,6 +36,7 @@ from flywheel.dynamics.plant.benchmark import SIMULATIONS, STEPS, contenders
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError
 from flywheel.files import shown
+from flywheel.outputs import check_outputs, write_output
 from flywheel.quantities import THREADS
 from flywheel.records import Past
 from flywheel.registry import lookup
@@ -87,6 +88,7 @@ def measure(threads: str, seconds: float, only: str, output: Path, robot: str = 
     counts = parsed_threads(threads)
     chosen = [name.strip() for name in only.split(",") if name.strip()] or list(BENCHES)
     benches = {name: lookup(BENCHES, name, "bench") for name in chosen}
+    check_outputs({"JSON": output})
     loaded = load_robot(robot)
     found: list[Measurement] = []
     with console_progress().stage("bench", len(benches) * len(counts)) as stage:
@@ -99,8 +101,8 @@ def measure(threads: str, seconds: float, only: str, output: Path, robot: str = 
     rows = [(m.of, m.value, m.unit, m.threads, m.against, m.ratio) for m in found]
     out.print(table(f"{robot} on {machine()['processor']}", columns, rows))
     record = {"robot": robot, "machine": machine(), "measurements": [asdict(m) for m in found]}
-    output.write_text(json.dumps(record, indent=1) + "\n")
-    out.print(f"Written to {output}", soft_wrap=True)
+    write_output(output, json.dumps(record, indent=1) + "\n")
+    out.say(f"Written to {output}")
 
 
 def parsed_threads(text: str) -> list[int]:

@@ -205,14 +205,19 @@ def full_disk_told(what: str, where: object) -> Iterator[None]:
         ) from error
 
 
-def place_at(url: str, options: dict[str, object]) -> Place:
-    """The place of a URL: s3://bucket/prefix, file:///folder, or a folder's path."""
+def local_folder(url: str) -> Path | None:
+    """The folder of a URL; None where it is not on this machine's file systems."""
     scheme, found, rest = url.partition("://")
     if not found:
-        return LocalPlace(Path(url))
-    if scheme == "file":
-        return LocalPlace(Path(rest))
-    if scheme == "s3":
+        return Path(url)
+    return Path(rest) if scheme == "file" else None
+
+
+def place_at(url: str, options: dict[str, object]) -> Place:
+    """The place of a URL: s3://bucket/prefix, file:///folder, or a folder's path."""
+    if (folder := local_folder(url)) is not None:
+        return LocalPlace(folder)
+    if url.startswith("s3://"):
         from flywheel.data.s3 import S3Place  # an optional dependency
 
         return S3Place(url, options)

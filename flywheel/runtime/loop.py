@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from flywheel.data import TrajectoryStore
+from flywheel.data.places import local_folder
 from flywheel.errors import ConfigError
+from flywheel.outputs import check_folder
 from flywheel.reports import write_report
 from flywheel.robots import Robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
@@ -58,14 +60,17 @@ def run(
       progress: shows people how far it is.
 
     Raises:
-      ConfigError: the folder is in use, holds a run and `resume` is false, holds a run of another
-        configuration, or the cluster is too small.
+      ConfigError: the folder is in use, cannot be written, holds a run and `resume` is false, holds a run
+        of another configuration, or the cluster is too small.
       RunError: the run cannot go on, or what it would go on from is not what it left there; the message
         says why. What is finished is kept.
       Interrupted: the user asked to stop.
     """
     cluster = ClusterConfig(address, cores_of(config.workers, address))
     files = RunFolder(Path(folder).absolute())
+    check_folder(files.path, "folder of the run", ConfigError)
+    if (episodes := local_folder(files.store_url(config))) is not None:
+        check_folder(episodes, "store", ConfigError)
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
@@ -169,11 +174,10 @@ def _tracked(
     try:
         yield log
         patience = None  # as configured
-    except (Interrupted, KeyboardInterrupt):
-        log.end(log.key, "KILLED")
-        raise
-    except BaseException:
-        log.end(log.key, "FAILED")
+    except BaseException as error:
+        stopped = isinstance(error, (Interrupted, KeyboardInterrupt))
+        with suppress(OSError):  # a full disk: what ended the run is what is to be said
+            log.end(log.key, "KILLED" if stopped else "FAILED")
         raise
     finally:
         if not log.close(patience):
