@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -215,7 +214,9 @@ def test_a_thing_of_another_run_of_the_same_configuration_is_found(runs, what):
         assert not found
         return
     kinds = {fault.kind for fault in found}
-    assert kinds <= {"foreign", "altered"} and ("foreign" in kinds or what in ("configuration",)), found
+    assert kinds <= {"foreign", "altered"} and ("foreign" in kinds or what in ("configuration",)), (
+        found
+    )
     assert bool(said) == (what not in NOT_RELIED_ON)
 
 
@@ -246,7 +247,9 @@ def outcome(run: Path) -> dict[str, object]:
     return turns | {"pooled": result.pooled, "finished": result.finished}
 
 
-def test_going_back_sets_what_is_damaged_aside_and_the_run_comes_to_the_same_end(finished, tmp_path):
+def test_going_back_sets_what_is_damaged_aside_and_the_run_comes_to_the_same_end(
+    finished, tmp_path
+):
     run = tmp_path / "run"
     shutil.copytree(finished, run)
     (array,) = run.glob(ALONE["array"])
