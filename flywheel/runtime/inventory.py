@@ -30,10 +30,10 @@ from flywheel.runtime.run_folder import (
     RunFolder,
     name_of,
 )
-from flywheel.runtime.run_identity import RUN_FILE
+from flywheel.runtime.run_identity import HOW, RUN_FILE
 from flywheel.seals import Kind, Seal, Unsound, file_sha256, misplaced
 
-TOLD = 8  # faults that one message names
+TOLD = 8  # faults, and episodes of one, that a message names
 OURS = re.compile(
     r"config\.yaml|robot\.xml|run\.json|store|cache|models|iterations|videos|figures|aside|result\.json|"
     rf"report\.html|{re.escape(DATABASE)}.*|mlflow-artifacts|outbox\..*"
@@ -62,7 +62,7 @@ class Fault:
     idle: bool = False
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.what.rstrip('.')}."
+        return f"{self.where}: {self.what.removesuffix('.')}."
 
 
 class Inventory:
@@ -93,6 +93,24 @@ class Inventory:
         there = {fault.where for fault in stored}
         found += [*self._named(), *(f for f in self._compared() if f.where not in there)]
         return found + stored
+
+    def remedy(self, faults: Iterable[Fault]) -> str:
+        """What can be done about faults that the run rests on."""
+        resting = [fault for fault in faults if not fault.idle]
+        since = [fault.since for fault in resting if fault.since is not None]
+        if any(fault.since is None for fault in resting):
+            return (
+                f"{HOW} With store={self.folder.path / 'store'} that takes over the episodes, if it has the "
+                "same configuration."
+            )
+        if not since:
+            return ""
+        first = min(since)
+        what = "the end of the run" if first == self.end else f"all from iteration {first} on"
+        return (
+            f"Put back copies. Or `flywheel data rewind {self.folder.path} {first}` sets {what} aside, and "
+            "--resume does it again."
+        )
 
     def strangers(self) -> list[str]:
         """Names in the folder that no run gives; they do no harm."""
@@ -258,8 +276,11 @@ class Inventory:
             segment = name.removeprefix(SEGMENT)
             listed[segment] = min(since, listed.get(segment, since))
         for damage in self.store.verify(arrays=self.thorough):
-            episodes = f" Episodes: {', '.join(damage.episodes)}" if damage.episodes else ""
-            what = f"{damage.what.rstrip('.')}.{episodes}"
+            what = damage.what
+            if damage.episodes:
+                told = damage.episodes if self.thorough else damage.episodes[:TOLD]
+                more = " ..." if len(told) < len(damage.episodes) else ""
+                what = f"{what.rstrip('.')}. Episodes: {', '.join(told)}{more}"
             yield Fault(damage.kind, damage.path, what, *self._rests(damage, listed))
 
     def _rests(self, damage: Damage, listed: Mapping[str, int]) -> tuple[int | None, bool]:
@@ -279,7 +300,8 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
     Raises:
       RunError: it names what is wrong, and what can be done.
     """
-    found = [f for f in Inventory(folder, store, thorough=False).faults() if not f.idle]
+    look = Inventory(folder, store, thorough=False)
+    found = [fault for fault in look.faults() if not fault.idle]
     if not found:
         return
     lines = [f"  {fault.kind}: {fault}" for fault in found[:TOLD]]
@@ -288,29 +310,8 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
     text = "\n".join(lines)
     raise RunError(
         f"The run in {folder.path} cannot go on, it is not what it was left as:\n{text}\n"
-        f"{remedy(folder, found)} `flywheel data verify {folder.path}` looks at every byte."
+        f"{look.remedy(found)} `flywheel data verify {folder.path}` looks at every byte."
     )
-
-
-def remedy(folder: RunFolder, faults: Iterable[Fault]) -> str:
-    """What can be done about faults that a run rests on."""
-    resting = [fault for fault in faults if not fault.idle]
-    since = [fault.since for fault in resting if fault.since is not None]
-    if any(fault.since is None for fault in resting):
-        return (
-            "Put back copies of what the run was begun with. Or begin it anew in another folder: with "
-            f"store={folder.path / 'store'} it takes over the episodes that are sound."
-        )
-    if not since:
-        return ""
-    return (
-        f"Put back copies; or `flywheel data rewind {folder.path} {min(since)}` sets aside "
-        f"{_what_since(min(since))}, and the run does it again with --resume."
-    )
-
-
-def _what_since(iteration: int) -> str:
-    return f"iteration {iteration} and all that came after it" if iteration else "all iterations"
 
 
 def _fault(error: FlywheelError, where: str, since: int | None = None, idle: bool = False) -> Fault:
