@@ -105,6 +105,9 @@ def design(
 
     flywheel design cable_friction capstan --robot prism3 --out to_tell.csv
     """
+    from flywheel.runtime.demand import check_predictions
     from pipelines.design import propose
 
+    predictions = candidates * (1 + len(rivals))  # of each script, and with each rival
+    check_predictions(predictions, seconds, dt, "--candidates, rivals, --seconds, --dt")
     propose(rivals, robot, noise, size, seconds, candidates, seed, dt, threads, out, page, json)
