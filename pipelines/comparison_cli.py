@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
+from pipelines.options import ThreadsOption, within
+
 app = typer.Typer()
 
 
@@ -35,14 +38,24 @@ def compare(
     recordings: Recordings,
     robot: RobotName,
     model: Models = None,
-    horizon: Annotated[float, typer.Option(help="Predicted from each present, in seconds.")] = 1.0,
+    horizon: Annotated[
+        float,
+        typer.Option(
+            help="Predicted from each present, in seconds.", callback=within(HORIZON_SECONDS)
+        ),
+    ] = 1.0,
     dt: Annotated[float, typer.Option(help="Control step of the models, in seconds.")] = 0.01,
-    draws: Annotated[int, typer.Option(help="Of the noise, for what it makes of the error.")] = 100,
-    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    draws: Annotated[
+        int,
+        typer.Option(
+            help="Of the noise, for what it makes of the error.", callback=within(SAMPLES)
+        ),
+    ] = 100,
+    seed: Annotated[int, typer.Option(help="Of the draws.", callback=within(SEED))] = 0,
     fit_starts: Annotated[
         bool, typer.Option(help="Also what plants leave where starts are fitted; slow.")
     ] = False,
-    threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
+    threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("comparison.html"),
     json: Annotated[
         Path | None, typer.Option(help="Where the numbers go as JSON.", show_default=False)

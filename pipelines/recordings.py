@@ -22,9 +22,9 @@ from flywheel.data.recordings import (
     write_recording,
 )
 from flywheel.errors import DataError, FlywheelError
+from flywheel.outputs import check_folder
 from flywheel.records import Split
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.config import load_config
 from flywheel.runtime.run_folder import RunFolder
 from pipelines.data import open_store
 from pipelines.show import console, table
@@ -46,6 +46,7 @@ def import_logs(
       DataError: a log cannot be used; the others are not stored either.
     """
     robot = _robot(place, robot_name)
+    store = None if dry_run else _store(place)
     how = read_map(mapping) if mapping else None
     read, wrong = [], []
     for log in logs:
@@ -60,8 +61,7 @@ def import_logs(
         raise DataError("\n".join(wrong) + others)
     _refuse_twice(read)
     outcomes = [("not stored (dry run)", "") for _ in read]
-    if not dry_run:
-        store = _store(place)
+    if store is not None:
         outcomes = [_stored(store, one) for one in read]
     if as_json:
         shown = [_as_json(one, *outcome) for one, outcome in zip(read, outcomes, strict=True)]
@@ -149,15 +149,14 @@ def _robot(place: Path, name: str | None) -> Robot:
         raise DataError(
             f"{place} is not a run's folder: say with --robot whose episodes these are."
         )
-    return folder.robot(load_config(folder.config_file))
+    return folder.robot(folder.config())
 
 
 def _store(place: Path) -> TrajectoryStore:
     """The store of a run, or the one at a path; a new one where there is nothing."""
+    check_folder(place, "store")
     if RunFolder(place).config_file.exists():
         return open_store(place)
-    if place.is_file():
-        raise DataError(f"{place} is a file; a store is a folder.")
     return TrajectoryStore(str(place))
 
 

@@ -1,12 +1,17 @@
-"""Weights in a file: arrays without pickle, and a readable side file that says what they are."""
+"""Weights in a file: arrays without pickle, and a readable side file that says what they are.
+
+The side file says which network it is, and that network how large the file may be, and the names, shapes
+and types of the arrays in it: all of that is looked at before an array is read.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 import torch
@@ -15,9 +20,23 @@ from pydantic import ValidationError
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.errors import ModelError
+from flywheel.files import opened, read_json, shown
 from flywheel.robots import Robot
 
 _FORMAT = 2  # 1: cables between nodes
+_ABOUT = {"digest": str, "robot": str, "config": dict}
+_LARGEST_HEADER = 1000  # of an array in an .npz, and its entries in the archive's lists [bytes]
+_LARGEST_DIRECTORY = 1000  # what an .npz has besides [bytes]
+_DAMAGED = (  # what an archive that is none, or that lies about itself, raises
+    ValueError,
+    OSError,
+    EOFError,
+    RuntimeError,
+    NotImplementedError,
+    OverflowError,
+    BadZipFile,
+    zlib.error,
+)
 
 
 def weights_arrays(network: ChunkNetwork) -> dict[str, np.ndarray]:
@@ -97,17 +116,20 @@ def read_about(path: Path | str) -> dict[str, Any]:
       ModelError: there is none, or it is no such file.
     """
     side = Path(path).with_suffix(".json")
-    try:
-        about: dict[str, Any] = json.loads(side.read_text())
-        if about["format"] != _FORMAT:
-            raise ModelError(
-                f"{side} has format {about['format']!r}; this version reads format {_FORMAT}. Train the "
-                "network anew, or read it with the version of this project that wrote it."
-            )
-    except FileNotFoundError:
-        raise ModelError(f"There are no weights at {path}: {side.name} is missing.") from None
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError) as problem:
-        raise ModelError(f"{side} does not describe weights: {problem}.") from problem
+    if not side.exists():
+        raise ModelError(f"There are no weights at {path}: {side.name} is missing.")
+    about = read_json(side, "side file of weights", ModelError)
+    if not isinstance(about, dict) or "format" not in about:
+        raise ModelError(f"{side} does not describe weights: it holds {shown(about)}.")
+    if about["format"] != _FORMAT:
+        raise ModelError(
+            f"{side} has format {shown(about['format'])}; this version reads format {_FORMAT}. Train the "
+            "network anew, or read it with the version of this project that wrote it."
+        )
+    for name, kind in _ABOUT.items():
+        if not isinstance(about.get(name), kind):
+            got = shown(about[name]) if name in about else "nothing"
+            raise ModelError(f"{side} does not describe weights: {name} is {got}.")
     return about
 
 
@@ -121,24 +143,75 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
     if about["robot"] != robot.digest:
         raise ModelError(
             f"The weights {path.name} were trained for another robot (digest "
-            f"{str(about['robot'])[:12]}), not for {robot.name} ({robot.digest[:12]}). Train a "
+            f"{about['robot'][:12]}), not for {robot.name} ({robot.digest[:12]}). Train a "
             "network for this robot, or load the MJCF that the weights belong to."
         )
+    if not path.exists():
+        raise ModelError(f"There are no weights at {path}.")
     try:
         config = NetworkConfig.model_validate(about["config"])
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except FileNotFoundError:
-        raise ModelError(f"There are no weights at {path}.") from None
-    except (ValidationError, ValueError, OSError, EOFError, zipfile.BadZipFile) as problem:
+        wanted = _state_of(robot, config, path.stat().st_size)
+        largest = _LARGEST_DIRECTORY + sum(v.nbytes + _LARGEST_HEADER for v in wanted.values())
+        with opened(path, "file of weights", ModelError, largest) as raw, ZipFile(raw) as archive:
+            arrays = _read_arrays(archive, wanted)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ModelError(
+            f"The weights {path} are damaged: their network cannot be, {where}: {first['msg']}, got "
+            f"{shown(first['input'])}."
+        ) from None
+    except _DAMAGED as problem:
         raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
     digest = _digest(robot.digest, config, arrays)
     if digest != about["digest"]:
         raise ModelError(
             f"The weights {path} are damaged: their digest is {digest[:12]}, their side file says "
-            f"{str(about['digest'])[:12]}."
+            f"{about['digest'][:12]}."
         )
     return network_from_arrays(robot, config, arrays)
+
+
+def _state_of(robot: Robot, config: NetworkConfig, size: int) -> dict[str, torch.Tensor]:
+    """Every weight and buffer of a network by name: shape and type alone, without memory.
+
+    Args:
+      robot: it is for.
+      config: of the network.
+      size: of the file that its weights are said to be in [bytes].
+
+    Raises:
+      ValueError: the file is too small for so large a network.
+    """
+    least = 4 * config.width**2 * max(config.rounds, config.mlp_layers - 1)
+    if least > size:
+        raise ValueError(
+            f"{size} bytes are too few for a width of {config.width}, {config.rounds} rounds and "
+            f"{config.mlp_layers} layers"
+        )
+    with torch.device("meta"):
+        return ChunkNetwork(robot, config).state_dict()
+
+
+def _read_arrays(archive: ZipFile, wanted: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
+    there = sorted(archive.namelist())
+    if there != sorted(f"{name}.npy" for name in wanted):
+        raise ValueError(f"they are not the {len(wanted)} arrays of such a network: {shown(there)}")
+    return {name: _read_array(archive, name, value) for name, value in wanted.items()}
+
+
+def _read_array(archive: ZipFile, name: str, wanted: torch.Tensor) -> np.ndarray:
+    dtype, shape = np.dtype(str(wanted.dtype).removeprefix("torch.")), tuple(wanted.shape)
+    with archive.open(f"{name}.npy") as file:
+        if (version := np.lib.format.read_magic(file)) != (1, 0):
+            raise ValueError(f"{name} has the version {version} of NumPy's format, not (1, 0)")
+        claimed, fortran, kind = np.lib.format.read_array_header_1_0(file)
+        if (claimed, kind) != (shape, dtype) or fortran:
+            raise ValueError(f"{name} is {kind} {claimed}, and should be {dtype} {shape}")
+        content = file.read(wanted.nbytes + 1)
+    if len(content) != wanted.nbytes:
+        raise ValueError(f"{name} does not have {wanted.nbytes} bytes")
+    return np.frombuffer(content, dtype).reshape(shape)
 
 
 def _digest(robot: str, config: NetworkConfig, arrays: dict[str, np.ndarray]) -> str:

@@ -1,5 +1,8 @@
 """When a folder may be begun, and when it may be continued."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from flywheel.errors import ConfigError, RunError
@@ -96,3 +99,18 @@ def test_an_mjcf_that_was_edited_since_is_refused_and_one_laid_out_anew_is_not(o
     mjcf.write_text(mjcf.read_text().replace("<option ", '<option wind="0 0 1" ', 1))
     with pytest.raises(ConfigError, match="has changed since the run .* robot.xml"):
         folder.begin(config, resume=True)
+
+
+@pytest.mark.parametrize(
+    "name", ["../x", "my run", "[red]a[/red]", "ü", "a'b", "", "x" * 200, "a\n"]
+)
+def test_whatever_a_run_is_called_its_key_is_plain_and_nothing_leaves_its_folder(
+    name: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "runs" / "one"
+    folder.mkdir(parents=True)
+    config = RunConfig.model_validate({"name": name, "workers": {"least_free_gb": 0}})
+    key = RunFolder(folder).begin(config, resume=False).key
+    assert re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._-]*-[0-9a-f]{8}", key)
+    assert RunFolder(folder).begin(config, resume=True).key == key
+    assert [path.name for path in tmp_path.rglob("*.yaml")] == ["config.yaml"]
