@@ -144,11 +144,11 @@ def count(
 ) -> dict[str, Row]:
     """Test the chosen mutants of all files and show what became of them, if it is ended before, too."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # through `finally`: the copy goes
-    progress, begun = Progress(sum(map(len, chosen.values()))), time.monotonic()
-    rows: dict[str, Row] = {}
+    begun, rows = time.monotonic(), dict[str, Row]()
     prepare()
     try:
         with Bench() as bench:
+            progress = Progress(sum(map(len, chosen.values())))
             for source in files:
                 if mutants := chosen[source.path]:
                     rows[source.path] = counted(bench, source, mutants, known, progress)
