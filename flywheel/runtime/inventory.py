@@ -108,7 +108,7 @@ class Inventory:
         first = min(since)
         what = "the end of the run" if first == self.end else f"all from iteration {first} on"
         return (
-            f"Put back copies. Or `flywheel data rewind {self.folder.path} {first}` sets {what} aside, and "
+            f"Put back copies, and names that were exchanged. Or `flywheel data rewind {self.folder.path} {first}` sets {what} aside, and "
             "--resume does it again."
         )
 

@@ -123,7 +123,9 @@ def test_a_run_from_before_there_were_seals_goes_on(unsealed):
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", '{"key": 5}', "\0"])
 def test_the_files_of_an_unsealed_run_are_refused_with_a_message_too(unsealed, content, name):
     (unsealed.path / name).write_text(content)
-    with pytest.raises(FlywheelError, match=r"i0000-mppi\.json|config\.yaml|run\.json|seed: 0 -> 3"):
+    with pytest.raises(
+        FlywheelError, match=r"i0000-mppi\.json|config\.yaml|run\.json|seed: 0 -> 3"
+    ):
         unsealed.begin(SEEDED, resume=True)
         unsealed.finished(0, "mppi")
 
