@@ -107,9 +107,10 @@ class Inventory:
             return ""
         first = min(since)
         what = "the end of the run" if first == self.end else f"all from iteration {first} on"
+        command = f"`flywheel data rewind {self.folder.path} {first}`"
         return (
-            f"Put back copies. Or `flywheel data rewind {self.folder.path} {first}` sets {what} aside, and "
-            "--resume does it again."
+            f"Put back copies, and names that were exchanged. Or {command} sets {what} aside, and --resume "
+            "does it again."
         )
 
     def strangers(self) -> list[str]:
