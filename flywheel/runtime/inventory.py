@@ -84,14 +84,16 @@ class Inventory:
 
     def faults(self) -> list[Fault]:
         """All that is wrong, in the order in which a run comes about."""
-        found = list(self._beginning())
+        found = [*self._beginning(), *self._folders()]
         # Without run.json it cannot be told whose the other files are.
         if not any(fault.where == RUN_FILE for fault in found):
             found += [*self._iterations(), *self._end(), *self._missing(), *self._models()]
         self._snapshots = dict(self._sound_snapshots())
         stored = list(self._of_store())
-        there = {fault.where for fault in stored}
-        found += [*self._named(), *(f for f in self._compared() if f.where not in there)]
+        told = {fault.where for fault in stored}
+        found += self._named()
+        if "segments" not in told:
+            found += [fault for fault in self._compared() if fault.where not in told]
         return found + stored
 
     def remedy(self, faults: Iterable[Fault]) -> str:
@@ -125,20 +127,38 @@ class Inventory:
             return self._config.iterations + 1
         return 1 + max(map(_number, self._turns), default=0)
 
+    def _fault(
+        self, error: FlywheelError, where: str, since: int | None = None, idle: bool = False
+    ) -> Fault:
+        other: Kind = "unreadable" if isinstance(error, DataError) else "altered"
+        kind = error.kind if isinstance(error, Unsound) else other
+        what = str(error).replace(f"The file {self.folder.path / where} ", "it ")
+        return Fault(kind, where, what, since, idle)
+
+    def _rested_on(self, since: int) -> str:
+        return "the end of the run" if since == self.end else f"iteration {since}"
+
     def _beginning(self) -> Iterator[Fault]:
         try:
             begun = self.folder.begun()
         except DataError as error:
-            yield _fault(error, RUN_FILE)
+            yield self._fault(error, RUN_FILE)
             return
         try:
             self._config = self.folder.config()
         except FlywheelError as error:
-            yield _fault(error, self.folder.config_file.name)
+            yield self._fault(error, self.folder.config_file.name)
         try:
             begun.check(self.folder.path, self.folder.robot_file.name)
         except FlywheelError as error:
-            yield _fault(error, self.folder.robot_file.name)
+            yield self._fault(error, self.folder.robot_file.name)
+
+    def _folders(self) -> Iterator[Fault]:
+        """Folders that are none, or cannot be read."""
+        for part in ("iterations", "models"):
+            path = self.folder.path / part
+            if os.path.lexists(path) and not (path.is_dir() and os.access(path, os.R_OK | os.X_OK)):
+                yield Fault("unreadable", part, "it is no folder that can be read", 0)
 
     def _iterations(self) -> Iterator[Fault]:
         """What is wrong with the files of iterations and diagnoses themselves."""
@@ -156,7 +176,7 @@ class Inventory:
                 self._read(name)
             except DataError as error:
                 own[name] = (isinstance(error, Unsound) and error.instead) or name
-                found.append(_fault(error, where, min(_number(name), self.end)))
+                found.append(self._fault(error, where, min(_number(name), self.end)))
         yield from _told_apart(found, own, lambda where: Path(where).stem)
 
     def _read(self, name: str) -> None:
@@ -175,7 +195,7 @@ class Inventory:
         try:
             self._result = RunResult.read(self.folder.path)
         except DataError as error:
-            yield _fault(error, RESULT_FILE, self.end)
+            yield self._fault(error, RESULT_FILE, self.end)
             return
         result = self._result[0]
         if result.key != self.folder.begun().identity.key:
@@ -226,12 +246,11 @@ class Inventory:
                 continue
             where = f"{name}.json" if name.startswith(SNAPSHOT) else name
             if name in there:
-                what = f"iteration {since} has its digest {digest[:12]}, but it is {there[name][:12]} now"
-                yield Fault("altered", where, what, since)
+                what = f"rests on its digest {digest[:12]}, but it has {there[name][:12]} now"
+                yield Fault("altered", where, f"{self._rested_on(since)} {what}", since)
             else:
-                yield Fault(
-                    "missing", where, f"it is missing; iteration {since} rests on it", since
-                )
+                what = f"it is missing; {self._rested_on(since)} rests on it"
+                yield Fault("missing", where, what, since)
 
     def _named(self) -> Iterator[Fault]:
         """What is wrong with files of the folder that something rests on."""
@@ -249,7 +268,7 @@ class Inventory:
             try:
                 there = file_sha256(self.folder.path / name, "file")
             except Unsound as error:
-                found.append(_fault(error, name, since, idle))
+                found.append(self._fault(error, name, since, idle))
                 continue
             if there != digest:
                 own[name] = names.get((there, _role(name)), name)
@@ -315,13 +334,6 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
     )
 
 
-def _fault(error: FlywheelError, where: str, since: int | None = None, idle: bool = False) -> Fault:
-    other: Kind = "unreadable" if isinstance(error, DataError) else "altered"
-    return Fault(
-        error.kind if isinstance(error, Unsound) else other, where, str(error), since, idle
-    )
-
-
 def _told_apart(
     found: Iterable[Fault], own: Mapping[str, str], name_of: Callable[[str], str]
 ) -> Iterator[Fault]:
@@ -333,8 +345,11 @@ def _told_apart(
 
 
 def _entries(folder: Path) -> list[Path]:
-    """What is in a folder, but what is being written; nothing if there is no folder."""
-    found = sorted(folder.iterdir()) if folder.is_dir() else []
+    """What is in a folder, but what is being written; nothing where it cannot be read."""
+    try:
+        found = sorted(folder.iterdir())
+    except OSError:  # which is told apart
+        return []
     return [path for path in found if not UNFINISHED.fullmatch(path.name)]
 
 

@@ -171,6 +171,16 @@ def test_things_whose_names_were_exchanged_are_found(finished, what):
     assert bool(said) == (what not in NOT_RELIED_ON)
 
 
+@pytest.mark.parametrize("part", ["iterations", "models", "store/segments", "store/snapshots"])
+def test_a_file_in_the_place_of_a_folder_is_found(finished, part):
+    with kept(finished / part):
+        remove(finished / part)
+        (finished / part).write_text("x")
+        found = look(finished)
+        assert ("unreadable", short(Path(part))) in [(f.kind, f.where) for f in found]
+        assert refused(finished)
+
+
 def test_weights_that_are_another_models_are_not_taken_for_an_iterations(finished):
     one, other = (finished / path for path in SIBLINGS["model"])
     with kept(one, other):
