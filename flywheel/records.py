@@ -24,6 +24,16 @@ from flywheel.terrain import Terrain
 Floats = NDArray[np.floating]
 
 
+CONTROL_STEPS = 1e-4, 10.0  # shortest and longest that a cable-driven robot may have [s]
+
+
+def check_control_step(dt: float) -> None:
+    """Raises DataError where dt [s] cannot be a control step."""
+    shortest, longest = CONTROL_STEPS
+    if not shortest <= dt <= longest:
+        raise DataError(f"dt, a control step, is {shortest:g} to {longest:g} s long; got {dt!r}.")
+
+
 @dataclass(frozen=True)
 class State:
     """The full mechanical state of a plant.
@@ -94,8 +104,7 @@ class Trajectory:
             )
         if not np.isfinite(self.controls).all():
             raise DataError("A trajectory's controls must be finite; got NaN or infinity.")
-        if not self.dt > 0:
-            raise DataError(f"dt must be positive seconds, got {self.dt!r}.")
+        check_control_step(self.dt)
 
 
 Source = Literal["sim", "recording"]

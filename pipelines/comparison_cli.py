@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from pipelines.options import DtOption
+
 app = typer.Typer()
 
 
@@ -36,7 +38,7 @@ def compare(
     robot: RobotName,
     model: Models = None,
     horizon: Annotated[float, typer.Option(help="Predicted from each present, in seconds.")] = 1.0,
-    dt: Annotated[float, typer.Option(help="Control step of the models, in seconds.")] = 0.01,
+    dt: DtOption = 0.01,
     draws: Annotated[int, typer.Option(help="Of the noise, for what it makes of the error.")] = 100,
     seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
     fit_starts: Annotated[

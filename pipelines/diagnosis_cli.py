@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import WindowOption
+from pipelines.options import DtOption, WindowOption
 
 app = typer.Typer()
 
@@ -56,7 +56,7 @@ def diagnose(
     unsure: UnsureOption = None,
     window: WindowOption = None,
     model: TrainedSpec = None,
-    dt: Annotated[float, typer.Option(help="Control step of the plant, in seconds.")] = 0.01,
+    dt: DtOption = 0.01,
     threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
     json: Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import WindowOption
+from pipelines.options import DtOption, WindowOption
 
 app = typer.Typer()
 
@@ -21,7 +21,6 @@ NoiseOption = Annotated[
     str,
     typer.Option(help="Of each coordinate: a share of the robot's length, or a length (9mm)."),
 ]
-DtOption = Annotated[float, typer.Option(help="Control step of the plant, in seconds.")]
 ThreadsOption = Annotated[int, typer.Option(help="Simulations at the same time.")]
 PageOption = Annotated[
     Path | None, typer.Option(help="Where an HTML page goes.", show_default=False)
