@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from flywheel.data.recordings import read_recording
+from flywheel.data.recordings import printed, read_recording
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
 
@@ -37,9 +37,10 @@ def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Console) -> l
         imported = read_recording(path, robot, dt=dt)
         for f in imported.report.findings:
             when = f"{f.kind} {f.subject}: {f.count} {f.action} at {f.when or 'all times'} s"
-            out.print(f"{path.name}: {when}. {f.words}", soft_wrap=True, markup=False)
+            out.print(f"{imported.report.file}: {when}. {f.words}", soft_wrap=True, markup=False)
+        stem = printed(path.stem)
         several = len(imported.episodes) > 1
         for number, episode in enumerate(imported.episodes):
-            name = f"{path.stem} ({number})" if several else path.stem
+            name = f"{stem} ({number})" if several else stem
             recordings.append(Recorded(name, episode.trajectory))
     return recordings

@@ -2,8 +2,9 @@
 
 from flywheel.data.recordings.mapping import RecordingMap, Units, read_map
 from flywheel.data.recordings.reading import Imported, read_recording
-from flywheel.data.recordings.report import Finding, ImportReport, counted
+from flywheel.data.recordings.report import Finding, ImportReport, counted, printed
 from flywheel.data.recordings.storing import store_recording, stored_recordings
+from flywheel.data.recordings.table import Told
 from flywheel.data.recordings.writing import write_recording
 
 __all__ = [
@@ -11,8 +12,10 @@ __all__ = [
     "ImportReport",
     "Imported",
     "RecordingMap",
+    "Told",
     "Units",
     "counted",
+    "printed",
     "read_map",
     "read_recording",
     "store_recording",
