@@ -3,6 +3,9 @@
 #
 #   RAY_PORT   port that workers and drivers join at (6379)
 #   RAY_CPUS   cores that it offers (all of them)
+#
+# It listens to the network, for workers on other machines. Ray has no password, and whoever reaches its
+# ports can run programs: keep them inside a network you trust.
 set -euo pipefail
 
 options=(--port="${RAY_PORT:-6379}")

@@ -19,19 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.errors import DataError
+from flywheel.quantities import CONTROL_STEP
 from flywheel.terrain import Terrain
 
 Floats = NDArray[np.floating]
-
-
-CONTROL_STEPS = 1e-4, 10.0  # shortest and longest that a cable-driven robot may have [s]
-
-
-def check_control_step(dt: float) -> None:
-    """Raises DataError where dt [s] cannot be a control step."""
-    shortest, longest = CONTROL_STEPS
-    if not shortest <= dt <= longest:
-        raise DataError(f"dt, a control step, is {shortest:g} to {longest:g} s long; got {dt!r}.")
 
 
 @dataclass(frozen=True)
@@ -104,7 +95,7 @@ class Trajectory:
             )
         if not np.isfinite(self.controls).all():
             raise DataError("A trajectory's controls must be finite; got NaN or infinity.")
-        check_control_step(self.dt)
+        CONTROL_STEP.check(self.dt, "A control step, dt,", DataError)
 
 
 Source = Literal["sim", "recording"]

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rich.console import Console
-
 from flywheel.diagnosis.comparison import Comparison, compare
+from flywheel.outputs import check_outputs, write_output
 from flywheel.reports.comparison_page import sentence, write_comparison
 from flywheel.reports.comparison_video import film_window
 from pipelines.logs import read_logs
 from pipelines.models import PLANT, open_model
 from pipelines.plants import open_plant
-from pipelines.show import console, table
+from pipelines.show import Out, console, table
 
 MILLI = 1000.0
 WORST_BINS = 3  # of each criterion that are shown
@@ -37,6 +35,7 @@ def put_beside(
     video: Path | None,
 ) -> int:
     """Compare, print, write the page, and return the exit code."""
+    check_outputs({"page": page, "JSON": answer, "video": video}, inputs=[*logs, robot_name])
     robot, out = open_plant(robot_name, dt).robot, console()
     models = [open_model(spec, robot, robot_name, dt, threads) for spec in specs or (PLANT,)]
     recordings = read_logs(logs, robot, dt, out)
@@ -56,15 +55,15 @@ def put_beside(
         "recordings": ", ".join(path.name for path in logs),
         "control step": f"{dt:g} s",
     }
-    out.print(f"Page: {_page(out, found, page, about, video)}", soft_wrap=True)
+    out.say(f"Page: {_page(out, found, page, about, video)}")
     if answer is not None:
-        answer.write_text(json.dumps(found.summary(), indent=1) + "\n", encoding="utf-8")
-        out.print(f"JSON: {answer}", soft_wrap=True)
+        write_output(answer, json.dumps(found.summary(), indent=1) + "\n")
+        out.say(f"JSON: {answer}")
     return found.exit_code
 
 
 def _page(
-    out: Console, found: Comparison, page: Path, about: dict[str, str], video: Path | None
+    out: Out, found: Comparison, page: Path, about: dict[str, str], video: Path | None
 ) -> Path:
     """Films of the worst window of the last model, as each model predicts it, and the page."""
     films: dict[str, Path | str] = {}
@@ -75,23 +74,20 @@ def _page(
                 films[model.name] = film_window(found, model, found.models[-1].worst, path)
             except Exception as error:  # whatever a graphics driver throws
                 films[model.name] = str(error)
-                out.print(f"No video of {model.name}: {error}", soft_wrap=True, markup=False)
+                out.say(f"No video of {model.name}: {error}")
         last = films[found.models[-1].name]
         if video is not None and isinstance(last, Path):
-            video.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(last, video)
-            out.print(f"Video: {video}", soft_wrap=True)
+            write_output(video, last.read_bytes())
+            out.say(f"Video: {video}")
         return write_comparison(found, page, about, films)
 
 
-def _show(out: Console, found: Comparison) -> None:
+def _show(out: Out, found: Comparison) -> None:
     for model in found.models:
-        out.print(
-            f"{model.name}: {model.outcome}. {sentence(found, model)}", style="bold", soft_wrap=True
-        )
+        out.say(f"{model.name}: {model.outcome}. {sentence(found, model)}", style="bold")
     moments = found.moments
     if moments.unused:
-        out.print(f"No window in {', '.join(moments.unused)}.", soft_wrap=True, markup=False)
+        out.say(f"No window in {', '.join(moments.unused)}.")
     scale = MILLI * moments.sigma
     rows: list[tuple[object, ...]] = [
         (

@@ -6,17 +6,16 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from flywheel.data.recordings.commands import write_commands
 from flywheel.diagnosis.design import Design, Designer
 from flywheel.diagnosis.rivals import Rival
 from flywheel.errors import DataError
+from flywheel.outputs import check_outputs, write_output
 from flywheel.reports.experiment_page import design_sentence, write_design
 from flywheel.runtime.progress import console_progress
 from pipelines.experiment import about_plant, length_of
 from pipelines.plants import open_plant
-from pipelines.show import console, table
+from pipelines.show import Out, console, table
 
 
 def propose(
@@ -34,6 +33,7 @@ def propose(
     answer: Path | None,
 ) -> None:
     """Find the script, write it, and say what it is worth."""
+    check_outputs({"script": script, "page": page, "JSON": answer}, inputs=[robot_name])
     if script.exists():
         raise DataError(f"There is a file {script} already; it is not written over.")
     plant = open_plant(robot_name, dt, threads)
@@ -44,20 +44,21 @@ def propose(
         found = designer.design(
             seconds, count, seed, lambda n, best: stage.update(n, f"best {best:.1f} sigma")
         )
+    script.parent.mkdir(parents=True, exist_ok=True)
     write_commands(found.controls, dt, script, robot)
     _show(out, found)
-    out.print(f"Commands: {script}", soft_wrap=True)
+    out.say(f"Commands: {script}")
     if page is not None:
         about = {"commands": script.name, "seed": str(seed), **about_plant(plant)}
         winches = [winch.name for winch in robot.winches]
-        out.print(f"Page: {write_design(found, page, about, winches)}", soft_wrap=True)
+        out.say(f"Page: {write_design(found, page, about, winches)}")
     if answer is not None:
-        answer.write_text(json.dumps(found.summary(), indent=1) + "\n", encoding="utf-8")
-        out.print(f"JSON: {answer}", soft_wrap=True)
+        write_output(answer, json.dumps(found.summary(), indent=1) + "\n")
+        out.say(f"JSON: {answer}")
 
 
-def _show(out: Console, found: Design) -> None:
-    out.print(design_sentence(found), style="bold", soft_wrap=True)
+def _show(out: Out, found: Design) -> None:
+    out.say(design_sentence(found), style="bold")
     columns = ("rivals", "", "#|cos|", "#apart [sigma]", "#random: |cos|", "#random: apart [sigma]")
     rows = [
         (

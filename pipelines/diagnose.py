@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-from rich.console import Console
 
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.whereabouts import Whereabouts
 from flywheel.effects import EFFECTS, NAMED, Effect
 from flywheel.errors import ConfigError
+from flywheel.files import shown
+from flywheel.outputs import check_outputs, write_output
+from flywheel.quantities import FACTOR
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import (
     doubtful,
@@ -24,8 +25,9 @@ from flywheel.reports.diagnosis_page import (
 )
 from pipelines.logs import read_logs
 from pipelines.models import open_trained
+from pipelines.options import number
 from pipelines.plants import open_plant
-from pipelines.show import console, table
+from pipelines.show import Out, console, table
 
 SHOWN = 10  # candidates in the table
 
@@ -44,6 +46,7 @@ def explain(
     answer: Path | None,
 ) -> int:
     """Diagnose logs, print the answer, write the page, and return the verdict's exit code."""
+    check_outputs({"page": page, "JSON": answer}, inputs=[*logs, *held_out, robot_name])
     plant = open_plant(robot_name, dt, threads)
     robot, out = plant.robot, console()
     found = diagnose(
@@ -64,7 +67,7 @@ def explain(
         "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
         "control step": f"{dt:g} s, MuJoCo steps of {robot.timestep:g} s",
     }
-    out.print(f"Page: {write_diagnosis(found, page, about)}", soft_wrap=True)
+    out.say(f"Page: {write_diagnosis(found, page, about)}")
     if answer is not None:
         summary = {
             **found.summary(),
@@ -72,8 +75,8 @@ def explain(
             "recordings": [path.name for path in logs],
             "held_out_recordings": [path.name for path in held_out],
         }
-        answer.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        out.print(f"JSON: {answer}", soft_wrap=True)
+        write_output(answer, json.dumps(summary, indent=1, allow_nan=False) + "\n")
+        out.say(f"JSON: {answer}")
     return found.exit_code
 
 
@@ -100,20 +103,19 @@ def unsure_of(statements: Sequence[str]) -> dict[str, float]:
     """
     known = {}
     for statement in statements:
-        name, given, number = statement.partition("=")
-        share = number.endswith("%")
-        try:
-            value = float(number.removesuffix("%")) / (100.0 if share else 1.0)
-        except ValueError:
-            value = math.nan
-        if not given or math.isnan(value):
-            raise ConfigError(f"Say how unsure as effect=number or effect=5%, got {statement!r}.")
-        known[name.strip()] = value
+        name, given, text = statement.partition("=")
+        if not given:
+            raise ConfigError(
+                f"Say how unsure as effect=number or effect=5%, got {shown(statement)}."
+            )
+        what = f"How unsure one is of {shown(name)}, as a number or 5%,"
+        value = number(text.removesuffix("%"), what, FACTOR)
+        known[name.strip()] = value / (100.0 if text.endswith("%") else 1.0)
     return known
 
 
-def _show(out: Console, found: Diagnosis, robot: str) -> None:
-    out.print(f"{found.verdict}: {sentence(found)}", style="bold", soft_wrap=True)
+def _show(out: Out, found: Diagnosis, robot: str) -> None:
+    out.say(f"{found.verdict}: {sentence(found)}", style="bold")
     named = [(str(number), answer) for number, answer in enumerate(found.answers, 1)]
     rows = [
         (label if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
@@ -125,25 +127,24 @@ def _show(out: Console, found: Diagnosis, robot: str) -> None:
         columns = ("answer", "effect", "at", "parameter", "#value", "#low", "#high", "unit")
         out.print(table("effects", columns, rows))
     if form := other_form(found):
-        out.print(f"another form than the effects of the library: {form}", soft_wrap=True)
+        out.say(f"another form than the effects of the library: {form}")
     for note in (doubtful(found), held_back(found), numbers(found)):
         if note:
-            out.print(note, soft_wrap=True)
+            out.say(note)
     scores = [
         (s.candidate.effect.name, s.candidate.location, s.score, s.sizes[0], s.smallest)
         for s in found.ranking[:SHOWN]
     ]
     heads = ("effect", "at", "#score", "#size / typical", "#smallest to be seen / typical")
     out.print(table(f"candidates ({found.threshold:g} counts as seen)", heads, scores))
-    out.print(f"next: {found.next_experiment.aim}", soft_wrap=True)
+    out.say(f"next: {found.next_experiment.aim}")
     if found.next_experiment.command:
-        out.print(f"      {found.next_experiment.command} --robot {robot}", soft_wrap=True)
+        out.say(f"      {found.next_experiment.command} --robot {shlex.quote(robot)}")
     if found.where is not None:
-        out.print(_unexplained(found.where), soft_wrap=True)
+        out.say(_unexplained(found.where))
     for name, errors in (("recordings", found.errors), ("held out", found.held_out)):
         if errors is not None:
-            out.print(
+            out.say(
                 f"{name}: noise {1000 * errors.noise:.2f} mm, as it was {1000 * errors.baseline:.2f} mm, "
-                f"with the answer {1000 * errors.augmented:.2f} mm",
-                soft_wrap=True,
+                f"with the answer {1000 * errors.augmented:.2f} mm"
             )

@@ -10,11 +10,14 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from flywheel.errors import ConfigError
+from flywheel.errors import ConfigError, DataError
 from flywheel.evaluation.intervals import Interval
+from flywheel.files import read_json
 from flywheel.hidden.cases import GROUPS, Case, cases
 from flywheel.hidden.cases import Group as CaseGroup
-from flywheel.robots import load_robot
+from flywheel.outputs import check_folder, write_output
+from flywheel.registry import lookup
+from flywheel.robots import ROBOTS, load_robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.examination import CaseResult, Examiner, Line, publish_examination, summary
 from flywheel.runtime.interrupts import StopRequest
@@ -23,7 +26,9 @@ from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import console_progress
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.trained import TrainedModel
+from flywheel.validation import validated
 from pipelines.models import open_trained
+from pipelines.options import TYPICAL_SIZES, number
 from pipelines.show import console, table
 
 LONGEST = 1800.0  # without a sign of progress, a case is begun again [s]
@@ -50,9 +55,11 @@ def examine(
       model: to be tested in the plant's stead; see `pipelines.models`.
       address: of an existing Ray cluster.
     """
+    lookup(ROBOTS, robot, "robot")  # workers load it by its name
     wanted = [c for c in cases(load_robot(robot), _checked(groups), sizes, seeds) if only in c.name]
     if not wanted:
         raise ConfigError(f"No case of {robot} has {only!r} in its name.")
+    check_folder(folder, "folder of the results")
     folder.mkdir(parents=True, exist_ok=True)
     tested = None if model is None else open_trained(model, load_robot(robot))
     missing = [case for case in wanted if not _file(folder, case.name).exists()]
@@ -67,6 +74,20 @@ def examine(
     tracker.close()
 
 
+def listed(sizes: str) -> list[float]:
+    """Sizes from "0.5,1,2", in typical sizes.
+
+    Raises:
+      ConfigError: one is none.
+    """
+    return [number(size, "Each of --sizes", TYPICAL_SIZES) for size in sizes.split(",")]
+
+
+def _stored(file: Path) -> CaseResult:
+    values = read_json(file, "result of a case", DataError)
+    return validated(CaseResult, values, f"{file} is no result of a case", DataError)
+
+
 def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> list[CaseResult]:
     """The results that the folder has.
 
@@ -74,7 +95,7 @@ def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> 
       ConfigError: they are of another model.
     """
     files = [_file(folder, case.name) for case in wanted]
-    results = [CaseResult.model_validate_json(file.read_text()) for file in files if file.exists()]
+    results = [_stored(file) for file in files if file.exists()]
     digest = "" if tested is None else tested.weights.digest
     for result in results:
         if result.model != digest:
@@ -104,10 +125,7 @@ def _examine(
 
 
 def _keep(folder: Path, result: CaseResult) -> None:
-    file = _file(folder, result.name)
-    temporary = file.with_suffix(".tmp")
-    temporary.write_text(result.model_dump_json(indent=1) + "\n")
-    temporary.replace(file)
+    write_output(_file(folder, result.name), result.model_dump_json(indent=1) + "\n")
 
 
 def _file(folder: Path, name: str) -> Path:
@@ -143,8 +161,7 @@ def write_table(lines: Sequence[Line], path: Path) -> Path:
     with out.capture() as printed:
         out.print(made)
     rows = [row.strip() for row in printed.get().splitlines() if row.strip()]
-    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return path
+    return write_output(path, "\n".join(rows) + "\n")
 
 
 def _table(lines: Sequence[Line]) -> Table:

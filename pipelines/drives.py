@@ -11,11 +11,15 @@ from rich.table import Table
 
 from flywheel.errors import DataError
 from flywheel.evaluation.intervals import success_interval
+from flywheel.files import MB, read_text
+from flywheel.outputs import write_output
 from flywheel.reports import style
 from flywheel.reports.figures import as_file
 from flywheel.reports.goal_figures import paths_from_above
 from flywheel.runtime.measures import Navigation, ResultRecord, Walk
 from pipelines.show import table
+
+LARGEST_RESULTS = 500 * MB  # [bytes]; an episode takes some kB
 
 
 class Setting(ResultRecord):
@@ -79,7 +83,8 @@ def read_drives(path: Path) -> list[Drive]:
     if not path.exists():
         return []
     found = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    lines = read_text(path, "results", DataError, LARGEST_RESULTS).splitlines()
+    for number, line in enumerate(lines, 1):
         try:
             found.append(Drive.model_validate_json(line))
         except ValidationError as error:
@@ -115,8 +120,7 @@ def drive_picture(drives: Sequence[Drive], path: Path) -> None:
     image = as_file(lambda: paths_from_above(series), "png")
     if image is None:
         raise DataError("Not one of these episodes has a path to draw.")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(image)
+    write_output(path, image)
 
 
 def _groups(drives: Sequence[Drive]) -> list[list[Drive]]:

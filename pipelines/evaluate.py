@@ -68,7 +68,7 @@ def score_models(
     columns = [*first, *ERRORS, *(f"full {name}" for name in ERRORS), "#predictions", "problem"]
     out = console()
     out.print(table(title, columns, rows))
-    out.print(
+    out.say(
         "full: whole episodes, from their start. floor: MuJoCo from the same observations, with a "
         "random twist of each rod. informed floor: with the twist that the cables tell."
     )

@@ -18,6 +18,9 @@ from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError, FlywheelError
+from flywheel.faults import told
+from flywheel.files import file_name
+from flywheel.outputs import check_folder, check_outputs
 from flywheel.records import Episode
 from flywheel.runtime.config import RunConfig, config_digest, load_config
 from flywheel.runtime.filming import scenery_of
@@ -46,7 +49,7 @@ class Wish:
       seeds: of the tasks and of the planner.
       hidden: what the plant has in place of what everybody is told, see `hidden_effects`; it is then
         simulated in shorter steps, too.
-      video: where that of the first episode goes; None for the usual place.
+      video: where that of the first episode goes; None for `navigate-<model>-<seed>.mp4`.
       film: make it.
       watch: show the episodes while they happen.
       results: file that gets a line per episode; episodes that are in it are not driven again.
@@ -65,6 +68,24 @@ class Wish:
     results: Path | None = None
     picture: Path | None = None
     logs: Path | None = None
+
+    @property
+    def video_file(self) -> Path:
+        """Where the video goes."""
+        return self.video or Path(f"navigate-{file_name(self.model)}-{self.seeds.start}.mp4")
+
+    def check(self) -> None:
+        """Make sure that everything can be written, before minutes of driving.
+
+        Raises:
+          DataError: something cannot be written.
+          RunError: the disk is full.
+        """
+        video = self.video_file if self.film else None
+        files = {"results": self.results, "picture": self.picture, "video": video}
+        check_outputs(files, inputs=[self.source])
+        if self.logs is not None:
+            check_folder(self.logs, "folder of the logs")
 
 
 class Driver:
@@ -149,9 +170,10 @@ class Driver:
         """Make the video of an episode."""
         task, states = self.recorder.task(self.plan(seed)), episode.trajectory.states
         assert task is not None and states is not None, "a planned episode on a plant has both"
-        path = self.wish.video or Path(f"navigate-{self.wish.model}-{seed}.mp4")
         scenery = scenery_of(task, episode.terrain)
-        return render_episode(self.recorder.robot, states, path, scenery, plans=episode.plans)
+        return render_episode(
+            self.recorder.robot, states, self.wish.video_file, scenery, plans=episode.plans
+        )
 
     @contextmanager
     def _shown(self, plan: EpisodePlan) -> Iterator[OnPiece | None]:
@@ -174,6 +196,7 @@ class Driver:
 
 def navigate(wish: Wish) -> None:
     """Drive, say how it ended, film it, and keep what is to be kept."""
+    wish.check()
     driver, out = Driver(wish), console()
     there = read_drives(wish.results) if wish.results else []
     setting, progress = driver.setting, console_progress()
@@ -181,7 +204,7 @@ def navigate(wish: Wish) -> None:
     logs = {seed: _log(wish, seed) for seed in wish.seeds if seed not in driven}
     for number, seed in enumerate(wish.seeds):
         if seed in driven:
-            out.print(f"Seed {seed} is in {wish.results} already.", soft_wrap=True)
+            out.say(f"Seed {seed} is in {wish.results} already.")
             continue
         label = f"navigate {number + 1}/{len(wish.seeds)}" if len(wish.seeds) > 1 else "navigate"
         with progress.stage(label, 1.0) as stage:
@@ -195,14 +218,16 @@ def navigate(wish: Wish) -> None:
         if wish.film and number == 0:
             progress.say("Filming; this takes longer than driving without a graphics card.")
             try:
-                out.print(f"Video: {driver.film(seed, episode)}", soft_wrap=True)
+                out.say(f"Video: {driver.film(seed, episode)}")
             except FlywheelError as error:
-                out.print(f"No video: {error}", soft_wrap=True)
+                out.say(f"No video: {error}")
+            except OSError as error:
+                out.say(f"No video: {told(error)}")
     if len(there) > 1:
         out.print(drive_table(there))
     if wish.picture:
         drive_picture(there, wish.picture)
-        out.print(f"From above: {wish.picture}", soft_wrap=True)
+        out.say(f"From above: {wish.picture}")
 
 
 def _log(wish: Wish, seed: int) -> Path | None:
@@ -210,7 +235,7 @@ def _log(wish: Wish, seed: int) -> Path | None:
     if wish.logs is None:
         return None
     wish.logs.mkdir(parents=True, exist_ok=True)
-    path = wish.logs / f"{wish.model}-{seed}.csv"
+    path = wish.logs / f"{file_name(wish.model)}-{seed}.csv"
     if path.exists():
         raise ConfigError(f"{path} is there already; name another folder for the logs.")
     return path
@@ -229,7 +254,10 @@ class _ShownWatch(Watch):
 
 
 def _config(source: Path, overrides: list[str]) -> RunConfig:
-    return load_config(source / "config.yaml" if source.is_dir() else source, overrides)
+    if not source.is_dir():
+        return load_config(source, overrides)
+    RunFolder(source).config()  # refused where it is not what the run was begun with
+    return load_config(source / "config.yaml", overrides)
 
 
 def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from rich.console import Console
-
 from flywheel.data.recordings.commands import read_commands
 from flywheel.diagnosis.power import ENOUGH, Power, Prospect, power
+from flywheel.outputs import check_outputs, write_output
 from flywheel.reports.experiment_page import confusions, power_sentence, write_power
 from pipelines.diagnose import library_of
 from pipelines.experiment import about_plant, length_of
 from pipelines.plants import open_plant
-from pipelines.show import console, table
+from pipelines.show import Out, console, table
 
 
 def foretell(
@@ -29,6 +28,7 @@ def foretell(
     answer: Path | None,
 ) -> None:
     """Say what a script would show; print it, and write page and JSON if asked."""
+    check_outputs({"page": page, "JSON": answer}, inputs=[commands, robot_name])
     plant = open_plant(robot_name, dt, threads)
     robot, out = plant.robot, console()
     controls, sigma = read_commands(commands, robot, dt), length_of(noise, robot)
@@ -36,21 +36,21 @@ def foretell(
     _show(out, found)
     if page is not None:
         about = {"commands": commands.name, **about_plant(plant)}
-        out.print(f"Page: {write_power(found, page, about)}", soft_wrap=True)
+        out.say(f"Page: {write_power(found, page, about)}")
     if answer is not None:
-        answer.write_text(json.dumps(found.summary(), indent=1) + "\n", encoding="utf-8")
-        out.print(f"JSON: {answer}", soft_wrap=True)
+        write_output(answer, json.dumps(found.summary(), indent=1) + "\n")
+        out.say(f"JSON: {answer}")
 
 
-def _show(out: Console, found: Power) -> None:
-    out.print(power_sentence(found), style="bold", soft_wrap=True)
+def _show(out: Out, found: Power) -> None:
+    out.say(power_sentence(found), style="bold")
     columns = ("effect", "at", "#smallest seen", "unit", "#/ typical", "most like", "#|cos|")
     title = f"noise {1000 * found.sigma:.2f} mm; {ENOUGH:g} sigma count as seen, and as told apart"
     rows = [_row(prospect) for prospect in found.prospects]
     last = f"#apart at {found.size:g} typical, in sigma"
     out.print(table(title, (*columns, last), rows))
     for words in confusions(found):
-        out.print(words, soft_wrap=True)
+        out.say(words)
 
 
 def _row(prospect: Prospect) -> tuple[object, ...]:

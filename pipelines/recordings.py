@@ -19,7 +19,6 @@ from flywheel.data.recordings import (
     ImportReport,
     Told,
     counted,
-    printed,
     read_map,
     read_recording,
     store_recording,
@@ -28,10 +27,11 @@ from flywheel.data.recordings import (
 )
 from flywheel.errors import DataError, FlywheelError
 from flywheel.files import MB
+from flywheel.outputs import check_folder, printable
 from flywheel.records import Split
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.progress import Bars, Progress, Quiet, Stage
-from pipelines.show import console, table
+from pipelines.show import Out, console, table
 
 ROOM = 3_000_000  # coordinates that are kept until all logs are read; the others are read again
 
@@ -69,18 +69,18 @@ def import_logs(
       DataError: a log cannot be used; the others are not stored either.
     """
     robot = _robot(place, robot_name)
+    store = None if dry_run else _store(place)
     how = read_map(mapping) if mapping else None
 
     def read(log: Path) -> Imported:
-        with _progress().stage(escape(printed(log.name)), 1.0) as stage:
+        with _progress().stage(escape(printable(log.name)), 1.0) as stage:
             return read_recording(
                 log, robot, how=how, dt=dt, split=cast("Split | None", split), told=_told(stage)
             )
 
     found = _read_all(logs, read, keep=not dry_run)
     outcomes = [("not stored (dry run)", "") for _ in found]
-    if not dry_run:
-        store = _store(place)
+    if store is not None:
         outcomes = [_stored(store, one, read) for one in found]
     if as_json:
         shown = [_as_json(one, *outcome) for one, outcome in zip(found, outcomes, strict=True)]
@@ -120,12 +120,7 @@ def show_stored(place: Path, as_json: bool) -> None:
         return
     out = console()
     if not rows:
-        out.print(
-            f"There is no recording in {printed(store.url)}.",
-            highlight=False,
-            markup=False,
-            soft_wrap=True,
-        )
+        out.say(f"There is no recording in {store.url}.")
         return
     columns = [
         "episode",
@@ -148,7 +143,7 @@ def show_stored(place: Path, as_json: bool) -> None:
         )
         for row in rows
     ]
-    out.print(table(f"Recordings in {escape(printed(store.url))}", columns, cells))
+    out.print(table(f"Recordings in {store.url}", columns, cells))
     _show_setting(out, list(dict.fromkeys(str(row["segment"]) for row in rows)))
 
 
@@ -161,18 +156,9 @@ def export_episode(place: Path, episode: str, output: Path, robot_name: str | No
     left = write_recording(found, output, robot)
     out = console()
     steps = found.trajectory.steps
-    out.print(
-        f"{printed(str(output))}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.",
-        highlight=False,
-        markup=False,
-        soft_wrap=True,
-    )
+    out.say(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.")
     if left:
-        out.print(
-            f"A log has no place for: {', '.join(left)}; the CSV does not have it.",
-            highlight=False,
-            markup=False,
-        )
+        out.say(f"A log has no place for: {', '.join(left)}; the CSV does not have it.")
 
 
 def _robot(place: Path, name: str | None) -> Robot:
@@ -183,21 +169,19 @@ def _robot(place: Path, name: str | None) -> Robot:
         raise DataError(
             f"{place} is not a run's folder: say with --robot whose episodes these are."
         )
-    from flywheel.runtime.config import load_config
     from flywheel.runtime.run_folder import RunFolder
 
     folder = RunFolder(place)
-    return folder.robot(load_config(folder.config_file))
+    return folder.robot(folder.config())
 
 
 def _store(place: Path) -> TrajectoryStore:
     """The store of a run, or the one at a path; a new one where there is nothing."""
+    check_folder(place, "store")
     if _is_run(place):
         from pipelines.data import open_store
 
         return open_store(place)
-    if place.is_file():
-        raise DataError(f"{place} is a file; a store is a folder.")
     return TrajectoryStore(str(place))
 
 
@@ -267,7 +251,7 @@ def _as_json(log: Read, state: str, segment: str) -> dict[str, Any]:
     return {"state": state, "segment": segment, "split": log.split, **log.report.as_dict()}
 
 
-def _show(out: Console, log: Read, state: str) -> None:
+def _show(out: Out, log: Read, state: str) -> None:
     report = log.report
     out.print(
         f"[bold]{escape(report.file)}[/bold]: {report.rows} rows, {report.seconds:.4g} s at "
@@ -281,7 +265,7 @@ def _show(out: Console, log: Read, state: str) -> None:
         return
     out.print(
         table(
-            f"What was done to {escape(report.file)}",
+            f"What was done to {report.file}",
             ["found", "done", "marker or column", "#count", "at [s]", "how"],
             [
                 (f.kind, f.action, f.subject or "(all)", f.count, f.when, f.words)
@@ -291,12 +275,7 @@ def _show(out: Console, log: Read, state: str) -> None:
     )
 
 
-def _show_setting(out: Console, segments: Sequence[str]) -> None:
+def _show_setting(out: Out, segments: Sequence[str]) -> None:
     """What makes a run learn from segments."""
-    out.print(
-        f"A run on this store learns from them with 'collect.recordings=[{','.join(segments)}]'".replace(
-            "[", r"\["
-        ),
-        highlight=False,
-        soft_wrap=True,
-    )
+    setting = f"collect.recordings=[{','.join(segments)}]"
+    out.say(f"A run on this store learns from them with '{setting}'")

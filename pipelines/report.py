@@ -10,4 +10,4 @@ from pipelines.show import console
 
 def make_page(run: Path) -> None:
     """Write the page and say where it is."""
-    console().print(f"Page: {write_page(run)}", soft_wrap=True)
+    console().say(f"Page: {write_page(run)}")

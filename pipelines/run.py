@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
-from rich.console import Console
-
+from flywheel.files import file_name
 from flywheel.reports.page import PAGE_FILE
 from flywheel.runtime.config import load_config
 from flywheel.runtime.dashboard import DATABASE
@@ -14,7 +14,7 @@ from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.progress import console_progress
 from flywheel.runtime.results import RunResult
 from flywheel.runtime.run_folder import name_of
-from pipelines.show import console, table
+from pipelines.show import Out, console, table
 
 RUNS = Path("runs")
 
@@ -32,19 +32,19 @@ def turn(
       folder: of the run; by default runs/<name of the file>.
     """
     settings = load_config(config, overrides)
-    place = folder or RUNS / config.stem
+    place = folder or RUNS / file_name(config.stem)
     result = run(settings, place, resume=resume, address=address, progress=console_progress())
     show_summary(console(), result, place)
 
 
-def show_summary(out: Console, result: RunResult, folder: Path) -> None:
+def show_summary(out: Out, result: RunResult, folder: Path) -> None:
     """One line per model, the lines they are judged by, and where the rest is."""
     out.print(table(f"{result.name}: {result.robot}", COLUMNS, summary_rows(result)))
     for note in result.notes:
-        out.print(note, soft_wrap=True, markup=False)
-    out.print(f"Page:      {folder / PAGE_FILE}", soft_wrap=True)
+        out.say(note)
+    out.say(f"Page:      {folder / PAGE_FILE}")
     if (folder / DATABASE).exists():
-        out.print(f"Dashboard: flywheel ui {folder}", soft_wrap=True)
+        out.say(f"Dashboard: flywheel ui {shlex.quote(str(folder))}")
 
 
 COLUMNS = (

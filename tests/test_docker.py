@@ -125,6 +125,30 @@ def test_the_driver_joins_the_cluster_and_resumes_in_the_shared_folder(tmp_path:
     ]
 
 
+def test_mlflow_listens_to_the_network_only_where_it_is_told_to(
+    compose: dict, tmp_path: Path
+) -> None:
+    fake = tmp_path / "mlflow"
+    fake.write_text('#!/usr/bin/env bash\necho "$@"\n')
+    fake.chmod(0o755)
+
+    def host(**settings: str) -> str:
+        path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+        folder = {"MLFLOW_FOLDER": str(tmp_path / "folder")}
+        done = subprocess.run(
+            [DOCKER / "mlflow-server.sh"],
+            env={**os.environ, "PATH": path, **folder, **settings},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return re.findall(r"--host (\S+)", done.stdout)[0]
+
+    assert host() == "127.0.0.1"
+    inside = compose["services"]["mlflow"]["environment"]["MLFLOW_HOST"]
+    assert host(MLFLOW_HOST=inside) == "0.0.0.0"
+
+
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[list[subprocess.Popen]]:
     """Processes to be ended, with their children, after the test."""
@@ -181,7 +205,6 @@ def test_the_mlflow_server_starts_is_seen_to_be_alive_and_refuses_other_names(
 ) -> None:
     port = free_port()
     settings = {"MLFLOW_PORT": str(port), "MLFLOW_FOLDER": str(tmp_path / "mlflow")}
-    settings |= {"MLFLOW_HOST": "127.0.0.1"}
     started.append(
         subprocess.Popen(
             [DOCKER / "mlflow-server.sh"],

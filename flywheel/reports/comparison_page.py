@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from flywheel.diagnosis.comparison import Comparison, Judgement, Outcome
+from flywheel.outputs import write_output
 from flywheel.reports.comparison_figures import PICTURES, picture
-from flywheel.reports.page import Shown, data_uri
+from flywheel.reports.html import Shown, data_uri, render
 
 LIMITS = (
     "What noise makes of a model's error is found by letting the model predict itself, from pasts as "
@@ -31,14 +30,8 @@ def write_comparison(
       about: where it comes from, as lines of two columns.
       videos: model -> mp4 of the window that the last model predicts worst, or why there is none.
     """
-    environment = Environment(
-        loader=PackageLoader("flywheel.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("comparison.html.jinja").render(
+    page = render(
+        "comparison",
         found=found,
         sentences=[(model, sentence(found, model)) for model in found.models],
         fitted=any(model.fitted is not None for model in found.models),
@@ -49,12 +42,7 @@ def write_comparison(
         about=about,
         limits=LIMITS,
     )
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".html.tmp")
-    temporary.write_text(page, encoding="utf-8")
-    temporary.replace(path)
-    return path
+    return write_output(path, page)
 
 
 def sentence(found: Comparison, model: Judgement) -> str:

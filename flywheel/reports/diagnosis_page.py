@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from flywheel.diagnosis import Diagnosis, Verdict
 from flywheel.diagnosis.free import BELIEVED
 from flywheel.diagnosis.limits import EQUALLY_GOOD
 from flywheel.diagnosis.verdict import Alternative
+from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES, picture
-from flywheel.reports.page import Shown, data_uri
+from flywheel.reports.html import Shown, data_uri, render
 
 LIMITS = (
     "Sizes and intervals are those of the effects named, should nothing else be missing: 95 %, from the "
@@ -33,25 +32,13 @@ def write_diagnosis(found: Diagnosis, path: str | Path, about: Mapping[str, str]
       path: of the HTML file.
       about: where it comes from, as lines of two columns.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".html.tmp")
-    temporary.write_text(diagnosis_page(found, about), encoding="utf-8")
-    temporary.replace(path)
-    return path
+    return write_output(path, diagnosis_page(found, about))
 
 
 def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
     """The page as text; arguments as for `write_diagnosis`."""
-    environment = Environment(
-        loader=PackageLoader("flywheel.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    template = environment.get_template("diagnosis.html.jinja")
-    return template.render(
+    return render(
+        "diagnosis",
         found=found,
         sentence=sentence(found),
         other_form=other_form(found),

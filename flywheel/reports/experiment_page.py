@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from flywheel.diagnosis.design import Design
 from flywheel.diagnosis.power import ENOUGH, Power
+from flywheel.outputs import write_output
 from flywheel.reports.experiment_figures import (
     likeness,
     search,
@@ -18,7 +17,7 @@ from flywheel.reports.experiment_figures import (
     told_apart,
     winch_paths,
 )
-from flywheel.reports.page import Shown, data_uri
+from flywheel.reports.html import Shown, data_uri, render
 
 LIMITS = (
     "All of this is predicted by the plant, for small effects around it. A robot that lacks much is "
@@ -155,14 +154,8 @@ def _write(
     path: str | Path,
     about: Mapping[str, str],
 ) -> Path:
-    environment = Environment(
-        loader=PackageLoader("flywheel.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("experiment.html.jinja").render(
+    page = render(
+        "experiment",
         title=title,
         sentence=sentence,
         listing=listing,
@@ -171,9 +164,4 @@ def _write(
         about=about,
         limits=LIMITS,
     )
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".html.tmp")
-    temporary.write_text(page, encoding="utf-8")
-    temporary.replace(path)
-    return path
+    return write_output(path, page)

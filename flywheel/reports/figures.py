@@ -11,6 +11,7 @@ from typing import Literal
 import matplotlib
 from matplotlib.figure import Figure
 
+from flywheel.outputs import write_output
 from flywheel.registry import lookup
 from flywheel.reports import error_figures, goal_figures, ladder_figures, style
 from flywheel.runtime.results import RunResult
@@ -122,11 +123,9 @@ def write_figures(
 ) -> list[Path]:
     """Write every figure that the run has data for as `<folder>/<name>.<format>`."""
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name in FIGURES:
         if (content := draw(name, run, format)) is not None:
             path = folder / f"{name}.{format}"
-            path.write_bytes(content)
-            written.append(path)
+            written.append(write_output(path, content))
     return written

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from flywheel.outputs import write_output
 from flywheel.reports.figures import FIGURES, draw, write_figures
+from flywheel.reports.html import Shown, data_uri, render
 from flywheel.reports.verdicts import headline, verdicts
 from flywheel.runtime.results import Errors, IterationResult, Navigation, RunResult
 
@@ -23,16 +23,6 @@ LIMITS = (
     "is shown times 100, RMSE/L is a share of the robot's characteristic length L.",
     "Intervals are Wilson's, at 95%; they cover the choice of tasks, not that of the training.",
 )
-
-
-@dataclass(frozen=True)
-class Shown:
-    """A figure as the template takes it."""
-
-    name: str
-    title: str
-    caption: str
-    uri: str
 
 
 @dataclass(frozen=True)
@@ -69,11 +59,7 @@ def write_page(folder: str | Path, run: RunResult | None = None) -> Path:
     """
     folder = Path(folder)
     page = render_page(run or RunResult.load(folder), folder)
-    path = folder / PAGE_FILE
-    temporary = path.with_suffix(".html.tmp")
-    temporary.write_text(page, encoding="utf-8")
-    temporary.replace(path)
-    return path
+    return write_output(folder / PAGE_FILE, page)
 
 
 def render_page(run: RunResult, folder: Path) -> str:
@@ -83,14 +69,8 @@ def render_page(run: RunResult, folder: Path) -> str:
       run: to show.
       folder: that the videos' paths are relative to.
     """
-    environment = Environment(
-        loader=PackageLoader("flywheel.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html.jinja").render(
+    return render(
+        "page",
         run=run,
         headline=headline(run),
         verdicts=verdicts(run),
@@ -202,15 +182,12 @@ def _videos(run: RunResult, folder: Path) -> list[Shown]:
 
 def _video(folder: Path, title: str, name: str, who: str) -> Shown:
     path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        return Shown(title, title, f"Not shown: {name} lies outside the run's folder.", "")
     if path.stat().st_size > LARGEST_VIDEO:
         return Shown(title, title, f"Too large for this page: see {name}.", "")
     words = f"{who} ({path.name}); on the ground the ways that the planner foresees."
     return Shown(title, title, words, data_uri(path.read_bytes(), "video/mp4"))
-
-
-def data_uri(content: bytes, kind: str) -> str:
-    """A file's bytes as the address of an image or video inside a page."""
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def _missing(run: RunResult) -> list[str]:

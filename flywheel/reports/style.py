@@ -56,6 +56,7 @@ RC: dict[str, Any] = {
     "lines.markersize": 6,
     "svg.hashsalt": "flywheel",
     "text.color": INK,
+    "text.parse_math": False,  # a name may hold a "$"
     "xtick.color": INK,
     "ytick.color": INK,
     "xtick.labelsize": 9,

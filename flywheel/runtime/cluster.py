@@ -13,8 +13,8 @@ import os
 import re
 import threading
 import time
-from collections.abc import Iterable, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -30,8 +30,10 @@ import ray
 from ray import exceptions
 
 from flywheel.errors import FlywheelError, RunError
+from flywheel.faults import fault_of
 from flywheel.runtime.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
 from flywheel.runtime.preflight import check_fits, check_reachable
+from flywheel.runtime.ray_folder import marking, ray_folder
 
 LOG = logging.getLogger(__name__)
 STARTS = 3  # of a local cluster, on a machine so busy that its start takes too long
@@ -71,13 +73,13 @@ class Cluster:
 
     def __init__(self, config: ClusterConfig) -> None:
         self._config = config
-        self._own = False
+        self._own = ExitStack()  # what ends with the block, because it began with it
 
     def __enter__(self) -> Self:
         if not ray.is_initialized():
-            self._own = True
-            with _translated(self._config.address):
-                self._connect()
+            with ExitStack() as own, _translated(self._config.address):
+                self._connect(own)
+                self._own = own.pop_all()
         return self
 
     def __exit__(
@@ -86,30 +88,34 @@ class Cluster:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._own:
-            ray.shutdown()
+        self._own.close()
 
-    def _connect(self) -> None:
+    def _connect(self, own: ExitStack) -> None:
         _log_obituaries()
         quiet = {"log_to_driver": False, "logging_level": "ERROR"}
         if self._config.address is not None:
             check_reachable(self._config.address)
+            own.callback(ray.shutdown)
             ray.init(address=self._config.address, **quiet)
             return
-        # A cluster on the loopback of this process needs no token, and none is left in HOME.
+        # A cluster on the loopback of this machine needs no token, and none is left in HOME.
         os.environ.setdefault("RAY_AUTH_MODE", "disabled")
+        folder = own.enter_context(ray_folder())
+        own.callback(ray.shutdown)
         for attempt in range(STARTS):
             try:
-                self._start_local(quiet)
+                with marking(folder), _loopback_only():
+                    self._start_local(folder, quiet)
                 return
             except Exception as error:  # Ray's own words for a start that took over 30 s
                 ray.shutdown()
                 if "timed out during startup" not in str(error) or attempt == STARTS - 1:
                     raise
 
-    def _start_local(self, quiet: dict[str, Any]) -> None:
+    def _start_local(self, folder: Path, quiet: dict[str, Any]) -> None:
         ray.init(
             address="local",  # never one that happens to run on this machine
+            _temp_dir=str(folder),
             num_cpus=self._config.cpus,
             num_gpus=self._config.gpus,
             object_store_memory=self._config.object_store_bytes,
@@ -138,18 +144,27 @@ def _translated(address: str | None) -> Any:
         yield
     except FlywheelError:
         raise
+    except OSError as error:
+        if address is None and fault_of(error):  # e.g. a full disk
+            raise
+        raise _no_connection(error, address) from error
     except Exception as error:  # Ray raises almost anything, down to bare Exceptions
-        where = f"the Ray cluster at {address}" if address else "a local Ray"
-        token = "auth" in f"{type(error).__name__} {error}".lower()
-        advice = (
-            "It wants a token: set RAY_AUTH_MODE=token and RAY_AUTH_TOKEN (or ~/.ray/auth_token) "
-            "as on its head node."
-            if token
-            else "Is it running, is the address host:port as seen from here, and the Ray version "
-            f"the same ({ray.__version__})?"
-        )
-        first = str(error).strip().splitlines()[:1] or [type(error).__name__]
-        raise RunError(f"No connection to {where}: {first[0]} {advice}") from error
+        raise _no_connection(error, address) from error
+
+
+def _no_connection(error: Exception, address: str | None) -> RunError:
+    first = next(iter(str(error).strip().splitlines()), type(error).__name__)
+    if address is None:
+        return RunError(f"No Ray could be started here: {first}")
+    token = "auth" in f"{type(error).__name__} {error}".lower()
+    advice = (
+        "It wants a token: set RAY_AUTH_MODE=token and RAY_AUTH_TOKEN (or ~/.ray/auth_token) "
+        "as on its head node."
+        if token
+        else "Is it running, is the address host:port as seen from here, and the Ray version "
+        f"the same ({ray.__version__})?"
+    )
+    return RunError(f"No connection to the Ray cluster at {address}: {first} {advice}")
 
 
 def _log_obituaries() -> None:
@@ -160,6 +175,27 @@ def _log_obituaries() -> None:
         worker.print_to_stdstream = lambda data, ignore_prefix: LOG.info(
             "%s: %s", data.get("pid"), " ".join(map(str, data.get("lines", ())))
         )
+
+
+@contextmanager
+def _loopback_only() -> Iterator[None]:
+    """Have Ray listen to this machine alone: whoever reaches its ports can run programs.
+
+    Ray has a switch for machines that are in no cluster, though it is named for others; it is read when
+    Ray is imported, so that it is set here for this process and for those that are started.
+    """
+    from ray._private import (
+        ray_constants,
+    )  # no public switch; without this attribute nothing changes
+
+    before = getattr(ray_constants, "ENABLE_RAY_CLUSTER", True)
+    ray_constants.ENABLE_RAY_CLUSTER = False
+    os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+    try:
+        yield
+    finally:
+        ray_constants.ENABLE_RAY_CLUSTER = before
+        del os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"]
 
 
 class _Actor:
@@ -267,7 +303,7 @@ class RayBackend:
             cause = error.cause or error
             if isinstance(cause, FlywheelError):
                 raise cause from None
-            raise JobFailed(f"{type(cause).__name__}: {cause}", str(error)) from None
+            raise JobFailed(f"{type(cause).__name__}: {cause}", str(error)) from cause
         except (*_DEATHS, exceptions.GetTimeoutError) as error:
             raise WorkerDied(_obituary(error)) from None
 

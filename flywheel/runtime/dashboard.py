@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import sqlite3
 import sys
+from contextlib import closing
 from pathlib import Path
+from urllib.parse import quote
 
 DATABASE = "mlflow.db"
+HOST = "127.0.0.1"
 PORT = 5000
 SETTINGS = {  # of MLflow's client and server; what the user has set stays
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
-    "MLFLOW_LOGGING_LEVEL": "WARNING",
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
 }
@@ -23,7 +26,7 @@ def chart_url(uri: str = "", experiment: str = "1", port: int = PORT) -> str:
       experiment: MLflow's id. In a run's own SQLite file it is 1.
       port: of that server.
     """
-    base = uri.rstrip("/") if uri.startswith("http") else f"http://127.0.0.1:{port}"
+    base = uri.rstrip("/") if uri.startswith("http") else f"http://{HOST}:{port}"
     query = "compareRunsMode=CHART&workflowType=machine_learning"
     return f"{base}/#/experiments/{experiment}/runs?{query}"
 
@@ -36,5 +39,35 @@ def ui_command(folder: str | Path, port: int = PORT) -> tuple[list[str], dict[st
     """
     uri = f"sqlite:///{Path(folder).absolute() / DATABASE}"
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", uri]
-    command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
-    return command, dict(SETTINGS), chart_url(port=port)
+    command += ["--host", HOST, "--port", str(port), "--workers", "1"]
+    quiet = {"MLFLOW_LOGGING_LEVEL": "WARNING", "PYTHONWARNINGS": "ignore"}
+    return command, SETTINGS | quiet, chart_url(port=port)
+
+
+def damage(database: Path) -> str:
+    """What is wrong with MLflow's SQLite file and what to do; "" where it is whole or not there."""
+    if not database.exists():
+        return ""
+    if not database.is_file():
+        found = "it is no file"
+    else:
+        found = _checked(database)
+    if not found:
+        return ""
+    return (
+        f"MLflow's database {database} is damaged: {found}. Nothing else is lost: move it away, and the "
+        "run's command with --resume makes a new one of outbox.jsonl."
+    )
+
+
+def _checked(database: Path) -> str:
+    """SQLite's own check; "" where it finds nothing, or has no access at the moment."""
+    try:
+        address = f"file:{quote(str(database.absolute()))}?mode=ro"
+        with closing(sqlite3.connect(address, uri=True)) as connection:
+            (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    except sqlite3.OperationalError:  # e.g. locked
+        return ""
+    except sqlite3.DatabaseError as error:
+        return str(error)
+    return "" if found == "ok" else str(found).splitlines()[0]

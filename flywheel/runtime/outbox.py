@@ -8,6 +8,7 @@ between delivery and note of it delivers once more.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
@@ -17,13 +18,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from flywheel.errors import DataError
+from flywheel.errors import DataError, FlywheelError
 
 log = logging.getLogger(__name__)
 
 Record = dict[str, Any]
 
 OUTBOX_FILE = "outbox.jsonl"
+OFFSET_FILE = "outbox.offset"
 
 
 class Outbox:
@@ -36,7 +38,7 @@ class Outbox:
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.path = folder / OUTBOX_FILE
-        self._offset_path = folder / "outbox.offset"
+        self._offset_path = folder / OFFSET_FILE
         self._rejected_path = folder / "outbox.rejected.jsonl"
         self._lock = threading.Lock()
         self._end = self._drop_torn_line()
@@ -48,8 +50,10 @@ class Outbox:
         with self._lock:
             try:
                 _append_durably(self.path, line)
-            except OSError:  # a full disk may have taken half of it
-                os.truncate(self.path, self._end)
+            except OSError as error:  # a full disk may have taken half of it
+                with contextlib.suppress(OSError):
+                    os.truncate(self.path, self._end)
+                error.filename = str(self.path)
                 raise
             self._end += len(line)
 
@@ -113,9 +117,19 @@ class Outbox:
         return whole
 
     def _read_offset(self) -> int:
-        if not self._offset_path.exists():
+        try:
+            offset = int(self._offset_path.read_bytes())
+        except (
+            FileNotFoundError,
+            ValueError,
+        ):  # damaged: all is delivered again, which does no harm
             return 0
-        return min(int(self._offset_path.read_text()), self._end)
+        return min(max(offset, 0), self._end)
+
+
+def forget_delivery(folder: Path) -> None:
+    """Have everything in the outbox of a folder delivered again."""
+    (folder / OFFSET_FILE).unlink(missing_ok=True)
 
 
 def _append_durably(path: Path, line: bytes) -> None:
@@ -123,6 +137,14 @@ def _append_durably(path: Path, line: bytes) -> None:
         file.write(line)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _first_cause(error: BaseException) -> str:
+    """The error that all others in a chain come from, in a line: clients wrap what the system says."""
+    while deeper := error.__cause__ or (None if error.__suppress_context__ else error.__context__):
+        error = deeper
+    words = str(error).splitlines()[0] if str(error) else ""
+    return words if isinstance(error, FlywheelError) else f"{type(error).__name__}: {words}"
 
 
 class Courier:
@@ -143,6 +165,7 @@ class Courier:
         retry_seconds: tuple[float, float] = (1.0, 60.0),
     ) -> None:
         self.problem = ""
+        self._stuck = False  # until someone does something about the problem
         self._outbox = outbox
         self._deliver = deliver
         self._hopeless = hopeless
@@ -163,12 +186,12 @@ class Courier:
         self.wake()
         deadline = time.monotonic() + seconds
         with self._idle:
-            while not self._outbox.empty:
+            while not self._outbox.empty and not self._stuck:
                 left = deadline - time.monotonic()
                 if left <= 0:
                     return False
                 self._idle.wait(left)
-        return True
+        return self._outbox.empty
 
     def close(self, seconds: float) -> bool:
         """Deliver what can be delivered in `seconds`, then stop. What is left stays on disk."""
@@ -212,15 +235,18 @@ class Courier:
         return True
 
     def _note(self, error: Exception) -> None:
-        text = f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
+        text = _first_cause(error)
         if not self.problem:
             log.warning("tracking: not delivered, kept on disk, trying again: %s", text)
-        self.problem = text
+        self.problem, self._stuck = text, isinstance(error, FlywheelError)
+        if self._stuck:
+            with self._idle:
+                self._idle.notify_all()
 
     def _recovered(self) -> None:
         if self.problem:
             log.info("tracking: delivering again")
-        self.problem = ""
+        self.problem, self._stuck = "", False
         self._pause = self._first_pause
         if self._outbox.empty:
             with self._idle:

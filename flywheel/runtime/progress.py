@@ -20,6 +20,8 @@ from rich.progress import (
     Progress as RichProgress,
 )
 
+from flywheel.outputs import printable
+
 
 class Stage(Protocol):
     """One piece of work that is being shown."""
@@ -124,19 +126,19 @@ class Bars:
 
     def say(self, text: str) -> None:
         """Write the line above the bar."""
-        self._console.print(text, highlight=False)
+        self._console.print(printable(text), highlight=False, markup=False, emoji=False)
 
     @contextmanager
     def stage(self, title: str, total: float) -> Iterator[Stage]:
         """Show a bar for as long as the stage lasts."""
         columns = (
             SpinnerColumn(),
-            TextColumn("{task.description:<22}"),
+            TextColumn("{task.description:<22}", markup=False),
             BarColumn(),
             TaskProgressColumn(show_speed=True),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
-            TextColumn("{task.fields[note]}"),
+            TextColumn("{task.fields[note]}", markup=False),
         )
         with RichProgress(*columns, console=self._console, refresh_per_second=4) as bars:
             yield _StageBar(bars, bars.add_task(title, total=total, note=""))
@@ -155,7 +157,11 @@ def console_progress(console: Console | None = None) -> Progress:
     console = console or Console(stderr=True)
     if console.is_terminal:
         return Bars(console)
-    return Lines(lambda line: console.print(line, highlight=False, markup=False, soft_wrap=True))
+    return Lines(
+        lambda line: console.print(
+            printable(line), highlight=False, markup=False, emoji=False, soft_wrap=True
+        )
+    )
 
 
 def clock_face(seconds: float) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from flywheel.data import Snapshot, TrajectoryStore
 from flywheel.errors import RunError
+from flywheel.faults import fault_of, told
 from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config import RunConfig
@@ -28,7 +29,6 @@ from flywheel.runtime.workers import EpisodeNote
 # Roughly how long a core is busy with a second of an episode [s]; for the time left that is shown.
 SIMULATING, PLANNING = 0.02, 0.3
 HELPERS = "rollout"
-NO_SPACE = "Errno 28"
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,9 @@ class Run:
     def weights(self, model: Model) -> Any:
         """The model's weights, shared with all workers once, for as long as the run lasts."""
         if model.digest not in self._shared:
-            self._shared[model.digest] = self.pool.share(Weights.read(model.path, self.robot))
+            self._shared[model.digest] = self.pool.share(
+                Weights.read(model.path, self.robot, model.digest)
+            )
         return self._shared[model.digest]
 
     def snapshot(self, name: str) -> Snapshot | None:
@@ -154,7 +156,7 @@ class Run:
         """Run jobs on the pool.
 
         Raises:
-          RunError: the disk is full.
+          RunError: the operating system refused something: the disk is full, say.
           JobFailed: a job raised an error.
         """
         self._helpers = None  # whoever asks next finds out who is still there
@@ -163,12 +165,10 @@ class Run:
         try:
             return self.pool.run(jobs, progress=self.progress, title=title)
         except JobFailed as error:
-            if NO_SPACE not in str(error):
-                raise
-            raise RunError(
-                f"The disk is full ({error}). What was committed is whole; free some space and "
-                "continue with --resume."
-            ) from error
+            cause = error.__cause__
+            if isinstance(cause, OSError) and fault_of(cause):
+                raise RunError(told(cause)) from error
+            raise
 
     def recordings(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
         """Jobs that record episodes. Those already in the store only report what they are."""

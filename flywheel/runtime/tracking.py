@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flywheel.runtime.dashboard import DATABASE, SETTINGS, chart_url
-from flywheel.runtime.outbox import Record
+from flywheel.errors import DataError
+from flywheel.runtime.dashboard import DATABASE, SETTINGS, chart_url, damage
+from flywheel.runtime.outbox import Record, forget_delivery
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def open_tracker(
       retry_seconds: first and longest pause after a failed delivery [s].
     """
     config = config or TrackingConfig()
+    if not config.uri and _missing(Path(folder) / DATABASE):
+        forget_delivery(Path(folder))  # a new database is told everything
     receiver = MlflowReceiver(Path(folder).absolute(), config, robot)
     return Tracker(folder, key, receiver, config.close_seconds, retry_seconds)
 
@@ -100,9 +103,7 @@ class MlflowReceiver:
             _configure(self._config.request_seconds)
             from mlflow import MlflowClient
 
-            uri = self._config.uri
-            if not uri:
-                uri = f"sqlite:///{_database(self._folder / DATABASE)}"
+            uri = self._config.uri or f"sqlite:///{_database(self._folder / DATABASE)}"
             client = MlflowClient(tracking_uri=uri, registry_uri=uri)
             self._experiment = self._find_experiment(client)
             self._client = client
@@ -249,8 +250,12 @@ class MlflowReceiver:
 
 
 def _configure(request_seconds: int) -> None:
-    """Make MLflow's client fail fast and keep quiet, before it is first imported."""
+    """Make MLflow's client fail fast and keep quiet, before it is first imported.
+
+    Its own words for an error are a traceback; the courier has one line for it.
+    """
     os.environ["MLFLOW_HTTP_REQUEST_TIMEOUT"] = str(request_seconds)
+    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "CRITICAL")
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
 
@@ -260,8 +265,14 @@ def _database(path: Path) -> Path:
 
     A process killed while MLflow makes the tables, or two doing so at once, would leave a file that
     MLflow can never open again.
+
+    Raises:
+      DataError: there is a damaged one.
     """
-    if not path.exists():
+    if problem := damage(path):
+        raise DataError(problem)
+    if _missing(path):
+        path.unlink(missing_ok=True)
         from mlflow import MlflowClient
 
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".mlflow-") as folder:
@@ -270,6 +281,11 @@ def _database(path: Path) -> Path:
             with contextlib.suppress(FileExistsError):  # another process was faster
                 os.link(fresh, path)
     return path
+
+
+def _missing(path: Path) -> bool:
+    """Whether there is no file, or one that a full disk left empty."""
+    return not path.exists() or (path.is_file() and path.stat().st_size == 0)
 
 
 def _write_pyfunc(to: Path, source: Path, shape: list[int], model: str, run: str) -> None:

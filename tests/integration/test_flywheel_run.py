@@ -8,16 +8,17 @@ import random
 import shutil
 import signal
 import subprocess
-import time
 from pathlib import Path
 
+import psutil
 import pytest
 import yaml
 
 from flywheel.data import TrajectoryStore
+from flywheel.runtime.caretaker import MARK
 from flywheel.runtime.results import RunResult
 from flywheel.runtime.run_folder import RunFolder
-from tests.chaos.killing import ROOT, busy_workers, kill, outcome, start_driver, wait_for
+from tests.chaos.killing import ROOT, kill, outcome, start_driver, wait_for
 
 pytestmark = [pytest.mark.ray, pytest.mark.slow]
 CONFIG = ROOT / "configs" / "smoke.yaml"
@@ -160,12 +161,16 @@ def test_the_configuration_is_stored_whole(peaceful):
     assert stored["training"]["weight_decay"] > 0, "defaults are stored, too"
 
 
-def test_no_process_of_a_killed_driver_works_on(begun):
+def test_nobody_else_is_let_in_and_nothing_is_left_of_a_killed_driver(begun):
     driver, _ = begun
-    workers = list(busy_workers(driver.pid))
+    processes = psutil.Process(driver.pid).children(recursive=True)
+    listening = {c.laddr.ip for p in processes for c in p.net_connections() if c.status == "LISTEN"}
+    assert {ip.removeprefix("::ffff:") for ip in listening} == {"127.0.0.1"}
+    temporary = {Path(each) for p in processes if (each := p.environ().get(MARK))}
+    (folder,) = temporary
+    assert any(folder.iterdir())
     driver.kill()
     driver.wait()
-    until = time.monotonic() + 30
-    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < until:
-        time.sleep(0.2)
-    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
+    psutil.wait_procs(processes, timeout=30)
+    assert [p for p in processes if p.is_running() and p.status() != psutil.STATUS_ZOMBIE] == []
+    assert not folder.exists(), "its caretaker is among the processes"

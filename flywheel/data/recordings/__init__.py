@@ -2,7 +2,7 @@
 
 from flywheel.data.recordings.mapping import RecordingMap, Units, read_map
 from flywheel.data.recordings.reading import Imported, read_recording
-from flywheel.data.recordings.report import Finding, ImportReport, counted, printed
+from flywheel.data.recordings.report import Finding, ImportReport, counted
 from flywheel.data.recordings.storing import store_recording, stored_recordings
 from flywheel.data.recordings.table import Told
 from flywheel.data.recordings.writing import write_recording
@@ -15,7 +15,6 @@ __all__ = [
     "Told",
     "Units",
     "counted",
-    "printed",
     "read_map",
     "read_recording",
     "store_recording",

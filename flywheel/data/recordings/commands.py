@@ -12,12 +12,13 @@ from flywheel.data.recordings.geometry import check_commands
 from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.reading import beside
-from flywheel.data.recordings.report import printed
 from flywheel.data.recordings.table import open_table
 from flywheel.data.recordings.values import check_commanded
 from flywheel.data.recordings.writing import new_csv
 from flywheel.errors import DataError
-from flywheel.records import Floats, check_control_step
+from flywheel.outputs import printable
+from flywheel.quantities import CONTROL_STEP
+from flywheel.records import Floats
 from flywheel.robots import Robot
 
 
@@ -36,7 +37,7 @@ def read_commands(path: str | Path, robot: Robot, dt: float = 0.01) -> Floats:
       DataError: not a script of this robot; the message says where and why.
       ConfigError: the YAML beside it is wrong.
     """
-    check_control_step(dt)
+    CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
     with open_table(path) as sheet:
         how = beside(path)
@@ -46,7 +47,7 @@ def read_commands(path: str | Path, robot: Robot, dt: float = 0.01) -> Floats:
     try:
         return _commands(log, robot, how, dt)
     except DataError as error:
-        raise DataError(f"{printed(path.name)}: {error}") from None
+        raise DataError(f"{printable(path.name)}: {error}") from None
 
 
 def write_commands(controls: Floats, dt: float, path: str | Path, robot: Robot) -> Path:

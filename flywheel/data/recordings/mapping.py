@@ -22,14 +22,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from flywheel.data.recordings.table import LONGEST_NAME, is_plain
 from flywheel.errors import ConfigError
 from flywheel.files import read_yaml, shown
-from flywheel.records import CONTROL_STEPS, Floats
+from flywheel.quantities import Bounds, ControlStep
+from flywheel.records import Floats
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}  # of a winch's drum
 LONGEST_WORDS = 1000  # characters of what was special about a day
-FARTHEST_ORIGIN = 1e8  # [m]: coordinates of the whole Earth are smaller
-DRUMS = 1e-4, 100.0  # smallest and largest radius [m]
 MOST_PROBLEMS = 8  # of a map that are told
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Repair = Literal["swaps"]
@@ -42,7 +41,9 @@ def _plain(text: str) -> str:
 
 
 Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_plain)]
-Coordinate = Annotated[float, Field(ge=-FARTHEST_ORIGIN, le=FARTHEST_ORIGIN)]
+Coordinate = Annotated[float, Bounds(-1e8, 1e8, "m")]  # those of the whole Earth are smaller
+Radius = Annotated[float, Bounds(1e-4, 100, "m")]  # of a drum
+Jitter = Annotated[float, Bounds(0, 0.5, below=True)]
 
 
 class _Frozen(BaseModel):
@@ -96,7 +97,7 @@ class Units(_Frozen):
     points: Literal["m", "cm", "mm", "in", "ft"] = "m"
     control: str = "m/s"
     winch: str = "m"
-    drum: float | None = Field(default=None, ge=DRUMS[0], le=DRUMS[1])
+    drum: Radius | None = None
 
     @model_validator(mode="after")
     def _are_known(self) -> Self:
@@ -141,11 +142,11 @@ class RecordingMap(_Frozen):
     units: Units = Units()
     axes: Axes = Axes()
     origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-    dt: float | None = Field(default=None, ge=CONTROL_STEPS[0], le=CONTROL_STEPS[1])
+    dt: ControlStep | None = None
     conditions: Annotated[str, Field(max_length=LONGEST_WORDS), AfterValidator(_plain)] = ""
     ignore: tuple[Name, ...] = ()
     repair: tuple[Repair, ...] = ("swaps",)
-    jitter: float = Field(default=0.25, ge=0.0, lt=0.5)
+    jitter: Jitter = 0.25
 
 
 def read_map(path: Path) -> RecordingMap:

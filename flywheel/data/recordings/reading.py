@@ -24,19 +24,14 @@ from flywheel.data.recordings.geometry import (
 from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap, read_map
 from flywheel.data.recordings.markers import judged, track
-from flywheel.data.recordings.report import Finding, ImportReport, listed, printed
+from flywheel.data.recordings.report import Finding, ImportReport, listed
 from flywheel.data.recordings.table import Told, open_table
 from flywheel.data.recordings.values import check_commanded, mask_impossible
 from flywheel.data.splits import assign_split
 from flywheel.errors import DataError
-from flywheel.records import (
-    Episode,
-    Floats,
-    Provenance,
-    Split,
-    Trajectory,
-    check_control_step,
-)
+from flywheel.outputs import printable
+from flywheel.quantities import CONTROL_STEP
+from flywheel.records import Episode, Floats, Provenance, Split, Trajectory
 from flywheel.robots import Robot
 
 DATASET = "recording"  # the data set in the network's one-hot
@@ -88,7 +83,7 @@ def read_recording(
       DataError: the log cannot be used as it is; the message says where and why.
       ConfigError: the YAML beside it is wrong.
     """
-    check_control_step(dt)
+    CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
     how, digest, log, findings = _read(path, robot, how, told)
     rows = len(log.time)
@@ -99,11 +94,11 @@ def read_recording(
         findings += found
         seen = _seen(tracks, period, dt)
     except DataError as error:
-        raise DataError(f"{printed(path.name)}: {error}") from None
+        raise DataError(f"{printable(path.name)}: {error}") from None
     name = f"{DATASET}-{_slug(path.name)}-{digest[:DIGITS]}"
     episodes = _episodes(name, tracks, robot, how, split or assign_split(digest, SHARES))
     report = ImportReport(
-        file=printed(path.name),
+        file=printable(path.name),
         digest=digest,
         rows=rows,
         seconds=float(log.time[-1] - log.time[0]),

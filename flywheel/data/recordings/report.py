@@ -111,11 +111,6 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def printed(name: str) -> str:
-    """A file's name for people; what cannot be printed is written as an escape."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in name)
-
-
 def listed(names: Sequence[str], most: int = 8) -> str:
     """Names for a message, at most so many of them."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

@@ -23,9 +23,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.report import listed, printed
+from flywheel.data.recordings.report import listed
 from flywheel.errors import DataError
 from flywheel.files import MB, opened, shown
+from flywheel.outputs import printable
 from flywheel.records import Floats
 
 LARGEST_FILE = 20_000 * MB  # [bytes]; most of it in columns that nobody wants
@@ -74,7 +75,7 @@ def open_table(path: Path, told: Told | None = None) -> Iterator[OpenTable]:
       DataError: it cannot be read, is no text in UTF-8, or has no header.
     """
     with opened(path, "recording", DataError, LARGEST_FILE) as file:
-        yield OpenTable(printed(path.name), file, told)
+        yield OpenTable(printable(path.name), file, told)
 
 
 class OpenTable:

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from flywheel.data.recordings.columns import TIME, control_names, point_names, winch_names
-from flywheel.errors import DataError
+from flywheel.errors import DataError, RunError
+from flywheel.faults import fault_of, told
 from flywheel.records import Episode
 from flywheel.robots import Robot
 
@@ -22,7 +23,8 @@ def new_csv(path: str | Path) -> Iterator[Any]:
     """A `csv.writer` into a new file, which is removed where it could not be written to its end.
 
     Raises:
-      DataError: there is a file already, or it cannot be written.
+      DataError: there is a file already, or nothing can be written there.
+      RunError: the disk is full.
     """
     path, begun = Path(path), False
     try:
@@ -34,9 +36,11 @@ def new_csv(path: str | Path) -> Iterator[Any]:
     except BaseException as error:
         if begun:
             path.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise DataError(f"{path} cannot be written: {error.strerror}.") from None
-        raise
+        if not isinstance(error, OSError):
+            raise
+        fault, error.filename = fault_of(error), str(path)
+        kind = DataError if fault is None or fault.by_input else RunError
+        raise kind(f"The log cannot be written: {told(error)}") from None
 
 
 def write_recording(episode: Episode, path: str | Path, robot: Robot) -> tuple[str, ...]:

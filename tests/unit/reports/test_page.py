@@ -4,11 +4,12 @@ import base64
 import re
 from html.parser import HTMLParser
 
+import matplotlib.pyplot as plt
 import pytest
 
 from flywheel.errors import DataError
 from flywheel.reports import page
-from flywheel.reports.figures import FIGURES
+from flywheel.reports.figures import FIGURES, as_file
 from flywheel.reports.page import result_rows, write_page
 from flywheel.runtime.measures import ErrorNumbers, Errors
 from flywheel.runtime.results import RunResult
@@ -167,3 +168,29 @@ def test_a_video_that_is_gone_or_too_large_is_not_embedded(tmp_path, one_figure,
 def test_a_folder_without_a_run_is_refused(tmp_path):
     with pytest.raises(DataError, match=r"result\.json"):
         write_page(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name", ["<script>alert(1)</script>", "a & b", '"><img src=x>', "$\\frac$"]
+)
+def test_a_name_is_text_on_the_page_whatever_it_holds(tmp_path, one_figure, name):
+    run = fake_run(1).model_copy(update={"name": name, "robot": name, "notes": (name,)})
+    path = write_page(tmp_path, run)
+    reader, text = read(path)
+    assert text.count(name) >= 3
+    assert not [link for link in reader.links if not link.startswith("data:")]
+
+
+def test_a_name_in_a_figure_is_text_whatever_it_holds():
+    def draw(name):
+        figure, axes = plt.subplots()
+        axes.set_title(name)
+        axes.plot([0, 1], [0, 1], label=name)
+        axes.legend()
+        plt.close(figure)
+        return figure
+
+    names = ("cost $", "$x$", "$\\frac$", "a_b^c")
+    drawn = {name: as_file(lambda name=name: draw(name), "svg") for name in names}
+    assert len(set(drawn.values())) == len(names)
+    assert len(drawn["$x$"]) > len(as_file(lambda: draw("x"), "svg"))  # both "$" are drawn

@@ -34,7 +34,9 @@ class LocalBackend:
         except FlywheelError as error:
             return self._ticket(error)
         except Exception as error:
-            return self._ticket(JobFailed(f"{type(error).__name__}: {error}"))
+            failed = JobFailed(f"{type(error).__name__}: {error}")
+            failed.__cause__ = error
+            return self._ticket(failed)
 
     def wait(self, tickets: list[int], seconds: float) -> list[int]:
         return list(tickets)

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -249,6 +250,56 @@ def test_the_database_is_whole_even_if_another_process_makes_it_at_the_same_time
         assert other.wait(180) == 0
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]["status"] == "RUNNING"
     assert sorted(path.name for path in tmp_path.glob("*mlflow*")) == ["mlflow.db"]
+
+
+def test_a_database_that_was_lost_is_made_anew_and_told_everything(tmp_path):
+    tracker = open_tracker(tmp_path / "run", "key", "prism3", retry_seconds=FAST)
+    tracker.open("key", "name", {})
+    tracker.log("key", {"closed_loop/success_rate": 0.5}, step=2)
+    assert tracker.close(120), tracker.problem
+    for name in ("removed", "emptied"):  # a copy: MLflow keeps the files it knows open
+        folder = tmp_path / name
+        shutil.copytree(tmp_path / "run", folder)
+        (folder / "mlflow.db").unlink()
+        if name == "emptied":
+            (folder / "mlflow.db").touch()
+        again = open_tracker(folder, "key", "prism3", retry_seconds=FAST)
+        assert again.close(120), again.problem
+        held = contents(f"sqlite:///{folder / 'mlflow.db'}")
+        assert held["key"]["metrics"] == {"closed_loop/success_rate": [(2, 0.5)]}
+        assert not (folder / "outbox.rejected.jsonl").exists()
+
+
+def test_a_damaged_database_delays_nobody_and_is_told_in_one_line(tmp_path, caplog, capfd):
+    for damaged in (b"no database", bytes(8192)):
+        (tmp_path / "mlflow.db").write_bytes(damaged)
+        tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+        tracker.open("key", "name", {})
+        assert "is damaged" in first_problem(tracker)
+        start = time.monotonic()
+        assert not tracker.close()
+        assert time.monotonic() - start < 10
+        assert tracker.pending() > 0
+    assert [record.levelname for record in caplog.records] == ["WARNING", "WARNING"]
+    assert "--resume makes a new one" in caplog.text
+    assert capfd.readouterr().err == ""
+    (tmp_path / "mlflow.db").unlink()  # moved away: nothing was lost
+    later = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    assert later.close(120), later.problem
+    assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]["status"] == "RUNNING"
+
+
+def test_a_database_that_fails_while_it_is_used_is_told_in_one_line(tmp_path, caplog, capfd):
+    tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    tracker.open("key", "name", {})
+    assert tracker.flush(120), tracker.problem
+    database = tmp_path / "mlflow.db"
+    database.write_bytes(database.read_bytes()[:8192] + bytes(200_000))
+    tracker.log("key", {"closed_loop/success_rate": 0.5})
+    assert first_problem(tracker)
+    assert not tracker.close(0.5)
+    assert len(caplog.records) == 1, caplog.text
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_a_champion_that_mlflow_does_not_know_is_set_aside_and_the_rest_goes_on(tmp_path):

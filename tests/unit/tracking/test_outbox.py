@@ -149,6 +149,57 @@ def test_a_full_disk_leaves_no_half_record(tmp_path, monkeypatch):
     assert list(outbox.records()) == [{"n": 0}, {"n": 2}]
 
 
+@pytest.mark.parametrize("offset", [b"", b"\xff", b"12x", b"-5", b"9999999"])
+def test_where_the_note_of_what_was_delivered_is_damaged_all_is_delivered_again(
+    tmp_path, receiver, offset
+):
+    outbox = Outbox(tmp_path)
+    for record in numbers(3):
+        outbox.append(record)
+    assert Courier(outbox, receiver.deliver, retry_seconds=FAST).close(5)
+    (tmp_path / "outbox.offset").write_bytes(offset)
+    assert Courier(Outbox(tmp_path), receiver.deliver, retry_seconds=FAST).close(5)
+    again = [] if offset == b"9999999" else numbers(3)  # that one says: all of it
+    assert receiver.records == numbers(3) + again
+
+
+def test_a_problem_that_waiting_does_not_mend_is_not_waited_for_and_told_once(
+    tmp_path, receiver, caplog
+):
+    receiver.error = DataError("The database is damaged: move it away.")
+    outbox = Outbox(tmp_path)
+    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
+    outbox.append({"n": 0})
+    start = time.monotonic()
+    assert not courier.flush(30)
+    assert time.monotonic() - start < 10
+    time.sleep(0.1)  # it goes on trying
+    assert [r.message.partition("again: ")[2] for r in caplog.records] == [
+        "The database is damaged: move it away."
+    ]
+    receiver.error = None  # somebody moved it away
+    limit = time.monotonic() + 10
+    while not outbox.empty and time.monotonic() < limit:
+        time.sleep(0.01)
+    assert courier.flush(5)
+    assert courier.close(1)
+
+
+def test_the_first_cause_of_a_problem_is_told_not_what_clients_make_of_it(tmp_path, receiver):
+    try:
+        try:
+            raise OSError("disk I/O error")
+        except OSError as error:
+            raise RuntimeError("(raised as a result of Query-invoked autoflush)\nmore") from error
+    except RuntimeError as error:
+        receiver.error = error
+    outbox = Outbox(tmp_path)
+    outbox.append({"n": 0})
+    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
+    courier.close(0.1)
+    assert courier.problem == "OSError: disk I/O error"
+
+
 def test_a_line_that_someone_else_wrote_is_named(tmp_path):
     outbox = Outbox(tmp_path)
     with outbox.path.open("w") as file:

@@ -1,0 +1,166 @@
+"""What leaves the program: files, each whole or not at all, and text that a terminal shows as it is.
+
+Where a command will write is tried before it computes: `check_output`, `check_folder`.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from flywheel.errors import DataError, FlywheelError, RunError
+from flywheel.faults import fault_of, short, told
+
+PROBE_BYTES = 4096  # one block of a disk: an empty file can be made on a full one
+LONGEST_NAME = 255  # bytes of one part of a path, on every file system in use
+
+
+def check_output(path: str | Path, what: str, error: type[FlywheelError] = DataError) -> None:
+    """Make sure that a file can be written; leaves nothing behind. Missing folders will be made.
+
+    Args:
+      path: of the file.
+      what: it is, for the message: "page".
+      error: that is raised where the path is to blame.
+
+    Raises:
+      error: there is a folder, or a file in the place of a folder; the place is read-only; the name is
+        too long.
+      RunError: the disk is full.
+    """
+    _checked(_try_file, path, f"The {what} cannot be written", error)
+
+
+def check_outputs(
+    outputs: Mapping[str, str | Path | None], inputs: Iterable[str | Path] = ()
+) -> None:
+    """Make sure that all that a command will write can be written, and that nothing is lost by it.
+
+    Args:
+      outputs: what each file is -> its path; None for one that is not asked for.
+      inputs: that the command reads; those that are not there are passed over.
+
+    Raises:
+      DataError: see `check_output`; or two of them are one file, or one is an input.
+    """
+    taken = {Path(os.path.realpath(path)): "read" for path in inputs if Path(path).exists()}
+    for what, path in outputs.items():
+        if path is None:
+            continue
+        check_output(path, what)
+        place = Path(os.path.realpath(path))
+        if place.exists() and not place.is_file():
+            continue  # a device or a pipe takes several
+        if place in taken:
+            use = taken[place]
+            also = "is to be read" if use == "read" else f"is to be the {use} too"
+            raise DataError(f"The {what} would be written over {short(path)}, which {also}.")
+        taken[place] = what
+
+
+def check_folder(path: str | Path, what: str, error: type[FlywheelError] = DataError) -> None:
+    """Make sure that a folder is there or can be made, and files in it; see `check_output`."""
+    _checked(_try_folder, path, f"The {what} cannot be used", error)
+
+
+def write_output(path: str | Path, content: str | bytes) -> Path:
+    """Write a file in one atomic step; makes missing folders. A link or a device is written through.
+
+    Args:
+      path: of the file.
+      content: bytes, or text that becomes UTF-8.
+    """
+    path = Path(path)
+    data = content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        path.write_bytes(data)
+        return path
+    temporary = path.with_name(f".flywheel-{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink()
+        error.filename, error.filename2 = str(path), None
+        raise
+    return path
+
+
+def printable(text: str) -> str:
+    """Text for a terminal: what would steer it, or is no character at all, is written out."""
+    return "".join(c if c.isprintable() or c in "\n\t" else _written_out(c) for c in text)
+
+
+def _written_out(character: str) -> str:
+    return character.encode("unicode_escape").decode()
+
+
+def _checked(
+    attempt: Callable[[Path], None], path: str | Path, words: str, error: type[FlywheelError]
+) -> None:
+    try:
+        attempt(Path(path))
+    except OSError as problem:
+        fault = fault_of(problem)
+        kind = error if fault is None or fault.by_input else RunError
+        raise kind(f"{words}: {told(problem)}") from None
+    except ValueError as problem:  # a NUL in the path
+        raise error(f"{words}: {short(path)!r}: {problem}.") from None
+
+
+def _try_file(path: Path) -> None:
+    about = _about(path)
+    if about is None:
+        _try_folder(path.parent)
+    elif stat.S_ISDIR(about.st_mode):
+        raise _refused(errno.EISDIR, path)
+    elif stat.S_ISREG(about.st_mode):
+        with path.open("ab"):
+            pass
+        _try_folder(path.parent)
+
+
+def _try_folder(path: Path) -> None:
+    about = _about(path)
+    if about is None:
+        _try_folder(path.parent)
+    elif not stat.S_ISDIR(about.st_mode):
+        raise _refused(errno.ENOTDIR, path)
+    else:
+        _probe(path)
+
+
+def _about(path: Path) -> os.stat_result | None:
+    """What is there; None for nothing, under a name that something may have."""
+    try:
+        return path.stat()
+    except FileNotFoundError:
+        if len(os.fsencode(path.name)) > LONGEST_NAME:
+            raise _refused(errno.ENAMETOOLONG, path) from None
+        return None
+
+
+def _probe(folder: Path) -> None:
+    """Write a block into a file without a name."""
+    try:
+        with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
+            file.write(bytes(PROBE_BYTES))
+    except FileNotFoundError:  # /proc is a folder, and takes no files
+        raise _refused(errno.ENXIO, folder) from None
+    except OSError as error:
+        error.filename = str(folder)
+        raise
+
+
+def _refused(number: int, path: Path) -> OSError:
+    return OSError(number, os.strerror(number), str(path))
