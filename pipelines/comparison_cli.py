@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
-from pipelines.options import ThreadsOption, within
+from pipelines.options import DtOption, ThreadsOption, within
 
 app = typer.Typer()
 
@@ -47,7 +47,7 @@ def compare(
     robot: RobotName,
     model: Models = None,
     horizon: HorizonOption = 1.0,
-    dt: Annotated[float, typer.Option(help="Control step of the models, in seconds.")] = 0.01,
+    dt: DtOption = 0.01,
     draws: DrawsOption = 100,
     seed: Annotated[int, typer.Option(help="Of the draws.", callback=within(SEED))] = 0,
     fit_starts: Annotated[

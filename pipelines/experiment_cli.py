@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
-from pipelines.options import TYPICAL_SIZES, ThreadsOption, WindowOption, within
+from pipelines.options import TYPICAL_SIZES, DtOption, ThreadsOption, WindowOption, within
 
 app = typer.Typer()
 
@@ -22,7 +22,6 @@ NoiseOption = Annotated[
     str,
     typer.Option(help="Of each coordinate: a share of the robot's length, or a length (9mm)."),
 ]
-DtOption = Annotated[float, typer.Option(help="Control step of the plant, in seconds.")]
 PageOption = Annotated[
     Path | None, typer.Option(help="Where an HTML page goes.", show_default=False)
 ]

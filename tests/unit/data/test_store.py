@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data.zarr_files import decode
 from flywheel.errors import DataError, RunError
 from flywheel.records import Episode, Observation, Trajectory
 
@@ -54,6 +55,17 @@ def test_episodes_come_back_to_the_bit(tmp_path, make_episode, recording):
         np.testing.assert_array_equal(
             back.telemetry["plan_seconds"], episode.telemetry["plan_seconds"]
         )
+
+
+def test_arrays_that_do_not_read_back_are_not_stored(tmp_path, make_episode, monkeypatch):
+    def other(files):
+        arrays, attributes = decode(files)
+        return {name: values + (name == "controls") for name, values in arrays.items()}, attributes
+
+    monkeypatch.setattr("flywheel.data.segments.decode", other)
+    with pytest.raises(DataError, match="array controls reads back as other numbers"):
+        TrajectoryStore(tmp_path).commit("one", [make_episode("e0")])
+    assert TrajectoryStore(tmp_path).committed() == {}
 
 
 def test_committing_the_same_again_changes_nothing_and_other_content_is_refused(
