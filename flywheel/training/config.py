@@ -21,7 +21,7 @@ from flywheel.quantities import (
 )
 
 MOST_STAGES = 100
-MOST_DATASETS = 1000
+MOST_DATASETS = 1000  # of a run: as many inputs has the network's one-hot at most
 Chunks = Annotated[int, Bounds(1, 100_000)]
 
 
