@@ -15,6 +15,7 @@ There is no file that says how far a run is: what is there says it.
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
 import uuid
@@ -179,7 +180,7 @@ class RunFolder:
     def _created(self, config: RunConfig) -> Identity:
         self.check_space(config.workers.least_free_gb)  # a run that is refused leaves nothing
         identity = Identity(
-            key=f"{config.name}-{uuid.uuid4().hex[:8]}",
+            key=f"{re.sub('[^A-Za-z0-9._-]+', '-', config.name)[:80]}-{uuid.uuid4().hex[:8]}",
             config_digest=config_digest(config),
             begun=time.strftime("%F %T"),
         )
