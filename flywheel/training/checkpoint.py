@@ -7,9 +7,9 @@ only and are read with `weights_only=True`: reading one runs no code.
 
 from __future__ import annotations
 
-import os
 import pickle
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from flywheel.errors import ConfigError, DataError
+from flywheel.outputs import write_output
 
 CHECKPOINT = "checkpoint.pt"
 
@@ -52,15 +53,9 @@ class Checkpoint:
 
 def write_checkpoint(checkpoint: Checkpoint, folder: Path) -> Path:
     """Write `<folder>/checkpoint.pt` in one atomic and durable step."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / CHECKPOINT
-    temporary = folder / f".{CHECKPOINT}.{os.getpid()}"
-    with temporary.open("wb") as file:
-        torch.save(dict(vars(checkpoint)), file)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
-    return path
+    content = BytesIO()  # written by torch itself, a full disk would be an error of its archives
+    torch.save(dict(vars(checkpoint)), content)
+    return write_output(folder / CHECKPOINT, content.getvalue())
 
 
 def read_checkpoint(folder: Path, key: str, device: str = "cpu") -> Checkpoint | None:
