@@ -26,6 +26,7 @@ LARGEST_TEXT = 20 * MB  # of an MJCF or a JSON file [bytes]; the largest of ours
 LARGEST_YAML = 2 * MB  # [bytes]
 DEEPEST = 60  # brackets within brackets: far more than any file of ours has
 MOST_VALUES = 1_000_000  # single values of a file, aliases written out
+LONGEST_PATH = 1000  # characters of one that is told whole
 LONGEST_NAME = 80  # characters of a file's name that is made of another name
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 60, 60
@@ -37,6 +38,22 @@ _KINDS = {
     stat.S_IFBLK: "a device",
     stat.S_IFSOCK: "a socket",
 }
+
+
+class _Loader(yaml.CSafeLoader):
+    """Reads `1e-3` as a number, as YAML 1.2 does."""
+
+
+class _Dumper(yaml.CSafeDumper):
+    """Writes the text "1e-3" in quotes."""
+
+
+for _each in (_Loader, _Dumper):
+    _each.add_implicit_resolver(
+        "tag:yaml.org,2002:float",
+        re.compile(r"[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
+        list("-+0123456789"),
+    )
 
 
 def file_name(name: str) -> str:
@@ -74,7 +91,9 @@ def opened(
     except (FileNotFoundError, NotADirectoryError):
         raise error(f"There is no {what} {path}.") from None
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the path
-        raise error(f"The {what} {str(path)!r} cannot be read: {_reason(problem)}.") from None
+        name = str(path)
+        name = repr(name) if len(name) < LONGEST_PATH else shown(name)
+        raise error(f"The {what} {name} cannot be read: {_reason(problem)}.") from None
     about = os.fstat(handle)
     if not stat.S_ISREG(about.st_mode):
         os.close(handle)
@@ -124,35 +143,46 @@ def read_text(
     return text
 
 
-def read_yaml(path: str | Path, what: str, error: type[FlywheelError]) -> Any:
+def read_yaml(
+    path: str | Path, what: str, error: type[FlywheelError], most: int = MOST_VALUES
+) -> Any:
     """Plain values of a YAML file; None of an empty one.
 
     Raises:
       error: see `read_text`; or it is not YAML, or deeper or larger (with aliases written out) than allowed.
     """
-    return parsed_yaml(read_text(path, what, error, LARGEST_YAML), f"The {what} {path}", error)
+    text = read_text(path, what, error, LARGEST_YAML)
+    return parsed_yaml(text, f"The {what} {path}", error, most)
 
 
-def parsed_yaml(text: str, what: str, error: type[FlywheelError]) -> Any:
+def parsed_yaml(text: str, what: str, error: type[FlywheelError], most: int = MOST_VALUES) -> Any:
     """Plain values of a text in YAML; see `read_yaml`.
 
     Args:
       text: in YAML.
       what: it is, at the beginning of a sentence: "The map a.yaml".
       error: that is raised.
+      most: single values that it may have, aliases written out.
     """
     try:
-        _check_yaml(text, what, error)
-        return yaml.load(text, Loader=yaml.CSafeLoader)
+        _check_yaml(text, what, error, most)
+        return yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as problem:
         raise error(f"{what} is not YAML: {problem}") from None
     except (ValueError, TypeError) as problem:  # 2020-02-31, !!int foo, a list as a key
         raise error(f"{what} has a value that is none: {problem}.") from None
+    except (AttributeError, LookupError):  # !!timestamp foo, !!bool foo
+        raise error(f"{what} has a value that is not of the type in front of it.") from None
     except RecursionError:
         raise error(f"{what} has more than {DEEPEST} brackets within brackets.") from None
 
 
-def _check_yaml(text: str, what: str, error: type[FlywheelError]) -> None:
+def yaml_text(values: Any) -> str:
+    """Plain values as a text that `parsed_yaml` reads as the same values."""
+    return yaml.dump(values, Dumper=_Dumper, sort_keys=False, width=100, allow_unicode=True)
+
+
+def _check_yaml(text: str, what: str, error: type[FlywheelError], most: int) -> None:
     """Refuse what would be too much once it is written out, by its events alone."""
     sizes, anchors = [0], [""]  # of each collection that is open: values so far, and its anchor
     known: dict[str, int] = {}  # anchor -> values
@@ -172,8 +202,8 @@ def _check_yaml(text: str, what: str, error: type[FlywheelError]) -> None:
             size = known.get(anchor, 1)
         known[anchor] = size
         sizes[-1] += size
-        if sizes[-1] > MOST_VALUES:
-            raise error(f"{what} has more than {MOST_VALUES:,} values, with aliases written out.")
+        if sizes[-1] > most:
+            raise error(f"{what} has more than {most:,} values, with aliases written out.")
 
 
 def read_json(path: str | Path, what: str, error: type[FlywheelError]) -> Any:
@@ -189,6 +219,8 @@ def parsed_json(text: str | bytes, what: str, error: type[FlywheelError]) -> Any
     """Plain values of a text in JSON; see `parsed_yaml`."""
     try:
         values = json.loads(text)
+        if "\\ud" in str(text).lower():  # halves of characters, which no file can hold
+            json.dumps(values, ensure_ascii=False).encode()
     except RecursionError:
         raise error(f"{what} has more than {DEEPEST} brackets within brackets.") from None
     except ValueError as problem:  # also of 5000 digits, and of bytes that are no text
@@ -213,7 +245,10 @@ def _deeper_than(values: Any, most: int) -> bool:
 
 def shown(value: object) -> str:
     """A value for a message: the beginning of its repr, however large or deep it is."""
-    return _SHORT.repr(value)
+    try:
+        return _SHORT.repr(value)
+    except ValueError:  # a whole number of more digits than Python writes
+        return f"{type(value).__name__} of thousands of digits"
 
 
 def _reason(problem: Exception) -> str:

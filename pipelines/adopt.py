@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from flywheel.diagnosis.adoption import adopt
+from flywheel.diagnosis.answer import Answer
 from flywheel.effects import AdoptedPlant
 from flywheel.errors import DataError
+from flywheel.files import read_json
 from flywheel.robots import load_robot
 from pipelines.plants import adopted_file
 from pipelines.show import console, table
@@ -19,11 +20,11 @@ def take_over(answer_file: Path, robot_name: str, folder: Path, answer: int | No
     summary = _read(answer_file)
     parent = adopted_file(robot_name)
     robot = load_robot(robot_name) if parent is None else AdoptedPlant.read(parent)[1]
-    about = summary.get("robot") or {}
-    if about.get("digest") != robot.digest:
+    about = Answer.of(summary).robot
+    if about.digest != robot.digest:
         raise DataError(
-            f"{answer_file} is about {about.get('name', 'an unknown robot')} "
-            f"({str(about.get('digest'))[:12]}), not {robot.name} ({robot.digest[:12]})."
+            f"{answer_file} is about {about.name or 'an unknown robot'} ({about.digest[:12]}), not "
+            f"{robot.name} ({robot.digest[:12]})."
         )
     path = adopt(summary, robot, folder, answer, parent)
     plant, _ = AdoptedPlant.read(path)
@@ -34,17 +35,15 @@ def take_over(answer_file: Path, robot_name: str, folder: Path, answer: int | No
     ]
     out = console()
     out.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
-    out.print(f"Diagnose and compare with --robot {path.parent}.", soft_wrap=True)
-    out.print(f"Run with effects={path}: data are then simulated on this plant.", soft_wrap=True)
+    for line in (
+        f"Diagnose and compare with --robot {path.parent}.",
+        f"Run with effects={path}: data are then simulated on this plant.",
+    ):
+        out.print(line, soft_wrap=True, markup=False)
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(f"There is no answer {path}.") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} is not JSON: {error}") from None
+    summary = read_json(path, "answer", DataError)
     if not isinstance(summary, dict) or "answer_set" not in summary:
         raise DataError(f"{path} is not the JSON of `flywheel diagnose`: it has no answer_set.")
     return summary

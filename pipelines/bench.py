@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -34,7 +35,9 @@ from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.plant.benchmark import SIMULATIONS, STEPS, contenders
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError
+from flywheel.files import shown
 from flywheel.outputs import check_outputs, write_output
+from flywheel.quantities import THREADS
 from flywheel.records import Past
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
@@ -109,9 +112,12 @@ def parsed_threads(text: str) -> list[int]:
       ConfigError: it is not such a list.
     """
     parts = [part.strip() for part in text.split(",")]
-    if not all(part.isdigit() and int(part) > 0 for part in parts):
-        raise ConfigError(f"--threads is a list of positive numbers, e.g. 1,2; got {text!r}.")
-    return [int(part) for part in parts]
+    counts = [int(part) for part in parts if re.fullmatch(r"[0-9]{1,4}", part)]
+    if len(counts) < len(parts) or not all(count in THREADS for count in counts):
+        raise ConfigError(
+            f"--threads is a list of whole numbers {THREADS}, e.g. 1,2; got {shown(text)}."
+        )
+    return counts
 
 
 def machine() -> dict[str, object]:

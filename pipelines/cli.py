@@ -12,12 +12,13 @@ from typing import Annotated
 
 import typer
 
+from flywheel.quantities import EPISODE_SECONDS, HORIZON_SECONDS, SAMPLES
 from pipelines.comparison_cli import app as comparison_app
 from pipelines.diagnosis_cli import app as diagnosis_app
 from pipelines.exits import CODES, Commands
 from pipelines.experiment_cli import app as experiment_app
 from pipelines.navigation_cli import app as navigation_app
-from pipelines.options import Overrides
+from pipelines.options import Overrides, within
 from pipelines.recordings_cli import app as recordings_app
 
 app = typer.Typer(
@@ -132,8 +133,15 @@ def list_(kind: Annotated[Kind, typer.Argument(help="What to list.", show_defaul
 def evaluate(
     run: RunArgument,
     split: Annotated[str, typer.Option(help="Which episodes: test, validation or train.")] = "test",
-    horizon: Annotated[float, typer.Option(help="Of the short predictions, in seconds.")] = 2.0,
-    starts: Annotated[int, typer.Option(help="Short predictions per episode.")] = 10,
+    horizon: Annotated[
+        float,
+        typer.Option(
+            help="Of the short predictions, in seconds.", callback=within(HORIZON_SECONDS)
+        ),
+    ] = 2.0,
+    starts: Annotated[
+        int, typer.Option(help="Short predictions per episode.", callback=within(SAMPLES))
+    ] = 10,
     full: Annotated[bool, typer.Option(help="Also predict whole episodes.")] = True,
     weights: Annotated[
         Path | None, typer.Option(help="Score this weights file instead of the run's own models.")
@@ -208,7 +216,11 @@ def ui(
 def bench(
     threads: Annotated[str, typer.Option(help="Numbers of threads, one after the other.")] = "1,2",
     seconds: Annotated[
-        float, typer.Option(help="Shortest measurement of one thing, in seconds.")
+        float,
+        typer.Option(
+            help="Shortest measurement of one thing, in seconds.",
+            callback=within(EPISODE_SECONDS),
+        ),
     ] = 1.0,
     only: Annotated[
         str, typer.Option(help="Only these, e.g. plant,plan; all by default.", show_default=False)
@@ -233,7 +245,9 @@ def verify(
     run: RunArgument,
     snapshot: Annotated[str, typer.Option(help="Only this one; everything by default.")] = "",
 ) -> None:
-    """Read every byte again and compare; names each damaged episode and what is wrong with it.
+    """Read every byte again and compare; names what is damaged, exchanged, missing or foreign.
+
+    Of a run's folder also its results, models, configuration and robot; of a store all that is in it.
 
     [bold]Example[/bold]
 
@@ -260,6 +274,26 @@ def show_data(
     from pipelines.data import show_store
 
     show_store(run, snapshot)
+
+
+@data_app.command("rewind")
+def rewind_run(
+    run: RunArgument,
+    iteration: Annotated[
+        int, typer.Argument(help="The first that has to be done again.", show_default=False)
+    ],
+) -> None:
+    """Set aside what a run did from an iteration on, so that --resume does it again.
+
+    Nothing is deleted: results and models go to RUN/aside, episodes to the store's quarantine.
+
+    [bold]Example[/bold]
+
+    flywheel data rewind runs/prism3 1
+    """
+    from pipelines.data import go_back
+
+    go_back(run, iteration)
 
 
 @robot_app.command()

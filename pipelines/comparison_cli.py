@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
+from pipelines.options import ThreadsOption, within
+
 app = typer.Typer()
 
 
@@ -28,6 +31,14 @@ Models = Annotated[
         show_default=False,
     ),
 ]
+HorizonOption = Annotated[
+    float,
+    typer.Option(help="Predicted from each present, in seconds.", callback=within(HORIZON_SECONDS)),
+]
+DrawsOption = Annotated[
+    int,
+    typer.Option(help="Of the noise, for what it makes of the error.", callback=within(SAMPLES)),
+]
 
 
 @app.command()
@@ -35,14 +46,14 @@ def compare(
     recordings: Recordings,
     robot: RobotName,
     model: Models = None,
-    horizon: Annotated[float, typer.Option(help="Predicted from each present, in seconds.")] = 1.0,
+    horizon: HorizonOption = 1.0,
     dt: Annotated[float, typer.Option(help="Control step of the models, in seconds.")] = 0.01,
-    draws: Annotated[int, typer.Option(help="Of the noise, for what it makes of the error.")] = 100,
-    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    draws: DrawsOption = 100,
+    seed: Annotated[int, typer.Option(help="Of the draws.", callback=within(SEED))] = 0,
     fit_starts: Annotated[
         bool, typer.Option(help="Also what plants leave where starts are fitted; slow.")
     ] = False,
-    threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
+    threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("comparison.html"),
     json: Annotated[
         Path | None, typer.Option(help="Where the numbers go as JSON.", show_default=False)
@@ -63,8 +74,10 @@ def compare(
 
     flywheel compare monday.csv --robot my_robot.xml --model before=plant --model after=plants/my_robot-1
     """
+    from flywheel.runtime.demand import check_predictions
     from pipelines.compare import put_beside
 
+    check_predictions(draws, horizon, dt, "--draws, --horizon, --dt")
     code = put_beside(
         recordings,
         robot,

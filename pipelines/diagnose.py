@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,9 @@ from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.whereabouts import Whereabouts
 from flywheel.effects import EFFECTS, NAMED, Effect
 from flywheel.errors import ConfigError
+from flywheel.files import shown
 from flywheel.outputs import check_outputs, write_output
+from flywheel.quantities import FACTOR
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import (
     doubtful,
@@ -24,6 +25,7 @@ from flywheel.reports.diagnosis_page import (
 )
 from pipelines.logs import read_logs
 from pipelines.models import open_trained
+from pipelines.options import number
 from pipelines.plants import open_plant
 from pipelines.show import Out, console, table
 
@@ -101,15 +103,14 @@ def unsure_of(statements: Sequence[str]) -> dict[str, float]:
     """
     known = {}
     for statement in statements:
-        name, given, number = statement.partition("=")
-        share = number.endswith("%")
-        try:
-            value = float(number.removesuffix("%")) / (100.0 if share else 1.0)
-        except ValueError:
-            value = math.nan
-        if not given or math.isnan(value):
-            raise ConfigError(f"Say how unsure as effect=number or effect=5%, got {statement!r}.")
-        known[name.strip()] = value
+        name, given, text = statement.partition("=")
+        if not given:
+            raise ConfigError(
+                f"Say how unsure as effect=number or effect=5%, got {shown(statement)}."
+            )
+        what = f"How unsure one is of {shown(name)}, as a number or 5%,"
+        value = number(text.removesuffix("%"), what, FACTOR)
+        known[name.strip()] = value / (100.0 if text.endswith("%") else 1.0)
     return known
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,22 +10,25 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from flywheel.errors import ConfigError
+from flywheel.errors import ConfigError, DataError
 from flywheel.evaluation.intervals import Interval
+from flywheel.files import read_json
 from flywheel.hidden.cases import GROUPS, Case, cases
 from flywheel.hidden.cases import Group as CaseGroup
 from flywheel.outputs import check_folder, write_output
-from flywheel.robots import load_robot
+from flywheel.registry import lookup
+from flywheel.robots import ROBOTS, load_robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.examination import CaseResult, Examiner, Line, publish_examination, summary
 from flywheel.runtime.interrupts import StopRequest
 from flywheel.runtime.jobs import Group, Job
 from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import console_progress
-from flywheel.runtime.results import load
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.trained import TrainedModel
+from flywheel.validation import validated
 from pipelines.models import open_trained
+from pipelines.options import TYPICAL_SIZES, number
 from pipelines.show import console, table
 
 LONGEST = 1800.0  # without a sign of progress, a case is begun again [s]
@@ -53,6 +55,7 @@ def examine(
       model: to be tested in the plant's stead; see `pipelines.models`.
       address: of an existing Ray cluster.
     """
+    lookup(ROBOTS, robot, "robot")  # workers load it by its name
     wanted = [c for c in cases(load_robot(robot), _checked(groups), sizes, seeds) if only in c.name]
     if not wanted:
         raise ConfigError(f"No case of {robot} has {only!r} in its name.")
@@ -71,19 +74,18 @@ def examine(
     tracker.close()
 
 
-def sizes_of(text: str) -> list[float]:
-    """Sizes from "0.5,1,2".
+def listed(sizes: str) -> list[float]:
+    """Sizes from "0.5,1,2", in typical sizes.
 
     Raises:
-      ConfigError: it is not such a list.
+      ConfigError: one is none.
     """
-    try:
-        sizes = [float(size) for size in text.split(",")]
-    except ValueError:
-        sizes = [math.nan]
-    if not all(0 < size < math.inf for size in sizes):
-        raise ConfigError(f"Sizes are positive numbers with commas between, got {text!r}.")
-    return sizes
+    return [number(size, "Each of --sizes", TYPICAL_SIZES) for size in sizes.split(",")]
+
+
+def _stored(file: Path) -> CaseResult:
+    values = read_json(file, "result of a case", DataError)
+    return validated(CaseResult, values, f"{file} is no result of a case", DataError)
 
 
 def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> list[CaseResult]:
@@ -93,7 +95,7 @@ def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> 
       ConfigError: they are of another model.
     """
     files = [_file(folder, case.name) for case in wanted]
-    results = [load(CaseResult, file) for file in files if file.exists()]
+    results = [_stored(file) for file in files if file.exists()]
     digest = "" if tested is None else tested.weights.digest
     for result in results:
         if result.model != digest:

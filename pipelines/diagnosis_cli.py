@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import WindowOption
+from flywheel.quantities import SAMPLES, Bounds
+from pipelines.options import ThreadsOption, WindowOption, within
 
+ANSWERS = Bounds(1, 1000)
 app = typer.Typer()
 
 TrainedSpec = Annotated[
@@ -57,7 +59,7 @@ def diagnose(
     window: WindowOption = None,
     model: TrainedSpec = None,
     dt: Annotated[float, typer.Option(help="Control step of the plant, in seconds.")] = 0.01,
-    threads: Annotated[int, typer.Option(help="Simulations at the same time.")] = 2,
+    threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
     json: Annotated[
         Path | None, typer.Option(help="Where the answer goes as JSON.", show_default=False)
@@ -106,6 +108,7 @@ def adopt(
         typer.Option(
             help="Which of several answers, from 1; also takes what held-out recordings speak against.",
             show_default=False,
+            callback=within(ANSWERS),
         ),
     ] = None,
 ) -> None:
@@ -132,7 +135,7 @@ def diagnose_bench(
         str, typer.Option(help="none, single, pairs, triples, outside, hard.")
     ] = "none,single,pairs,triples,outside,hard",
     sizes: Annotated[str, typer.Option(help="Of single effects, in typical sizes.")] = "0.5,1,2",
-    seeds: Annotated[int, typer.Option(min=1, help="Cases of each kind.")] = 5,
+    seeds: Annotated[int, typer.Option(help="Cases of each kind.", callback=within(SAMPLES))] = 5,
     only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
     model: TrainedSpec = None,
     address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
@@ -145,7 +148,6 @@ def diagnose_bench(
 
     flywheel diagnose-bench --groups single --sizes 1 --seeds 1 --only winch
     """
-    from pipelines.diagnose_bench import examine, sizes_of
+    from pipelines.diagnose_bench import examine, listed
 
-    factors = sizes_of(sizes)
-    examine(folder, robot, groups.split(","), factors, range(seeds), only, model, address)
+    examine(folder, robot, groups.split(","), listed(sizes), range(seeds), only, model, address)

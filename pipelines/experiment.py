@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from flywheel.dynamics.plant import Plant
-from flywheel.errors import ConfigError
+from flywheel.quantities import FACTOR
 from flywheel.robots import Robot
+from pipelines.options import number
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -18,15 +17,11 @@ def length_of(text: str, robot: Robot) -> float:
       ConfigError: not a positive number, or another unit.
     """
     unit = next((name for name in UNITS if text.endswith(name)), "")
-    try:
-        value = float(text.removesuffix(unit))
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise ConfigError(
-            f"A length is a positive number of {', '.join(UNITS)}, or without a unit a share of the "
-            f"robot's ({robot.length:g} m): 9mm, 0.009m, 0.003. Got {text!r}."
-        )
+    what = (
+        f"A length, in {', '.join(UNITS)}, or without a unit as a share of the robot's "
+        f"({robot.length:g} m), such as 9mm, 0.009m, 0.003,"
+    )
+    value = number(text.removesuffix(unit), what, FACTOR)
     return value * (UNITS[unit] if unit else robot.length)
 
 

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import WindowOption
+from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
+from pipelines.options import TYPICAL_SIZES, ThreadsOption, WindowOption, within
 
 app = typer.Typer()
 
@@ -22,7 +23,6 @@ NoiseOption = Annotated[
     typer.Option(help="Of each coordinate: a share of the robot's length, or a length (9mm)."),
 ]
 DtOption = Annotated[float, typer.Option(help="Control step of the plant, in seconds.")]
-ThreadsOption = Annotated[int, typer.Option(help="Simulations at the same time.")]
 PageOption = Annotated[
     Path | None, typer.Option(help="Where an HTML page goes.", show_default=False)
 ]
@@ -40,7 +40,11 @@ def power(
     robot: RobotOption,
     noise: NoiseOption = "0.003",
     size: Annotated[
-        float, typer.Option(min=0.01, help="At which effects are told apart, in typical sizes.")
+        float,
+        typer.Option(
+            help="At which effects are told apart, in typical sizes.",
+            callback=within(TYPICAL_SIZES),
+        ),
     ] = 1.0,
     effects: Annotated[
         str, typer.Option(help="Effects to consider, by name; all of the library by default.")
@@ -74,12 +78,21 @@ def design(
     ],
     robot: RobotOption,
     noise: NoiseOption = "0.003",
-    size: Annotated[float, typer.Option(min=0.01, help="Of the rivals, in typical sizes.")] = 1.0,
-    seconds: Annotated[float, typer.Option(help="Length of the script, in seconds.")] = 3.0,
+    size: Annotated[
+        float,
+        typer.Option(help="Of the rivals, in typical sizes.", callback=within(TYPICAL_SIZES)),
+    ] = 1.0,
+    seconds: Annotated[
+        float,
+        typer.Option(help="Length of the script, in seconds.", callback=within(HORIZON_SECONDS)),
+    ] = 3.0,
     candidates: Annotated[
-        int, typer.Option(help="Scripts that are drawn; as many variations follow.")
+        int,
+        typer.Option(
+            help="Scripts that are drawn; as many variations follow.", callback=within(SAMPLES)
+        ),
     ] = 64,
-    seed: Annotated[int, typer.Option(help="Of all that is random.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of all that is random.", callback=within(SEED))] = 0,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
     out: Annotated[Path, typer.Option(help="Where the commands go.")] = Path("commands.csv"),
@@ -92,6 +105,9 @@ def design(
 
     flywheel design cable_friction capstan --robot prism3 --out to_tell.csv
     """
+    from flywheel.runtime.demand import check_predictions
     from pipelines.design import propose
 
+    predictions = candidates * (1 + len(rivals))  # of each script, and with each rival
+    check_predictions(predictions, seconds, dt, "--candidates, rivals, --seconds, --dt")
     propose(rivals, robot, noise, size, seconds, candidates, seed, dt, threads, out, page, json)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from flywheel.diagnosis.candidates import candidates
 from flywheel.effects import EFFECTS, AdoptedPlant, WrittenTerm
 from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds
 from flywheel.registry import lookup
 from flywheel.robots import Robot
 from flywheel.runtime.plan import Effects
+from pipelines.options import number
+from pipelines.plants import adopted_file
 
+TIMES = Bounds(-1000, 1000)
 SIZE = ":"  # between an effect and how many times its typical size
 
 
@@ -29,21 +31,16 @@ def hidden_effects(wanted: tuple[str, ...], robot: Robot) -> Effects:
     known = {candidate.name: candidate for candidate in candidates(robot, EFFECTS)}
     found: list[WrittenTerm] = []
     for text in wanted:
-        if Path(text).exists():
-            plant, its = AdoptedPlant.read(text)
+        if (file := adopted_file(text)) is not None:
+            plant, its = AdoptedPlant.read(file)
             if its.digest != robot.digest:
                 raise ConfigError(f"{text} was adopted for {its.name}, not for {robot.name}.")
             found += plant.effects
             continue
         name, colon, size = text.partition(SIZE)
         candidate = lookup(known, name, "hidden effect")
-        try:
-            times = float(size) if colon else 1.0
-        except ValueError:
-            raise ConfigError(
-                f"{text}: after {SIZE!r} comes how many times the typical size, e.g. {name}:2, got "
-                f"{size!r}."
-            ) from None
+        what = f"{text}: how many times the typical size, as in {name}{SIZE}2,"
+        times = number(size, what, TIMES) if colon else 1.0
         term = candidate.term(tuple(times for _ in candidate.typical))
         found.append(WrittenTerm.of(term, robot))
     return tuple(found)

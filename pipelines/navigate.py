@@ -18,6 +18,7 @@ from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError, FlywheelError
+from flywheel.files import file_name
 from flywheel.outputs import check_folder, check_outputs
 from flywheel.records import Episode
 from flywheel.runtime.config import RunConfig, config_digest, load_config
@@ -70,7 +71,7 @@ class Wish:
     @property
     def video_file(self) -> Path:
         """Where the video goes."""
-        return self.video or Path(f"navigate-{self.model}-{self.seeds.start}.mp4")
+        return self.video or Path(f"navigate-{file_name(self.model)}-{self.seeds.start}.mp4")
 
     def check(self) -> None:
         """Make sure that everything can be written, before minutes of driving.
@@ -231,7 +232,7 @@ def _log(wish: Wish, seed: int) -> Path | None:
     if wish.logs is None:
         return None
     wish.logs.mkdir(parents=True, exist_ok=True)
-    path = wish.logs / f"{wish.model}-{seed}.csv"
+    path = wish.logs / f"{file_name(wish.model)}-{seed}.csv"
     if path.exists():
         raise ConfigError(f"{path} is there already; name another folder for the logs.")
     return path
@@ -250,7 +251,10 @@ class _ShownWatch(Watch):
 
 
 def _config(source: Path, overrides: list[str]) -> RunConfig:
-    return load_config(source / "config.yaml" if source.is_dir() else source, overrides)
+    if not source.is_dir():
+        return load_config(source, overrides)
+    RunFolder(source).config()  # refused where it is not what the run was begun with
+    return load_config(source / "config.yaml", overrides)
 
 
 def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:

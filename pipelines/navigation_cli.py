@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from pipelines.options import Overrides
+from flywheel.quantities import SAMPLES, SEED
+from pipelines.options import Overrides, within
 
 app = typer.Typer()
 
@@ -58,8 +59,12 @@ def navigate(
     model: Annotated[
         str, typer.Option(help="champion, oracle (the plant itself), or an iteration's number.")
     ] = "champion",
-    seed: Annotated[int, typer.Option(help="Of the task, and of the planner.")] = 0,
-    episodes: Annotated[int, typer.Option(min=1, help="As many, with seeds from --seed on.")] = 1,
+    seed: Annotated[
+        int, typer.Option(help="Of the task, and of the planner.", callback=within(SEED))
+    ] = 0,
+    episodes: Annotated[
+        int, typer.Option(help="As many, with seeds from --seed on.", callback=within(SAMPLES))
+    ] = 1,
     hidden: HiddenOption = None,
     watch: Annotated[
         bool, typer.Option("--watch", help="Show it live, where there is a display.")

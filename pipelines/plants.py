@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import NAMED, AdoptedPlant
-from flywheel.effects.adopted import PLANT
+from flywheel.effects.adopted import PLANT, plant_file
 from flywheel.robots import load_robot
 
 
@@ -14,8 +15,11 @@ def adopted_file(name: str) -> Path | None:
     """The file of an adopted plant, where the name is its folder or the file itself."""
     path = Path(name)
     if path.suffix in {".yaml", ".yml"}:
-        return path
-    return path / PLANT if (path / PLANT).exists() else None
+        return plant_file(path)
+    with suppress(OSError, ValueError):  # no name that a file can have
+        if (path / PLANT).exists():
+            return path / PLANT
+    return None
 
 
 def open_plant(name: str, dt: float, threads: int = 1) -> Plant:

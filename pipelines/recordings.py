@@ -25,7 +25,6 @@ from flywheel.errors import DataError, FlywheelError
 from flywheel.outputs import check_folder
 from flywheel.records import Split
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.config import load_config
 from flywheel.runtime.run_folder import RunFolder
 from pipelines.data import open_store
 from pipelines.show import console, table
@@ -150,7 +149,7 @@ def _robot(place: Path, name: str | None) -> Robot:
         raise DataError(
             f"{place} is not a run's folder: say with --robot whose episodes these are."
         )
-    return folder.robot(load_config(folder.config_file))
+    return folder.robot(folder.config())
 
 
 def _store(place: Path) -> TrajectoryStore:

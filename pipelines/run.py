@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
+from flywheel.files import file_name
 from flywheel.reports.page import PAGE_FILE
 from flywheel.runtime.config import load_config
 from flywheel.runtime.dashboard import DATABASE
@@ -31,7 +32,7 @@ def turn(
       folder: of the run; by default runs/<name of the file>.
     """
     settings = load_config(config, overrides)
-    place = folder or RUNS / config.stem
+    place = folder or RUNS / file_name(config.stem)
     result = run(settings, place, resume=resume, address=address, progress=console_progress())
     show_summary(console(), result, place)
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from flywheel.data import TrajectoryStore
 from flywheel.errors import DataError, UnknownNameError
+from flywheel.files import shown
 from flywheel.robots import Robot
-from flywheel.runtime.config import RunConfig, load_config
+from flywheel.runtime.config import RunConfig
 from flywheel.runtime.results import IterationResult, RunResult
 from flywheel.runtime.run_folder import RunFolder, name_of
 from flywheel.runtime.weights import Weights
@@ -50,18 +52,22 @@ class OpenRun:
         return promoted[-1]
 
     def weights(self, iteration: IterationResult) -> Weights:
-        """The weights that an iteration trained."""
+        """The weights that an iteration trained.
+
+        Raises:
+          ModelError: they are missing or damaged, or those of another iteration.
+        """
         path = self.folder.weights(iteration.iteration, iteration.arm)
-        return Weights.read(path, self.robot)
+        return Weights.read(path, self.robot, iteration.model)
 
     def iteration(self, name: str) -> IterationResult:
         """An iteration by its number ("2": MPPI's arm) or name ("i0002-control")."""
         known = {name_of(i.iteration, i.arm): i for i in self.result.iterations}
-        wanted = name_of(int(name), "mppi") if name.isdigit() else name
+        wanted = name_of(int(name), "mppi") if re.fullmatch("[0-9]{1,4}", name) else name
         if wanted in known:
             return known[wanted]
         raise UnknownNameError(
-            f"The run in {self.folder.path} has no model {name!r}. It has: {', '.join(known)}."
+            f"The run in {self.folder.path} has no model {shown(name)}. It has: {', '.join(known)}."
         )
 
 
@@ -69,13 +75,14 @@ def open_run(path: Path) -> OpenRun:
     """Open a run's folder for looking.
 
     Raises:
-      DataError: it is not one, or nothing has come of it yet.
+      DataError: it is not one, nothing has come of it yet, or it is not what the run left there.
+      ConfigError: its configuration cannot be read.
     """
     folder = RunFolder(path)
     if not folder.config_file.exists():
         known = ", ".join(str(p) for p in known_runs()) or "none in runs/"
         raise DataError(f"{path} is not a run's folder: it has no config.yaml. Runs: {known}.")
-    return OpenRun(folder, load_config(folder.config_file), RunResult.load(path))
+    return OpenRun(folder, folder.config(), RunResult.load(path))
 
 
 def known_runs(parent: Path = Path("runs")) -> list[Path]:

@@ -7,12 +7,13 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import mujoco
 import pytest
 
 ROOT = Path(__file__).parents[1]
 LAYERS = {
-    "records": 0, "terrain": 0, "rotations": 0, "registry": 0, "errors": 0, "files": 0,
-    "faults": 0, "outputs": 0,
+    "records": 0, "terrain": 0, "rotations": 0, "registry": 0, "errors": 0, "files": 0, "quantities": 0,
+    "validation": 0, "seals": 0, "faults": 0, "outputs": 0,
     "robots": 1,
     "effects": 2, "tasks": 2, "data": 2,
     "dynamics": 3,
@@ -32,6 +33,13 @@ DOORS = {
         "flywheel/effects/",
         "flywheel/hidden/",
     ),
+}
+# How MuJoCo adds elements; `add_plain` in flywheel/robots/added.py asks for them by other means.
+ADDING = {
+    name
+    for kind in (mujoco.MjSpec, mujoco.MjsBody)
+    for name in dir(kind)
+    if name.startswith("add_")
 }
 LONGEST_FILE = 600
 LONGEST_FUNCTION = 60
@@ -152,6 +160,28 @@ def test_no_path_of_one_machine_is_written_down(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             assert not ABSOLUTE.match(node.value), f"{relative(path)}:{node.lineno} {node.value!r}"
+
+
+def added_with_the_mjcfs_defaults(source: str) -> list[str]:
+    """Calls of MuJoCo's own ways to add an element, which begin with what the MJCF's <default> says."""
+    return [
+        f"{node.lineno}: {node.func.attr}"
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and node.func.attr in ADDING
+    ]
+
+
+@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+def test_only_one_function_adds_elements_to_a_robot(path: Path) -> None:
+    assert added_with_the_mjcfs_defaults(path.read_text()) == []
+
+
+def test_an_element_added_in_mujocos_own_way_is_found() -> None:
+    assert {"add_actuator", "add_geom", "add_site", "add_tendon", "add_freejoint"} <= ADDING
+    assert added_with_the_mjcfs_defaults("spec.worldbody.add_geom(size=[1])") == ["1: add_geom"]
+    assert added_with_the_mjcfs_defaults("axes.add_patch(circle)") == []
 
 
 @pytest.mark.parametrize("path", sources("flywheel"), ids=relative)

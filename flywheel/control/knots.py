@@ -77,7 +77,7 @@ class Knots:
     def later(self, plan: Floats, steps: int) -> Floats:
         """The rest of a plan (..., S, W) after `steps` control steps; its last knot is repeated."""
         at = (np.arange(self.count) + steps / self.steps).clip(max=self.count - 1)
-        low = np.minimum(at.astype(int), max(self.count - 2, 0))
+        low = at.astype(int)
         high = np.minimum(low + 1, self.count - 1)
         share = (at - low)[:, None]
         return (1 - share) * plan[..., low, :] + share * plan[..., high, :]

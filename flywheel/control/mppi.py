@@ -39,9 +39,7 @@ class Mppi:
         self, dynamics: Dynamics, config: MppiConfig, name: str = "mppi", model: str = ""
     ) -> None:
         self.dynamics, self.config, self.name, self.model = dynamics, config, name, model
-        steps = {
-            what: _steps(getattr(config, what), dynamics.dt, what) for what in MppiConfig.TIMES
-        }
+        steps = config.steps(dynamics.dt)
         self._act_steps = steps["replan_seconds"]
         count = -(-steps["horizon_seconds"] // steps["knot_seconds"])
         self.knots = Knots(dynamics.robot, dynamics.dt, steps["knot_seconds"], count)
@@ -186,10 +184,3 @@ def strokes(shape: tuple[int, ...], hold: int, rng: np.random.Generator) -> Floa
     offset = rng.integers(0, hold, count)  # the first stroke may be a shorter one
     number = (np.arange(knots) + offset[:, None]) // hold
     return levels[np.arange(count)[:, None], number]
-
-
-def _steps(seconds: float, dt: float, what: str) -> int:
-    steps = round(seconds / dt)
-    if steps < 1 or not np.isclose(steps * dt, seconds, rtol=1e-6):
-        raise ConfigError(f"{what} must be a multiple of the model's {dt:g} s, got {seconds:g} s.")
-    return steps

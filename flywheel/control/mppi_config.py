@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Self
+import math
+from typing import Annotated, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds, Factor, HorizonSeconds, PartialShare, Samples, Share
 
 
 class MppiConfig(BaseModel):
@@ -31,19 +35,19 @@ class MppiConfig(BaseModel):
     TIMES: ClassVar = ("horizon_seconds", "knot_seconds", "replan_seconds")
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    samples: int = Field(default=48, ge=1)
-    rounds: int = Field(default=1, ge=1)
-    horizon_seconds: float = Field(default=3.0, gt=0)
-    knot_seconds: float = Field(default=0.5, gt=0)
-    replan_seconds: float = Field(default=0.5, gt=0)
-    temperature: float = Field(default=0.05, gt=0)
+    samples: Samples = 48
+    rounds: Annotated[int, Bounds(1, 100)] = 1
+    horizon_seconds: HorizonSeconds = 3.0
+    knot_seconds: HorizonSeconds = 0.5
+    replan_seconds: HorizonSeconds = 0.5
+    temperature: Factor = 0.05
     relative_temperature: bool = True
-    noise: float = Field(default=0.3, gt=0)
-    smoothness: float = Field(default=0.7, ge=0, lt=1)
-    narrowing: float = Field(default=0.6, gt=0, le=1)
-    elites: int = Field(default=2, ge=0)
-    fresh: float = Field(default=0.4, ge=0, le=1)
-    fresh_seconds: float = Field(default=1.5, gt=0)
+    noise: Annotated[float, Bounds(0, 10, above=True)] = 0.3
+    smoothness: PartialShare = 0.7
+    narrowing: Annotated[float, Bounds(0, 1, above=True)] = 0.6
+    elites: Annotated[int, Bounds(0, 10_000)] = 2
+    fresh: Share = 0.4
+    fresh_seconds: HorizonSeconds = 1.5
 
     @model_validator(mode="after")
     def _acts_within_its_horizon(self) -> Self:
@@ -53,3 +57,18 @@ class MppiConfig(BaseModel):
                 f"horizon_seconds ({self.horizon_seconds}); it cannot be longer"
             )
         return self
+
+    def steps(self, dt: float) -> dict[str, int]:
+        """Each of `TIMES` in control steps of `dt` [s].
+
+        Raises:
+          ConfigError: one is not a multiple of it.
+        """
+        steps = {what: round(getattr(self, what) / dt) for what in self.TIMES}
+        for what, count in steps.items():
+            seconds = getattr(self, what)
+            if count < 1 or not math.isclose(count * dt, seconds, rel_tol=1e-6):
+                raise ConfigError(
+                    f"{what} must be a multiple of the model's {dt:g} s, got {seconds:g} s."
+                )
+        return steps

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from flywheel.control.protocol import Command
+from flywheel.quantities import HorizonSeconds, Share
 from flywheel.records import Floats, Past
 from flywheel.robots import Robot
 from flywheel.tasks import Task
@@ -59,9 +60,9 @@ class RandomConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    seconds: tuple[float, float] = (0.3, 3.0)
-    drive: float = Field(default=0.4, ge=0, le=1)
-    slowest: float = Field(default=0.3, ge=0, le=1)
+    seconds: tuple[HorizonSeconds, HorizonSeconds] = (0.3, 3.0)
+    drive: Share = 0.4
+    slowest: Share = 0.3
 
     @model_validator(mode="after")
     def _times_rise_from_zero(self) -> RandomConfig:

@@ -1,12 +1,11 @@
 """The files behind a window cache: flat arrays in a folder, made at once and checked when opened.
 
-<folder>/<snapshot>-<split>-<belief>-v2/about.json   what it is of, and the sha256 of every file
+<folder>/<snapshot>-<split>-<belief>-v2/about.json   what it is of, with the sha256 of every file
 <folder>/<snapshot>-<split>-<belief>-v2/<array>.npy
 """
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
@@ -16,18 +15,21 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.catalogue import EpisodeSummary, Snapshot, seal_text, unseal_text
+from flywheel.data.catalogue import EpisodeSummary, Snapshot
 from flywheel.data.packing import TERRAINS, packed_terrains
 from flywheel.data.places import full_disk_told, new_workspace, sweep_workspaces
 from flywheel.data.store import TrajectoryStore
 from flywheel.errors import DataError
+from flywheel.files import read_bytes
 from flywheel.records import Episode, Floats, KnownWinch, Split
 from flywheel.robots import Robot
+from flywheel.seals import Seal, check_seal, file_sha256, sealed, unsealed
 from flywheel.terrain import Terrain
 
 VERSION = 2  # of what the arrays mean
 ROWS = ("points", "winch", "winch_truth", "controls", "valid")  # one row per observation
 EPISODES = ("lengths", "dataset")
+ARRAYS = (*ROWS, *EPISODES, *TERRAINS)
 _ABOUT = "about.json"
 Arrays = dict[str, NDArray[Any]]
 
@@ -54,7 +56,8 @@ def cached_arrays(
         work = new_workspace(folder)
         try:
             (work / "new").mkdir()
-            _fill(work / "new", store, snapshot, split, robot, winches or robot.winches_of)
+            of = (target.name, snapshot, split)
+            _fill(work / "new", store, *of, robot, winches or robot.winches_of)
             if _opened(target, snapshot, split) is None and target.exists():
                 target.rename(work / "old")
             with suppress(OSError):  # another process was faster
@@ -67,16 +70,18 @@ def cached_arrays(
 
 
 def _opened(target: Path, snapshot: Snapshot, split: Split) -> Arrays | None:
-    """A cache's arrays, or None if there is none that is whole."""
+    """A cache's arrays, or None if there is none that is whole, and of this snapshot and split."""
     try:
-        about, _ = unseal_text((target / _ABOUT).read_bytes(), _ABOUT)
-        if any(_sha256(target / name) != sha256 for name, sha256 in about["files"].items()):
+        about, seal = unsealed(read_bytes(target / _ABOUT, "file", DataError), _ABOUT)
+        if seal is None or about != {"snapshot": snapshot.digest, "split": split}:
+            return None
+        check_seal(seal, "cache", target.name, _ABOUT)
+        wanted = {name: file_sha256(target / f"{name}.npy", "array") for name in ARRAYS}
+        if seal.rests_on != wanted:
             return None
         arrays = {n: np.load(target / f"{n}.npy", mmap_mode="r") for n in ROWS + EPISODES}
         arrays |= {n: np.load(target / f"{n}.npy") for n in TERRAINS}
     except (OSError, ValueError, DataError):
-        return None
-    if (about["snapshot"], about["split"]) != (snapshot.digest, split):
         return None
     return {name: np.asarray(array) for name, array in arrays.items()}  # plain views are faster
 
@@ -84,6 +89,7 @@ def _opened(target: Path, snapshot: Snapshot, split: Split) -> Arrays | None:
 def _fill(
     work: Path,
     store: TrajectoryStore,
+    cache: str,
     snapshot: Snapshot,
     split: Split,
     robot: Robot,
@@ -113,12 +119,9 @@ def _fill(
     np.save(work / "dataset.npy", np.array(index, np.int64))
     for name, values in packed_terrains(terrains).items():
         np.save(work / f"{name}.npy", values)
-    about = {
-        "snapshot": snapshot.digest,
-        "split": split,
-        "files": {path.name: _sha256(path) for path in sorted(work.glob("*.npy"))},
-    }
-    (work / _ABOUT).write_bytes(seal_text(about)[0])
+    digests = {array: file_sha256(work / f"{array}.npy", "array") for array in ARRAYS}
+    about = {"snapshot": snapshot.digest, "split": split}
+    (work / _ABOUT).write_bytes(sealed(about, Seal("cache", cache, "", digests)))
 
 
 def _episodes(
@@ -137,11 +140,6 @@ def _write_header(file: BinaryIO, dtype: np.dtype[Any], shape: tuple[int, ...]) 
     description = np.lib.format.dtype_to_descr(dtype)
     header = {"descr": description, "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _check_listed(episode: Episode, listed: EpisodeSummary) -> None:

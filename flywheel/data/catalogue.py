@@ -1,19 +1,42 @@
 """What the store writes beside the arrays: receipts of segments and manifests of snapshots.
 
-Both are JSON with a sha256 over their own canonical text, so that a flipped byte in them is found.
+Both are JSON under a seal, so that a flipped byte in them is found, and one that lies under another's
+name or comes from another store. The digest of a snapshot is of its content alone: snapshots of the same
+episodes have the same one, whatever they are called and wherever they are.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
+import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from typing import Annotated, Any, TypeVar, cast
+
+from pydantic import AfterValidator, ConfigDict, TypeAdapter, ValidationError
 
 from flywheel.errors import DataError
+from flywheel.files import MB, shown
 from flywheel.records import Episode, Source, Split
+from flywheel.seals import Kind, Seal, Unsound, check_seal, digest_of, sealed, unsealed
+
+LARGEST_LISTING = (
+    200 * MB
+)  # of a receipt or a manifest, which has some 400 000 episodes then [bytes]
+STRICT = ConfigDict(extra="forbid")
+R = TypeVar("R")
+_NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
+
+
+def _named(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        raise ValueError("no name of a segment or an episode")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_named)]
 
 
 @dataclass(frozen=True)
@@ -28,9 +51,11 @@ class EpisodeSummary:
       success: of its task; None without one.
     """
 
-    id: str
+    __pydantic_config__ = STRICT
+
+    id: Name
     split: Split
-    segment: str
+    segment: Name
     steps: int
     dt: float
     seconds: float
@@ -74,12 +99,18 @@ class Receipt:
       sha256: over the names and contents of its files.
       files: relative path -> sha256 of each.
       summaries: of its episodes, in their order.
+      sizes: relative path -> bytes of each; empty in receipts of before.
+      owner: id of the store that it was committed to; "" in receipts of before.
     """
 
-    segment: str
+    __pydantic_config__ = STRICT
+
+    segment: Name
     sha256: str
     files: dict[str, str]
     summaries: tuple[EpisodeSummary, ...]
+    sizes: dict[str, int] = field(default_factory=dict, compare=False)
+    owner: str = field(default="", compare=False)
 
     @property
     def episodes(self) -> tuple[str, ...]:
@@ -87,20 +118,25 @@ class Receipt:
         return tuple(s.id for s in self.summaries)
 
     def to_json(self) -> bytes:
-        """Canonical text with its digest."""
-        return seal_text(asdict(self))[0]
+        """Its text, under a seal."""
+        content = asdict(self)
+        del content["owner"]
+        return sealed_content(content, Seal("segment", self.segment, self.owner))[0]
 
     @classmethod
     def from_json(cls, text: bytes, name: str) -> Receipt:
-        """Read what `to_json` wrote; DataError if it was altered, or is of another segment."""
-        content, _ = unseal_text(text, f"The receipt of segment {name}")
-        try:
-            summaries = tuple(EpisodeSummary(**s) for s in content.pop("summaries"))
-            receipt = cls(summaries=summaries, **content)
-        except (KeyError, TypeError) as error:
-            raise DataError(f"Segment {name} was written by another version: {error}.") from error
+        """Read what `to_json` wrote.
+
+        Raises:
+          Unsound: it was altered, or is of another segment.
+        """
+        what = f"The receipt of segment {name}"
+        content, _, seal = unsealed_content(text, what)
+        if seal is not None:
+            check_seal(seal, "segment", name, what)
+        receipt = _read(cls, {**content, "owner": seal.owner if seal else ""}, what)
         if receipt.segment != name:
-            raise DataError(f"The receipt of segment {name} is that of {receipt.segment}.")
+            raise Unsound(f"{what} is that of {receipt.segment}.", "renamed", receipt.segment)
         return receipt
 
 
@@ -135,6 +171,8 @@ class Snapshot:
       segments: names, in order.
       episodes: of all segments.
       sha256: of each segment, in the same order.
+      parent_name: of the snapshot it grew from; "" without one, or where it was not noted yet.
+      owner: id of the store that it was sealed in; "" in snapshots of before.
     """
 
     name: str
@@ -145,6 +183,8 @@ class Snapshot:
     segments: tuple[str, ...]
     episodes: tuple[EpisodeSummary, ...]
     sha256: tuple[str, ...]
+    parent_name: str = field(default="", compare=False)
+    owner: str = field(default="", compare=False)
 
     def summary(self) -> tuple[SummaryRow, ...]:
         """How much there is by data set, controller, split and iteration, sorted."""
@@ -167,18 +207,55 @@ class Snapshot:
 
 
 @dataclass(frozen=True)
+class _Listed:
+    __pydantic_config__ = STRICT
+
+    segment: Name
+    sha256: str
+    episodes: tuple[EpisodeSummary, ...]
+
+
+@dataclass(frozen=True)
+class _Manifest:
+    __pydantic_config__ = STRICT
+
+    parent: str
+    robot: str
+    datasets: tuple[str, ...]
+    segments: tuple[_Listed, ...]
+
+
+@dataclass(frozen=True)
 class Damage:
     """Something in the store that is not as it was committed.
 
     Attributes:
-      segment: that it is in, or the snapshot's name.
+      segment: that it is in, or "snapshot", "file" or "folder" and a name.
       episodes: ids that it concerns.
       what: is wrong.
+      kind: of what is wrong.
+      instead: what it is in truth, where it is another of the store's; else "".
     """
 
     segment: str
     episodes: tuple[str, ...]
     what: str
+    kind: Kind = "altered"
+    instead: str = ""
+
+    @property
+    def path(self) -> str:
+        """Of the file or folder in the store."""
+        kind, _, name = self.segment.rpartition(" ")
+        form = {"": "segments/{}", "snapshot": "snapshots/{}.json"}.get(kind, "{}")
+        return form.format(name)
+
+    @classmethod
+    def of(cls, error: DataError, segment: str, episodes: tuple[str, ...] = ()) -> Damage:
+        """What an error says that was raised on reading."""
+        if isinstance(error, Unsound):
+            return cls(segment, episodes, str(error), error.kind, error.instead)
+        return cls(segment, episodes, str(error), "unreadable")
 
     def __str__(self) -> str:
         episodes = ", ".join(self.episodes) or "unknown"
@@ -192,11 +269,17 @@ def replaced(receipt: Receipt, sha256: str) -> Damage:
 
 
 def manifest(
-    receipts: Sequence[Receipt], parent: Snapshot | None, datasets: Sequence[str]
-) -> dict[str, Any]:
-    """Content of a new snapshot's manifest.
+    name: str,
+    owner: str,
+    receipts: Sequence[Receipt],
+    parent: Snapshot | None,
+    datasets: Sequence[str],
+) -> tuple[bytes, str]:
+    """A new snapshot's manifest, and the snapshot's digest.
 
     Args:
+      name: of the snapshot.
+      owner: id of the store.
       receipts: of its segments.
       parent: whose data-set order is kept.
       datasets: names that come next in the order, whether or not an episode is of them.
@@ -211,7 +294,7 @@ def manifest(
     order = dict.fromkeys(parent.datasets if parent else ())
     order |= dict.fromkeys(datasets)
     order |= dict.fromkeys(s.dataset for s in summaries)
-    return {
+    content = {
         "parent": parent.digest if parent else "",
         "robot": summaries[0].robot,
         "datasets": list(order),
@@ -224,6 +307,8 @@ def manifest(
             for r in receipts
         ],
     }
+    rests_on = {parent.name: parent.digest} if parent else {}
+    return sealed_content(content, Seal("snapshot", name, owner, rests_on))
 
 
 def _check_together(summaries: Sequence[EpisodeSummary], parent: Snapshot | None) -> None:
@@ -245,42 +330,103 @@ def _check_together(summaries: Sequence[EpisodeSummary], parent: Snapshot | None
             raise DataError(f"A snapshot and its parent are of {what}; got {listed}.")
 
 
-def snapshot_of(name: str, content: dict[str, Any], digest: str) -> Snapshot:
-    """The snapshot that a manifest describes."""
+def snapshot_of(name: str, text: bytes) -> Snapshot:
+    """The snapshot that a manifest describes.
+
+    Args:
+      name: that it lies under.
+      text: of the manifest.
+
+    Raises:
+      Unsound: it was altered, or is another snapshot's.
+    """
+    what = f"The manifest of snapshot {name}"
+    content, digest, seal = unsealed_content(text, what)
+    if seal is not None:
+        check_seal(seal, "snapshot", name, what)
+    listed = _read(_Manifest, content, what)
     return Snapshot(
         name=name,
         digest=digest,
-        parent=content["parent"],
-        robot=content["robot"],
-        datasets=tuple(content["datasets"]),
-        segments=tuple(s["segment"] for s in content["segments"]),
-        episodes=tuple(EpisodeSummary(**e) for s in content["segments"] for e in s["episodes"]),
-        sha256=tuple(s["sha256"] for s in content["segments"]),
+        parent=listed.parent,
+        robot=listed.robot,
+        datasets=listed.datasets,
+        segments=tuple(s.segment for s in listed.segments),
+        episodes=tuple(e for s in listed.segments for e in s.episodes),
+        sha256=tuple(s.sha256 for s in listed.segments),
+        parent_name=next(iter(seal.rests_on), "") if seal else "",
+        owner=seal.owner if seal else "",
     )
 
 
-def seal_text(content: dict[str, Any], allow_nan: bool = False) -> tuple[bytes, str]:
-    """JSON text of content with its sha256 beside it, and that digest."""
-    canonical = json.dumps(
-        content, sort_keys=True, separators=(",", ":"), allow_nan=allow_nan
-    ).encode()
-    digest = hashlib.sha256(canonical).hexdigest()
-    text = json.dumps({"sha256": digest, "content": content}, sort_keys=True, indent=1)
-    return text.encode(), digest
+def sealed_content(
+    content: dict[str, Any], seal: Seal, allow_nan: bool = False
+) -> tuple[bytes, str]:
+    """Text of content, with the digest of the content alone beside it and under a seal; and that digest."""
+    digest = digest_of(content, allow_nan)
+    return sealed({"content": content, "sha256": digest}, seal, allow_nan), digest
 
 
-def unseal_text(text: bytes, what: str, allow_nan: bool = False) -> tuple[dict[str, Any], str]:
-    """Content and digest of what `seal_text` wrote.
+def unsealed_content(
+    text: bytes, what: str, allow_nan: bool = False
+) -> tuple[dict[str, Any], str, Seal | None]:
+    """Content, digest and seal of what `sealed_content` wrote; no seal where there were none yet.
 
     Raises:
-      DataError: it is not, to the byte, as it was written.
+      Unsound: it is not, to the byte, as it was written.
+    """
+    values, seal = unsealed(text, what)
+    content, stated = values.get("content"), values.get("sha256")
+    if not isinstance(content, dict) or values.keys() != {"content", "sha256"}:
+        raise Unsound(
+            f"{what} was altered: it cannot be read (its keys are {shown(list(values))})."
+        )
+    try:
+        digest = digest_of(content, allow_nan)
+    except ValueError as error:
+        raise Unsound(f"{what} was altered: it cannot be read ({error}).") from None
+    if digest != stated or (seal is None and _formerly(values) != text):
+        raise Unsound(f"{what} was altered: its sha256 is {digest[:12]}, not {str(stated)[:12]}.")
+    return content, digest, seal
+
+
+def _formerly(values: dict[str, Any]) -> bytes:
+    """The text of content as it was written before there were seals."""
+    return json.dumps(values, sort_keys=True, indent=1).encode()
+
+
+def check_name(name: object, kind: str) -> str:
+    """A name that may become a path.
+
+    Raises:
+      DataError: it may not.
+    """
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise DataError(
+            f"A {kind}'s name is made of a-z, 0-9, '.', '_' and '-' and starts with a letter or "
+            f"digit; got {shown(name)}."
+        )
+    return name
+
+
+def _read(kind: type[R], values: dict[str, Any], what: str) -> R:
+    """Values of a sound file as a record.
+
+    Raises:
+      Unsound: they are not one; another version wrote the file, or another program.
     """
     try:
-        outer = json.loads(text)
-        content, digest = outer["content"], outer["sha256"]
-        again = seal_text(content, allow_nan)
-    except (ValueError, KeyError, TypeError) as error:
-        raise DataError(f"{what} was altered: it cannot be read ({error}).") from error
-    if again != (text, digest):
-        raise DataError(f"{what} was altered: its sha256 is {again[1][:12]}, not {digest[:12]}.")
-    return content, digest
+        record: R = _adapter(cast("Any", kind)).validate_python(values)
+        return record
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise Unsound(
+            f"{what} was written by another version: {where}: {first['msg']}, got "
+            f"{shown(first['input'])}."
+        ) from None
+
+
+@cache  # making one takes longer than reading a hundred receipts
+def _adapter(kind: type) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)

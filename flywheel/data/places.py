@@ -12,14 +12,16 @@ import shutil
 import socket
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
+from flywheel.data.catalogue import LARGEST_LISTING
 from flywheel.data.zarr_files import Files
 from flywheel.errors import DataError, RunError
+from flywheel.files import read_bytes
 
 SYNCS_AT_ONCE = 16
 ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
@@ -29,19 +31,35 @@ class Place(Protocol):
     """Where files are kept."""
 
     def read(self, name: str) -> bytes:
-        """Contents of a file; FileNotFoundError if there is none."""
-        ...
-
-    def read_all(self, folder: str) -> Files:
-        """Contents of all files of a folder by their path in it; empty if there is no folder.
+        """Contents of a text; FileNotFoundError if there is none.
 
         Raises:
-          DataError: one of them cannot be read.
+          DataError: it cannot be read, is no regular file, or larger than any text of ours.
+        """
+        ...
+
+    def sizes(self, folder: str) -> dict[str, int]:
+        """Bytes of every file of a folder by its path in it; empty if there is no folder."""
+        ...
+
+    def read_all(self, folder: str, sizes: Mapping[str, int]) -> Files:
+        """Contents of files of a folder.
+
+        Args:
+          folder: where they are.
+          sizes: path in it -> bytes; no more are read.
+
+        Raises:
+          DataError: one of them cannot be read, or is larger by now.
         """
         ...
 
     def names(self, folder: str) -> list[str]:
-        """Sorted names of the entries of a folder."""
+        """Sorted names of the entries of a folder; none if there is no folder.
+
+        Raises:
+          DataError: it is no folder, or cannot be read.
+        """
         ...
 
     def segments(self) -> list[str]:
@@ -56,8 +74,8 @@ class Place(Protocol):
         """Make files appear as `folder`, durably; False if it was there already."""
         ...
 
-    def move(self, folder: str, to: str) -> None:
-        """Move a folder within the place; FileNotFoundError if there is none."""
+    def move(self, name: str, to: str) -> None:
+        """Move a folder or a file within the place; FileNotFoundError if there is none."""
         ...
 
     def sweep(self) -> int:
@@ -72,22 +90,33 @@ class LocalPlace:
         self._root = root
 
     def read(self, name: str) -> bytes:
-        return (self._root / name).read_bytes()
-
-    def read_all(self, folder: str) -> Files:
-        root = self._root / folder
+        path = self._root / name
         try:
-            return {
-                path.relative_to(root).as_posix(): path.read_bytes()
-                for path in sorted(root.rglob("*"))
-                if not path.is_dir()
-            }
-        except OSError as error:  # a bad disk, or set aside at this moment
-            raise DataError(f"{folder} cannot be read: {error}.") from error
+            path.lstat()
+        except NotADirectoryError:
+            raise FileNotFoundError(path) from None
+        except PermissionError:
+            pass  # which reading tells
+        return read_bytes(path, "file", DataError, LARGEST_LISTING)
+
+    def sizes(self, folder: str) -> dict[str, int]:
+        root = self._root / folder
+        return dict(sorted(_sizes_below(root, root))) if root.is_dir() else {}
+
+    def read_all(self, folder: str, sizes: Mapping[str, int]) -> Files:
+        return {
+            path: read_bytes(self._root / folder / path, "file", DataError, size)
+            for path, size in sizes.items()
+        }
 
     def names(self, folder: str) -> list[str]:
         path = self._root / folder
-        return sorted(p.name for p in path.iterdir()) if path.is_dir() else []
+        try:
+            return sorted(entry.name for entry in path.iterdir())
+        except FileNotFoundError:
+            return []
+        except OSError as error:
+            raise DataError(f"{path} is not a folder that can be read: {error.strerror}.") from None
 
     def segments(self) -> list[str]:
         return self.names("segments")
@@ -122,8 +151,8 @@ class LocalPlace:
         _sync(target.parent)
         return True
 
-    def move(self, folder: str, to: str) -> None:
-        source, target = self._root / folder, self._root / to
+    def move(self, name: str, to: str) -> None:
+        source, target = self._root / name, self._root / to
         _make(target.parent)
         source.rename(target)
         _sync(target.parent)
@@ -131,6 +160,20 @@ class LocalPlace:
 
     def sweep(self) -> int:
         return sweep_workspaces(self._root)
+
+
+def _sizes_below(root: Path, folder: Path) -> Iterator[tuple[str, int]]:
+    """Path below the root and size of every entry that is no folder."""
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    yield from _sizes_below(root, Path(entry))
+                else:
+                    yield Path(entry).relative_to(root).as_posix(), entry.stat().st_size
+    except OSError as error:  # a bad disk, a link to nowhere, or set aside at this moment
+        where = error.filename or folder
+        raise DataError(f"{where} cannot be read: {error.strerror}.") from None
 
 
 def new_workspace(root: Path) -> Path:

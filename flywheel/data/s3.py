@@ -8,6 +8,7 @@ one wins.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from flywheel.data.places import ABANDONED_SECONDS
@@ -50,9 +51,14 @@ class S3Place:
     def read(self, name: str) -> bytes:
         return bytes(self._files.cat_file(f"{self._root}/{name}"))
 
-    def read_all(self, folder: str) -> Files:
+    def sizes(self, folder: str) -> dict[str, int]:
         prefix = f"{self._root}/{folder}/"
-        names = self._files.find(prefix)
+        found: dict[str, dict[str, Any]] = self._files.find(prefix, detail=True)
+        return {name.removeprefix(prefix): about["size"] for name, about in sorted(found.items())}
+
+    def read_all(self, folder: str, sizes: Mapping[str, int]) -> Files:
+        prefix = f"{self._root}/{folder}/"
+        names = [prefix + path for path in sizes]
         found: dict[str, bytes] = self._files.cat(names, on_error="omit") if names else {}
         return {name.removeprefix(prefix): found[name] for name in sorted(found)}
 
@@ -83,16 +89,17 @@ class S3Place:
         self._files.pipe(arrays)
         return self.put_new(f"{folder}/{RECEIPT}", files[RECEIPT])
 
-    def move(self, folder: str, to: str) -> None:
-        source = f"{self._root}/{folder}/"
-        names = self._files.find(source)
+    def move(self, name: str, to: str) -> None:
+        source = f"{self._root}/{name}"
+        found = self._files.find(source)
+        names = [each for each in found if each == source or each.startswith(f"{source}/")]
         if not names:
             raise FileNotFoundError(source)
-        for name in names:
-            self._files.cp_file(name, f"{self._root}/{to}/{name.removeprefix(source)}")
-        receipts = [name for name in names if name == f"{source}{RECEIPT}"]
-        for name in receipts + [n for n in names if n not in receipts]:  # first it disappears
-            self._files.rm_file(name)
+        for each in names:
+            self._files.cp_file(each, f"{self._root}/{to}{each.removeprefix(source)}")
+        receipts = [each for each in names if each == f"{source}/{RECEIPT}"]
+        for each in receipts + [n for n in names if n not in receipts]:  # first it disappears
+            self._files.rm_file(each)
 
     def sweep(self) -> int:
         found: dict[str, dict[str, Any]] = self._files.find(f"{self._root}/segments/", detail=True)

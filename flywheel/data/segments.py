@@ -11,24 +11,26 @@ import dataclasses
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flywheel.data.catalogue import (
+    LARGEST_LISTING,
     Damage,
     EpisodeSummary,
     Receipt,
     replaced,
-    seal_text,
-    unseal_text,
+    sealed_content,
+    unsealed_content,
 )
 from flywheel.data.packing import Arrays, pack, unpack
 from flywheel.data.zarr_files import Files, decode, encode
 from flywheel.errors import DataError
 from flywheel.records import Episode
+from flywheel.seals import Kind, Seal, Unsound, check_seal
 
 RECEIPT = "receipt.json"
 TELEMETRY = "telemetry.json"
@@ -49,8 +51,40 @@ class Segment:
     files: Files
 
 
-def written(name: str, episodes: Sequence[Episode]) -> Segment:
+@dataclass(frozen=True)
+class Found:
+    """What lies where a segment is.
+
+    Attributes:
+      segment: its name.
+      sizes: bytes of each file by path within the segment's folder.
+      files: contents of those that its receipt lists and that have the size they had, and of its texts.
+    """
+
+    segment: str
+    sizes: Mapping[str, int]
+    files: Files
+
+    @property
+    def receipt(self) -> Receipt:
+        """Of the segment.
+
+        Raises:
+          Unsound: there is none, or none that is sound.
+        """
+        if RECEIPT not in self.files:
+            what = f"{RECEIPT} is missing" if self.sizes else "the segment is missing"
+            raise Unsound(what, "missing")
+        return Receipt.from_json(self.files[RECEIPT], self.segment)
+
+
+def written(name: str, episodes: Sequence[Episode], owner: Callable[[], str]) -> Segment:
     """Episodes as a segment, decoded once to see that it reads back.
+
+    Args:
+      name: of the segment.
+      episodes: in their order.
+      owner: asked for the id of the store, once the episodes are known to be right.
 
     Raises:
       DataError: an episode must not be stored.
@@ -61,80 +95,103 @@ def written(name: str, episodes: Sequence[Episode]) -> Segment:
     hashes = {path: hashlib.sha256(content).hexdigest() for path, content in group.items()}
     digest = hashlib.sha256(json.dumps(hashes, sort_keys=True).encode()).hexdigest()
     summaries = tuple(EpisodeSummary.of(e, name) for e in episodes)
-    receipt = Receipt(name, digest, hashes, summaries)
+    sizes = {path: len(content) for path, content in group.items()}
+    receipt = Receipt(name, digest, hashes, summaries, sizes, owner())
     telemetry = {
         e.id: {k: np.asarray(v).tolist() for k, v in e.telemetry.items()} for e in episodes
     }
     files = {f"{_arrays_folder(receipt)}/{path}": content for path, content in group.items()}
-    files[TELEMETRY] = seal_text(telemetry, allow_nan=True)[0]
+    files[TELEMETRY] = sealed_content(
+        telemetry, Seal("telemetry", name, receipt.owner), allow_nan=True
+    )[0]
     files[RECEIPT] = receipt.to_json()
     return Segment(receipt, files)
 
 
-def read_back(segment: str, files: Files) -> list[Episode]:
-    """The episodes of a segment without damage."""
-    receipt = Receipt.from_json(files[RECEIPT], segment)
-    prefix = f"{_arrays_folder(receipt)}/"
-    group = {p.removeprefix(prefix): c for p, c in files.items() if p.startswith(prefix)}
-    episodes = unpack(*decode(group))
-    try:
-        telemetry = _telemetry(files)
-    except DataError:  # `verify` tells; the data do not suffer from it
-        telemetry = {}
-    return [_with_telemetry(e, telemetry.get(e.id, {})) for e in episodes]
-
-
-def damages_of(
-    segment: str, files: Files, sha256: str | None = None, ids: tuple[str, ...] = ()
-) -> list[Damage]:
-    """What of a segment is not as it was committed; telemetry aside.
+def worth_reading(text: bytes, segment: str, sizes: Mapping[str, int]) -> dict[str, int]:
+    """Paths and sizes of the files of a segment that can be what its receipt says.
 
     Args:
+      text: of the receipt.
       segment: its name.
-      files: all that its folder holds.
-      sha256: that a snapshot gives for it, if one lists it.
-      ids: of its episodes as that snapshot knows them.
+      sizes: of all files that are there.
     """
+    texts = {path: size for path, size in sizes.items() if path in (TELEMETRY, FORMERLY)}
+    texts = {path: size for path, size in texts.items() if size <= LARGEST_LISTING}
     try:
-        if RECEIPT not in files:
-            raise DataError(f"{RECEIPT} is missing" if files else "the segment is missing")
-        receipt = Receipt.from_json(files[RECEIPT], segment)
-    except DataError as error:
-        named = ids or tuple(i for text in files.values() for i in ids_in(text))
-        return [Damage(segment, tuple(dict.fromkeys(named)), str(error))]
+        receipt = Receipt.from_json(text, segment)
+    except DataError:
+        return texts
+    prefix = f"{_arrays_folder(receipt)}/"
+    return texts | {
+        f"{prefix}{path}": size
+        for path in receipt.files
+        if (size := sizes.get(f"{prefix}{path}")) is not None
+        and size == receipt.sizes.get(path, size)
+    }
+
+
+def read_back(found: Found) -> list[Episode]:
+    """The episodes of a segment without damage.
+
+    Raises:
+      DataError: another program wrote it.
+    """
+    prefix = f"{_arrays_folder(found.receipt)}/"
+    group = {p.removeprefix(prefix): c for p, c in found.files.items() if p.startswith(prefix)}
+    try:
+        episodes = unpack(*decode(group))
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise DataError(f"Segment {found.segment} holds no episodes of ours: {error!r}.") from error
+    try:  # `verify` tells; the data do not suffer from it
+        telemetry = _telemetry(found)
+        return [_with_telemetry(e, telemetry.get(e.id, {})) for e in episodes]
+    except (DataError, TypeError, ValueError, AttributeError):
+        return episodes
+
+
+def damages_of(found: Found, sha256: str | None = None) -> list[Damage]:
+    """What of a segment with a sound receipt is not as it was committed; telemetry aside.
+
+    Args:
+      found: all that its folder holds.
+      sha256: that a snapshot gives for it, if one lists it.
+    """
+    receipt = found.receipt
     if sha256 not in (None, receipt.sha256):
         return [replaced(receipt, str(sha256))]
-    return [Damage(segment, receipt.episodes, what) for what in _differences(receipt, files)]
+    return [
+        Damage(receipt.segment, receipt.episodes, what, kind)
+        for what, kind in _differences(receipt, found)
+    ]
 
 
-def telemetry_damages(segment: str, files: Files) -> list[Damage]:
+def telemetry_damages(found: Found) -> list[Damage]:
     """What is wrong with the telemetry of a segment that is sound otherwise."""
     try:
-        _telemetry(files)
+        _telemetry(found)
     except DataError as error:
-        ids = Receipt.from_json(files[RECEIPT], segment).episodes
-        return [Damage(segment, ids, str(error))]
+        return [Damage.of(error, found.segment, found.receipt.episodes)]
     return []
 
 
-def _differences(receipt: Receipt, files: Files) -> list[str]:
+def _differences(receipt: Receipt, found: Found) -> Iterator[tuple[str, Kind]]:
     prefix = f"{_arrays_folder(receipt)}/"
-    found = {
-        path.removeprefix(prefix): hashlib.sha256(content).hexdigest()
-        for path, content in files.items()
-        if path.startswith(prefix)
+    there = {
+        p.removeprefix(prefix): size for p, size in found.sizes.items() if p.startswith(prefix)
     }
-    wrong = [f"{path} is missing" for path in receipt.files if path not in found]
-    wrong += [
-        f"{path} was altered" for path, sha in receipt.files.items() if found.get(path, sha) != sha
-    ]
-    wrong += [f"{path} does not belong there" for path in found if path not in receipt.files]
+    for path, sha256 in receipt.files.items():
+        content = found.files.get(f"{prefix}{path}")
+        if path not in there:
+            yield f"{path} is missing", "missing"
+        elif content is None or hashlib.sha256(content).hexdigest() != sha256:
+            yield f"{path} was altered", "altered"
+    for path in sorted(there.keys() - receipt.files.keys()):
+        yield f"{path} does not belong there", "foreign"
     # Arrays of other content were left by a writer on S3 that came second; nobody reads them.
-    return wrong + [
-        f"{path} does not belong there"
-        for path in files
-        if path not in (RECEIPT, TELEMETRY, FORMERLY) and ".zarr/" not in path
-    ]
+    for path in found.sizes:
+        if path not in (RECEIPT, TELEMETRY, FORMERLY) and ".zarr/" not in path:
+            yield f"{path} does not belong there", "foreign"
 
 
 def ids_in(text: bytes) -> tuple[str, ...]:
@@ -153,11 +210,18 @@ def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
             raise DataError(f"Segment {name}: array {array} reads back as other numbers.")
 
 
-def _telemetry(files: Mapping[str, bytes]) -> dict[str, Any]:
-    name = FORMERLY if FORMERLY in files else TELEMETRY
-    if name not in files:
-        raise DataError(f"{name} is missing")
-    return unseal_text(files[name], name, allow_nan=True)[0]
+def _telemetry(found: Found) -> dict[str, Any]:
+    name = FORMERLY if FORMERLY in found.sizes else TELEMETRY
+    if name not in found.sizes:
+        raise Unsound(f"{name} is missing", "missing")
+    if name not in found.files:
+        raise Unsound(f"{name} was altered: it has {found.sizes[name]} bytes")
+    content, _, seal = unsealed_content(found.files[name], name, allow_nan=True)
+    if seal is not None:
+        check_seal(seal, "telemetry", found.segment, name)
+        if seal.owner != found.receipt.owner:
+            raise Unsound(f"{name} is that of another store ({seal.owner[:12]})", "foreign")
+    return content
 
 
 def _with_telemetry(episode: Episode, telemetry: dict[str, Any]) -> Episode:

@@ -1,8 +1,9 @@
 """The trajectory store: immutable segments of episodes, frozen into snapshots.
 
+    <store>/store.json                  who the store is
     <store>/segments/<name>/...         see `flywheel.data.segments`
     <store>/snapshots/<name>.json       frozen lists of segments, under a digest
-    <store>/quarantine, <store>/tmp     damaged segments; unfinished ones
+    <store>/quarantine, <store>/tmp     what was set aside; what is unfinished
 
 A segment appears as a whole or not at all, whenever its writer dies. What was acknowledged is on
 the disk. Nothing stored is ever changed or deleted.
@@ -10,9 +11,9 @@ the disk. Nothing stored is ever changed or deleted.
 
 from __future__ import annotations
 
-import re
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from flywheel.data.catalogue import (
@@ -20,25 +21,27 @@ from flywheel.data.catalogue import (
     EpisodeSummary,
     Receipt,
     Snapshot,
+    check_name,
     manifest,
     replaced,
-    seal_text,
     snapshot_of,
-    unseal_text,
 )
+from flywheel.data.identity import Ownership
 from flywheel.data.places import full_disk_told, place_at
 from flywheel.data.segments import (
     RECEIPT,
+    Found,
     damages_of,
     ids_in,
     read_back,
     telemetry_damages,
+    worth_reading,
     written,
 )
+from flywheel.data.verification import damages_in
 from flywheel.errors import DataError
 from flywheel.records import Episode
-
-_NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
+from flywheel.seals import Unsound
 
 
 class TrajectoryStore:
@@ -53,6 +56,7 @@ class TrajectoryStore:
     def __init__(self, url: str | Path, options: Mapping[str, object] | None = None) -> None:
         self.url = str(url)
         self._place = place_at(self.url, dict(options or {}))
+        self._ownership = Ownership(self._place, self.url, self._owners)
         self._receipts: dict[str, Receipt] = {}  # for finding episodes; reading reads them again
 
     def commit(self, segment: str, episodes: Sequence[Episode]) -> Receipt:
@@ -64,11 +68,11 @@ class TrajectoryStore:
           DataError: an episode must not be stored, or the segment exists with other content.
           RunError: the disk is full. Nothing committed is touched.
         """
-        _check_name(segment, "segment")
+        check_name(segment, "segment")
         for episode in episodes:
-            _check_name(episode.id, "episode")
-        new = written(segment, episodes)
+            check_name(episode.id, "episode")
         with full_disk_told(f"segment {segment} was not stored", self.url):
+            new = written(segment, episodes, self._ownership.id)
             if not self._place.publish(new.files, f"segments/{segment}"):
                 self._check_same(new.receipt)
         self._receipts[segment] = new.receipt
@@ -113,12 +117,12 @@ class TrajectoryStore:
         Raises:
           DataError: it is not as it was committed; its episodes are named.
         """
-        files = self._place.read_all(f"segments/{segment}")
-        if not files:
+        found = self._found(segment)
+        if not found.sizes:
             raise self._no_segment(segment)
-        if damages := damages_of(segment, files, sha256):
+        if damages := self._damages(found, sha256):
             raise DataError(" ".join(map(str, damages)))
-        return read_back(segment, files)
+        return read_back(found)
 
     def seal(
         self,
@@ -140,15 +144,15 @@ class TrajectoryStore:
             name is taken by other content.
           RunError: the disk is full.
         """
-        _check_name(name, "snapshot")
+        check_name(name, "snapshot")
         before = self.snapshot(parent) if parent else None
         receipts = [self._receipt(segment) for segment in segments]
         if damages := [d for r in receipts for d in self._damages_since(r, before)]:
             raise DataError(
                 "A snapshot is made of sound segments only. " + " ".join(map(str, damages))
             )
-        text, digest = seal_text(manifest(receipts, before, datasets))
         with full_disk_told(f"snapshot {name} was not sealed", self.url):
+            text, digest = manifest(name, self._ownership.id(), receipts, before, datasets)
             new = self._place.put_new(f"snapshots/{name}.json", text)
         sealed = self.snapshot(name)
         if not new and sealed.digest != digest:
@@ -162,51 +166,68 @@ class TrajectoryStore:
         """Read a snapshot.
 
         Raises:
-          DataError: there is none, or its manifest was altered.
+          DataError: there is none, or its manifest was altered, or is another's.
         """
         try:
-            text = self._place.read(f"snapshots/{name}.json")
+            text = self._place.read(f"snapshots/{check_name(name, 'snapshot')}.json")
         except FileNotFoundError:
             known = ", ".join(self.snapshots()) or "none"
             raise DataError(
                 f"There is no snapshot {name!r} in {self.url}. Sealed: {known}."
             ) from None
-        return snapshot_of(name, *unseal_text(text, f"The manifest of snapshot {name}"))
+        found = snapshot_of(name, text)
+        self._ownership.check(found.owner, f"The manifest of snapshot {name}")
+        return found
 
     def snapshots(self) -> list[str]:
         """Names of the sealed snapshots."""
         found = self._place.names("snapshots")
         return [name.removesuffix(".json") for name in found if name.endswith(".json")]
 
-    def verify(self, snapshot: Snapshot | None = None) -> tuple[Damage, ...]:
-        """Hash every file again and name what is not as it was committed.
+    def verify(self, snapshot: Snapshot | None = None, arrays: bool = True) -> tuple[Damage, ...]:
+        """Name what is not as it was committed: altered, missing, exchanged, copied, foreign.
 
         Args:
           snapshot: only it and its segments; all of the store by default.
+          arrays: hash every file again; else only names, seals and what refers to what are looked at.
         """
-        found: list[Damage] = []
-        sealed: list[Snapshot] = []
-        for name in self.snapshots() if snapshot is None else [snapshot.name]:
-            try:
-                sealed.append(self.snapshot(name))
-            except DataError as error:
-                found.append(Damage(f"snapshot {name}", self._ids_of_manifest(name), str(error)))
-        if snapshot is not None:
-            if sealed and sealed[0].digest != snapshot.digest:
-                what = f"its digest is {sealed[0].digest[:12]}, not {snapshot.digest[:12]}"
-                found.append(Damage(f"snapshot {snapshot.name}", (), what))
-            sealed = [snapshot]
-        listed = {
-            (segment, sha256): one.ids(segment)
-            for one in sealed
-            for segment, sha256 in zip(one.segments, one.sha256, strict=True)
-        }
-        for (segment, sha256), ids in listed.items():
-            found += self._damages(segment, sha256, ids)
-        if snapshot is None:
-            for segment in sorted(set(self._place.segments()) - {name for name, _ in listed}):
-                found += self._damages(segment)
-        return tuple(found)
+        return tuple(damages_in(self, self._place, self._ownership, snapshot, arrays))
+
+    def damages(
+        self,
+        segment: str,
+        sha256: str | None = None,
+        ids: tuple[str, ...] = (),
+        arrays: bool = True,
+    ) -> list[Damage]:
+        """What is wrong with a segment.
+
+        Args:
+          segment: its name.
+          sha256: that a snapshot gives for it, if one lists it.
+          ids: of its episodes as that snapshot knows them.
+          arrays: look at the arrays, too, not at the receipt alone.
+        """
+        try:
+            if not arrays:
+                receipt = self.committed().get(segment) or self._receipt(segment)
+                return [] if sha256 in (None, receipt.sha256) else [replaced(receipt, str(sha256))]
+            found = self._found(segment)
+            if not found.sizes and sha256 is None:  # nobody misses it
+                return [Damage(segment, (), "it is no segment: it holds nothing", "foreign")]
+            return self._damages(found, sha256, ids) or telemetry_damages(found)
+        except DataError as error:
+            return [Damage.of(error, segment, ids)]
+
+    def _damages(
+        self, found: Found, sha256: str | None = None, ids: tuple[str, ...] = ()
+    ) -> list[Damage]:
+        try:
+            self._ownership.check(found.receipt.owner, f"Segment {found.segment}")
+            return damages_of(found, sha256)
+        except Unsound as error:
+            named = ids or tuple(i for text in found.files.values() for i in ids_in(text))
+            return [Damage.of(error, found.segment, tuple(dict.fromkeys(named)))]
 
     def quarantine(self, segment: str) -> None:
         """Set a damaged segment aside, so that it can be collected again. Nothing is deleted.
@@ -214,12 +235,23 @@ class TrajectoryStore:
         Raises:
           DataError: there is no such segment.
         """
-        aside = f"quarantine/{segment}.{uuid.uuid4().hex[:8]}"
-        try:
-            self._place.move(f"segments/{segment}", aside)
-        except FileNotFoundError:
-            raise self._no_segment(segment) from None
+        self._set_aside(f"segments/{segment}", segment, self._no_segment(segment))
         self._receipts.pop(segment, None)
+
+    def quarantine_snapshot(self, name: str) -> None:
+        """Set a snapshot aside, so that its name is free. Nothing is deleted.
+
+        Raises:
+          DataError: there is no such snapshot.
+        """
+        missing = DataError(f"There is no snapshot {name!r} in {self.url}.")
+        self._set_aside(f"snapshots/{name}.json", f"snapshot-{name}.json", missing)
+
+    def _set_aside(self, path: str, name: str, missing: DataError) -> None:
+        try:
+            self._place.move(path, f"quarantine/{name}.{uuid.uuid4().hex[:8]}")
+        except FileNotFoundError:
+            raise missing from None
 
     def quarantined(self) -> list[str]:
         """Names under which segments were set aside."""
@@ -232,7 +264,7 @@ class TrajectoryStore:
     def _check_same(self, receipt: Receipt) -> None:
         """The segment that is there already has the content that was to be stored, and is sound."""
         segment = receipt.segment
-        if damages := self._damages(segment):
+        if damages := self.damages(segment):
             raise DataError(
                 "It is committed already, but not as it was; set it aside first. "
                 + " ".join(map(str, damages))
@@ -244,28 +276,30 @@ class TrajectoryStore:
                 f"{receipt.sha256[:12]}, cannot take its name."
             )
 
-    def _damages(
-        self, segment: str, sha256: str | None = None, ids: tuple[str, ...] = ()
-    ) -> list[Damage]:
-        try:
-            files = self._place.read_all(f"segments/{segment}")
-        except DataError as error:
-            return [Damage(segment, ids, str(error))]
-        found = damages_of(segment, files, sha256, ids)
-        return found or telemetry_damages(segment, files)
-
     def _damages_since(self, receipt: Receipt, parent: Snapshot | None) -> list[Damage]:
         """Damages of a segment. One of the parent's was read then, and will be when it is used."""
         if parent is None or receipt.segment not in parent.segments:
-            return self._damages(receipt.segment)
+            return self.damages(receipt.segment)
         before = parent.sha256[parent.segments.index(receipt.segment)]
         return [] if before == receipt.sha256 else [replaced(receipt, before)]
 
-    def _ids_of_manifest(self, name: str) -> tuple[str, ...]:
-        try:
-            return ids_in(self._place.read(f"snapshots/{name}.json"))
-        except FileNotFoundError:
-            return ()
+    def _found(self, segment: str) -> Found:
+        folder = f"segments/{check_name(segment, 'segment')}"
+        sizes = self._place.sizes(folder)
+        text = self._place.read(f"{folder}/{RECEIPT}") if RECEIPT in sizes else b""
+        files = self._place.read_all(folder, worth_reading(text, segment, sizes))
+        return Found(segment, sizes, files | ({RECEIPT: text} if RECEIPT in sizes else {}))
+
+    def _owners(self) -> Iterator[str]:
+        """Of all receipts and manifests that can be read."""
+        for segment in self._place.segments():
+            with suppress(DataError, FileNotFoundError):
+                yield Receipt.from_json(
+                    self._place.read(f"segments/{segment}/{RECEIPT}"), segment
+                ).owner
+        for name in self.snapshots():
+            with suppress(DataError, FileNotFoundError):
+                yield snapshot_of(name, self._place.read(f"snapshots/{name}.json")).owner
 
     def _holder(self, episode: str) -> Receipt:
         """Receipt of the segment that holds an episode."""
@@ -285,18 +319,12 @@ class TrajectoryStore:
 
     def _find_receipt(self, segment: str) -> Receipt | None:
         try:
-            text = self._place.read(f"segments/{segment}/{RECEIPT}")
-        except (FileNotFoundError, NotADirectoryError):
+            text = self._place.read(f"segments/{check_name(segment, 'segment')}/{RECEIPT}")
+        except FileNotFoundError:
             return None
-        return Receipt.from_json(text, segment)
+        receipt = Receipt.from_json(text, segment)
+        self._ownership.check(receipt.owner, f"Segment {segment}")
+        return receipt
 
-    def _no_segment(self, segment: str) -> DataError:
-        return DataError(f"There is no segment {segment!r} in {self.url}.")
-
-
-def _check_name(name: str, kind: str) -> None:
-    if not _NAME.fullmatch(name):
-        raise DataError(
-            f"A {kind}'s name is made of a-z, 0-9, '.', '_' and '-' and starts with a letter or "
-            f"digit; got {name!r}."
-        )
+    def _no_segment(self, segment: str) -> Unsound:
+        return Unsound(f"There is no segment {segment!r} in {self.url}.", "missing")

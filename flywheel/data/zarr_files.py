@@ -21,6 +21,7 @@ from zarr.storage import MemoryStore
 from flywheel.errors import DataError
 
 CHUNK_ROWS = 4096  # 41 s of an episode: all of it is read at once
+MOST_TIMES_LARGER = 20_000  # than its file an array may be: zeros are 4 300 times
 Files = dict[str, bytes]
 
 
@@ -66,12 +67,19 @@ def decode(files: Mapping[str, bytes]) -> tuple[dict[str, NDArray[Any]], dict[st
             _store({name: prototype.from_bytes(content) for name, content in files.items()}),
             mode="r",
         )
-        arrays = {
-            name: np.asarray(cast("zarr.Array", group[name])[...]) for name in group.array_keys()
-        }
-        return arrays, dict(group.attrs)
+        arrays = {name: cast("zarr.Array", group[name]) for name in group.array_keys()}
+        for name, array in arrays.items():
+            _check_size(name, array, files)
+        return {name: np.asarray(array[...]) for name, array in arrays.items()}, dict(group.attrs)
     except (ValueError, KeyError, TypeError, OSError, RuntimeError) as error:
         raise DataError(f"These files are not a Zarr group that decodes: {error}") from error
+
+
+def _check_size(name: str, array: zarr.Array, files: Mapping[str, bytes]) -> None:
+    """Refuse an array that claims to be far larger than what is stored of it."""
+    stored = sum(len(content) for path, content in files.items() if path.startswith(f"{name}/"))
+    if array.nbytes > MOST_TIMES_LARGER * stored:
+        raise ValueError(f"{name} claims a shape of {array.shape}, but {stored} bytes are stored")
 
 
 def _store(files: dict[str, Buffer]) -> Store:

@@ -153,7 +153,7 @@ class ScoreTest:
             power,
             power / len(sizes) / noise,
             tuple(sizes),
-            tuple(np.sqrt(noise * np.diag(inverse))),
+            tuple(np.sqrt(noise * np.diag(inverse).clip(min=0.0))),  # below by rounding only
             smallest_shown(a, noise),
         )
 

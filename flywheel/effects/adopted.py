@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.effects.effect import Effect, Terms
 from flywheel.effects.written import WrittenTerm
 from flywheel.errors import ConfigError, RobotError
+from flywheel.files import file_name, parsed_yaml, read_yaml, yaml_text
+from flywheel.quantities import Bounds, Name
 from flywheel.robots import Robot
+from flywheel.validation import validated
 
 PLANT, MJCF = "plant.yaml", "robot.xml"
+MOST_EFFECTS = 1000  # a robot of 100 cables with ten effects on each
+MOST_EVIDENCE = 100  # kinds of it
 
 
 class AdoptedPlant(BaseModel):
@@ -35,12 +41,12 @@ class AdoptedPlant(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    robot: str
-    digest: str
-    version: int = Field(ge=1)
-    parent: str = ""
-    effects: tuple[WrittenTerm, ...] = Field(min_length=1)
-    evidence: dict[str, Any] = Field(default_factory=dict)
+    robot: Name
+    digest: Name
+    version: Annotated[int, Bounds(1, 1_000_000_000)]
+    parent: Name = ""
+    effects: tuple[WrittenTerm, ...] = Field(min_length=1, max_length=MOST_EFFECTS)
+    evidence: dict[Name, Any] = Field(default_factory=dict, max_length=MOST_EVIDENCE)
 
     @classmethod
     def read(cls, path: str | Path) -> tuple[Self, Robot]:
@@ -50,19 +56,9 @@ class AdoptedPlant(BaseModel):
           ConfigError: no such file, or not an adopted plant.
           RobotError: the MJCF beside it is not the one that it was adopted for.
         """
-        path = Path(path)
-        path = path / PLANT if path.is_dir() else path
-        try:
-            plant = cls.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
-        except FileNotFoundError:
-            raise ConfigError(f"There is no adopted plant {path}.") from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path} is not a YAML file: {error}") from None
-        except ValidationError as error:
-            problems = "; ".join(
-                f"{'.'.join(map(str, e['loc'])) or 'the whole'}: {e['msg']}" for e in error.errors()
-            )
-            raise ConfigError(f"{path} is not an adopted plant: {problems}.") from None
+        path = plant_file(path)
+        values = read_yaml(path, "adopted plant", ConfigError)
+        plant = validated(cls, values, f"{path} is not an adopted plant", ConfigError)
         robot = Robot.from_mjcf(path.parent / MJCF)
         if robot.digest != plant.digest:
             raise RobotError(
@@ -75,19 +71,23 @@ class AdoptedPlant(BaseModel):
         """Write it into `parent/<robot>-<version>`, which must not be there yet, and return its file.
 
         Raises:
-          ConfigError: the folder is there.
+          ConfigError: the folder is there, or cannot be made; the evidence is too deep to be read again.
         """
-        folder = Path(parent) / f"{self.robot}-{self.version}"
-        if folder.exists():
-            raise ConfigError(f"{folder} is there already: versions are never written over.")
-        Path(parent).mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=parent, prefix=".adopting-") as temporary:
-            draft = Path(temporary) / folder.name
-            draft.mkdir()
-            (draft / MJCF).write_text(robot.xml, encoding="utf-8")
-            text = yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, width=100)
-            (draft / PLANT).write_text(text, encoding="utf-8")
-            draft.rename(folder)
+        folder = Path(parent) / f"{_prefix(self.robot)}{self.version}"
+        try:
+            if folder.exists():
+                raise ConfigError(f"{folder} is there already: versions are never written over.")
+            Path(parent).mkdir(parents=True, exist_ok=True)
+            with TemporaryDirectory(dir=parent, prefix=".adopting-") as temporary:
+                draft = Path(temporary) / folder.name
+                draft.mkdir()
+                (draft / MJCF).write_text(robot.xml, encoding="utf-8")
+                text = yaml_text(self.model_dump(mode="json"))
+                parsed_yaml(text, "The adopted plant", ConfigError)  # as it will be read
+                (draft / PLANT).write_text(text, encoding="utf-8")
+                draft.rename(folder)
+        except OSError as error:
+            raise ConfigError(f"{folder} cannot be written: {error.strerror}.") from None
         return folder / PLANT
 
     def terms(self, robot: Robot, library: Mapping[str, Effect]) -> Terms:
@@ -99,6 +99,15 @@ class AdoptedPlant(BaseModel):
         return tuple(effect.term(robot, library) for effect in self.effects)
 
 
+def plant_file(path: str | Path) -> Path:
+    """The file of an adopted plant, of the file itself or the folder it is in."""
+    path = Path(path)
+    with suppress(OSError, ValueError):  # no name that a file can have: reading it says so
+        if path.is_dir():
+            return path / PLANT
+    return path
+
+
 def file_digest(path: str | Path) -> str:
     """sha256 of a file."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
@@ -106,6 +115,15 @@ def file_digest(path: str | Path) -> str:
 
 def next_version(parent: str | Path, robot: Robot) -> int:
     """One more than the highest version of the robot's plants in a folder."""
-    found = Path(parent).glob(f"{robot.name}-*/{PLANT}")
-    numbers = [path.parent.name.removeprefix(f"{robot.name}-") for path in found]
-    return 1 + max((int(number) for number in numbers if number.isdecimal()), default=0)
+    prefix = _prefix(robot.name)
+    found = Path(parent).glob(f"{prefix}*/{PLANT}")
+    numbers = [path.parent.name.removeprefix(prefix) for path in found]
+    return 1 + max((int(number) for number in numbers if _NUMBER.fullmatch(number)), default=0)
+
+
+_NUMBER = re.compile(r"[0-9]{1,8}")
+
+
+def _prefix(robot: str) -> str:
+    """What the folders of a robot's plants begin with."""
+    return f"{file_name(robot)}-"

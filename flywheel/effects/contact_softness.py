@@ -21,6 +21,7 @@ class ContactSoftness(ModelEffect):
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
         factor = 1.0 / (1.0 + values["share"])
-        direct = model.geom_solref[:, 0] < 0  # (-stiffness, -damping); else (time, damping ratio)
-        model.geom_solref[direct] *= (factor, factor**0.5)
-        model.geom_solref[~direct] *= (factor**-0.5, 1.0)
+        for solref in (model.geom_solref, model.pair_solref, model.pair_solreffriction):
+            direct = solref[:, 0] < 0  # (-stiffness, -damping); else (time, damping ratio)
+            solref[direct] *= (factor, factor**0.5)
+            solref[~direct] *= (factor**-0.5, 1.0)

@@ -21,3 +21,4 @@ class GroundFriction(ModelEffect):
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
         model.geom_friction[:, 0] *= 1.0 + values["share"]
+        model.pair_friction[:, :2] *= 1.0 + values["share"]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import mujoco
 
 from flywheel.effects.effect import ModelEffect, Parameter
-from flywheel.robots import Robot
+from flywheel.robots import Robot, tracked_site
 
 
 class MarkerOffset(ModelEffect):
@@ -26,5 +26,5 @@ class MarkerOffset(ModelEffect):
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
         assert place is not None
-        site = model.site(robot.points[place].name)
-        model.site_pos[site.id] += [values["x"], values["y"], values["z"]]
+        site, turn = tracked_site(model, robot.points[place])
+        model.site_pos[site] += turn.T @ [values["x"], values["y"], values["z"]]

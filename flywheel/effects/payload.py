@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from flywheel.effects.effect import ModelEffect, Parameter
-from flywheel.robots import Robot
+from flywheel.robots import Robot, moving_bodies
 
 
 class Payload(ModelEffect):
@@ -25,10 +25,9 @@ class Payload(ModelEffect):
     ) -> None:
         assert place is not None
         point = robot.points[place]
-        body = model.site(point.name).bodyid[0]
+        body, site = moving_bodies(model)[point.body], point.offset
         old, extra = float(model.body_mass[body]), values["mass"]
         centre = model.body_ipos[body].copy()
-        site = model.site(point.name).pos
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, model.body_iquat[body])
         axes = turn.reshape(3, 3)
@@ -37,7 +36,7 @@ class Payload(ModelEffect):
         together = (old * centre + extra * site) / total
         inertia = inertia + _about(old, centre - together) + _about(extra, site - together)
         model.body_mass[body], model.body_ipos[body] = total, together
-        _set_inertia(model, int(body), inertia)
+        _set_inertia(model, body, inertia)
 
 
 def _about(mass: float, arm: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from flywheel.effects.effect import ModelEffect, Parameter
 from flywheel.robots import Robot
 
 ROLLING = 2  # column of MuJoCo's friction coefficients
+PAIRED = slice(3, 5)  # the same of a pair of geoms, one for each direction
 FULL = 6  # condim with sliding, turning and rolling friction
 
 
@@ -25,3 +26,5 @@ class RollingResistance(ModelEffect):
     ) -> None:
         model.geom_friction[:, ROLLING] += values["length"]
         model.geom_condim[model.geom_condim > 1] = FULL
+        model.pair_friction[:, PAIRED] += values["length"]
+        model.pair_dim[model.pair_dim > 1] = FULL

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.effects.effect import Effect, Term, place_name
 from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds, Name
 from flywheel.registry import lookup
 from flywheel.robots import Robot
 
 AT = " at "
+MOST_PARAMETERS = 100
+# In whatever unit: a cable of a suspension bridge has 1e10 N/m.
+Value = Annotated[float, Bounds(-1e12, 1e12)]
 
 
 class WrittenTerm(BaseModel):
@@ -27,9 +30,9 @@ class WrittenTerm(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    effect: str
-    location: str = ""
-    parameters: dict[str, float]
+    effect: Name
+    location: Name = ""
+    parameters: dict[Name, Value] = Field(max_length=MOST_PARAMETERS)
 
     @classmethod
     def of(cls, term: Term, robot: Robot) -> Self:
@@ -56,7 +59,7 @@ class WrittenTerm(BaseModel):
 
         Raises:
           UnknownNameError: no such effect, place or parameter.
-          ConfigError: a parameter is missing, not finite, or has a sign that it cannot have.
+          ConfigError: a parameter is missing, or has a sign that it cannot have.
         """
         effect = lookup(library, self.effect, "effect")
         places = {place_name(effect, place, robot): place for place in effect.places(robot)}
@@ -68,10 +71,9 @@ class WrittenTerm(BaseModel):
         known = {parameter.name: parameter for parameter in effect.parameters}
         for name, value in self.parameters.items():
             parameter = lookup(known, name, f"parameter of {self.effect}")
-            if not math.isfinite(value) or (parameter.one_sided and value < 0):
-                allowed = "finite and not negative" if parameter.one_sided else "finite"
+            if parameter.one_sided and value < 0:
                 raise ConfigError(
-                    f"{name} of {self.effect} must be {allowed} [{parameter.unit}], got {value!r}."
+                    f"{name} of {self.effect} cannot be negative [{parameter.unit}], got {value!r}."
                 )
         if missing := [name for name in known if name not in self.parameters]:
             raise ConfigError(f"{self.effect} also needs {', '.join(missing)}.")

@@ -11,7 +11,7 @@ import numpy as np
 from flywheel.hidden.effect import BodyEffect, ModelEffect
 from flywheel.hidden.scales import Scales
 from flywheel.records import Floats
-from flywheel.robots import Robot
+from flywheel.robots import Robot, add_plain
 
 SPECK = 1e-8  # inertia of a point mass, which MuJoCo wants above zero [m^2, times its mass]
 
@@ -54,7 +54,7 @@ class Payload(ModelEffect):
         point = robot.points[self.point]
         body = spec.body(robot.bodies[point.body].name)
         # A welded body of its own: the carrier's mass may be given or inferred, both stay.
-        load = body.add_body(pos=point.offset)
+        load = add_plain(body, "body", pos=point.offset)
         load.mass, load.explicitinertial = self.mass, True
         load.ipos = [0.0, 0.0, 0.0]  # without it the compiler puts the mass at `pos` once more
         load.inertia = [SPECK * self.mass] * 3

@@ -11,7 +11,7 @@ import numpy as np
 from flywheel.errors import ModelError
 from flywheel.hidden.skeleton import Skeleton
 from flywheel.records import Floats
-from flywheel.robots import Robot
+from flywheel.robots import Robot, collides, ground_of
 
 Contact = Literal["elliptic", "pyramidal", "penalty"]
 CONTACTS: dict[str, mujoco.mjtCone] = {  # -> the cone of what MuJoCo still does itself
@@ -53,10 +53,10 @@ class Feet:
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Feet:
         """The feet of all geoms that collide."""
-        rows = []
+        rows, touching = [], collides(model)
         for geom in range(model.ngeom):
             body = int(model.geom_bodyid[geom])
-            if body == 0 or not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+            if model.body_weldid[body] == 0 or not touching[geom]:
                 continue
             flat = np.zeros(9)
             mujoco.mju_quat2Mat(flat, model.geom_quat[geom])
@@ -110,13 +110,13 @@ class PenaltyGround:
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, skeleton: Skeleton) -> None:
         self._skeleton, self.feet = skeleton, Feet.of(model)
-        planes = np.flatnonzero(model.geom_type == Geom.mjGEOM_PLANE)
-        if len(planes) != 1 or not np.allclose(model.geom_quat[planes[0]], (1, 0, 0, 0)):
+        ground = ground_of(model)
+        if ground is None or not ground.level or model.npair:
             raise ModelError(
-                f"A penalty contact needs one level ground plane; {robot.name} has none."
+                "A penalty contact needs a level ground plane and no contact pairs; "
+                f"{robot.name} is otherwise."
             )
-        plane = int(planes[0])
-        self._height = model.geom_pos[plane, 2]
+        plane, self._height = ground.geom, ground.height
         model.geom_contype[plane] = model.geom_conaffinity[plane] = 0
         geom = self.feet.geom
         friction = np.maximum(model.geom_friction[geom], model.geom_friction[plane])
@@ -124,7 +124,7 @@ class PenaltyGround:
         self._slide = friction[:, 0] * (condim >= 3)
         self._spin = friction[:, 1] * (condim >= 4)
         self._roll = friction[:, 2] * (condim >= 6)
-        mass = model.body_subtreemass[self.feet.body] / LEVER
+        mass = model.body_subtreemass[model.body_weldid[self.feet.body]] / LEVER
         stiffness, damping = _reference(model.geom_solref[geom])
         self._stiffness = STIFFER * stiffness * mass
         self._damping = np.sqrt(STIFFER) * damping * mass

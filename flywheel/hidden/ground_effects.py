@@ -27,8 +27,8 @@ class GroundFriction(GroundEffect, ModelEffect):
         return cls(float(rng.choice((-0.25, 0.25))))
 
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
-        for geom in spec.geoms:
-            geom.friction = np.array(geom.friction) * (1.0 + self.share)
+        for each in (*spec.geoms, *spec.pairs):
+            each.friction = np.array(each.friction) * (1.0 + self.share)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,10 @@ class RollingResistance(GroundEffect, ModelEffect):
             return
         for geom in spec.geoms:
             geom.friction = np.array(geom.friction) + (0.0, 0.0, self.length)
-            geom.condim = 6  # the only kind of contact that knows rolling
+        for pair in spec.pairs:  # in both directions
+            pair.friction = np.array(pair.friction) + (0.0, 0.0, 0.0, self.length, self.length)
+        for each in (*spec.geoms, *spec.pairs):
+            each.condim = 6  # the only kind of contact that knows rolling
 
 
 @dataclass(frozen=True)
@@ -88,10 +91,13 @@ class ContactSoftness(GroundEffect, ModelEffect):
         return cls(1.0)
 
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
+        for each in (*spec.geoms, *spec.pairs):
+            each.solref = self._softened(*each.solref)
+        for pair in spec.pairs:
+            pair.solreffriction = self._softened(*pair.solreffriction)
+
+    def _softened(self, first: float, second: float) -> tuple[float, float]:
         softer = 1.0 + self.share
-        for geom in spec.geoms:
-            first, second = geom.solref
-            if first < 0:  # (-stiffness, -damping)
-                geom.solref = (first / softer, second / np.sqrt(softer))
-            else:  # (time constant, damping ratio)
-                geom.solref = (first * np.sqrt(softer), second)
+        if first < 0:  # (-stiffness, -damping)
+            return first / softer, second / float(np.sqrt(softer))
+        return first * float(np.sqrt(softer)), second  # (time constant, damping ratio)

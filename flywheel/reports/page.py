@@ -182,6 +182,8 @@ def _videos(run: RunResult, folder: Path) -> list[Shown]:
 
 def _video(folder: Path, title: str, name: str, who: str) -> Shown:
     path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        return Shown(title, title, f"Not shown: {name} lies outside the run's folder.", "")
     if path.stat().st_size > LARGEST_VIDEO:
         return Shown(title, title, f"Too large for this page: see {name}.", "")
     words = f"{who} ({path.name}); on the ground the ways that the planner foresees."

@@ -3,7 +3,10 @@
 from importlib.resources import files
 
 from flywheel.registry import lookup
+from flywheel.robots.added import add_plain, free_name
+from flywheel.robots.bodies import moving_bodies, tracked_site
 from flywheel.robots.drawn_terrain import TerrainConfig, draw_terrain
+from flywheel.robots.ground import Ground, collides, ground_of
 from flywheel.robots.obstacle_course import COURSES, ObstacleCourse, load_course
 from flywheel.robots.robot import (
     Attachment,
@@ -43,13 +46,20 @@ __all__ = [
     "Body",
     "Box",
     "Cable",
+    "Ground",
     "ObstacleCourse",
     "Primitive",
     "Robot",
     "TerrainConfig",
     "TrackedPoint",
     "Winch",
+    "add_plain",
+    "collides",
     "draw_terrain",
+    "free_name",
+    "ground_of",
     "load_course",
     "load_robot",
+    "moving_bodies",
+    "tracked_site",
 ]

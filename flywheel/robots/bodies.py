@@ -7,6 +7,8 @@ import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.records import Floats
+from flywheel.robots.added import add_plain
+from flywheel.robots.ground import collides
 from flywheel.robots.robot import Body, Primitive, TrackedPoint
 
 SOLIDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
@@ -33,6 +35,22 @@ def in_body_frame(model: mujoco.MjModel, data: mujoco.MjData, body: int, at: Flo
         return np.round(at, 12) + 0.0
     root = moving_bodies(model)[body]
     return np.round(data.xmat[root].reshape(3, 3).T @ (at - data.xpos[root]), 12) + 0.0
+
+
+def tracked_site(model: mujoco.MjModel, point: TrackedPoint) -> tuple[int, Floats]:
+    """The site that a point's sensor measures, by MuJoCo's id, and how its body is turned.
+
+    Returns:
+      The site, and the rotation (3, 3) from the frame of the site's body to that of the body that moves,
+      in which `TrackedPoint.offset` is: they differ where the site is on a body welded to it.
+    """
+    site = int(model.sensor(point.name).objid[0])
+    body, turn = int(model.site_bodyid[site]), np.eye(3)
+    while model.body_weldid[body] != body:
+        here = np.zeros(9)
+        mujoco.mju_quat2Mat(here, model.body_quat[body])
+        body, turn = int(model.body_parentid[body]), here.reshape(3, 3) @ turn
+    return site, turn
 
 
 def read_bodies(
@@ -92,12 +110,8 @@ def _touching_radius(model: mujoco.MjModel, data: mujoco.MjData, body: int, site
     root = moving_bodies(model)[body]
     here = np.linalg.norm(data.geom_xpos - data.site_xpos[site], axis=1) < 1e-6
     on_body = model.body_weldid[model.geom_bodyid] == root
-    touching = spheres & here & on_body & _collides(model)
+    touching = spheres & here & on_body & collides(model)
     return float(model.geom_size[touching, 0].max()) if touching.any() else 0.0
-
-
-def _collides(model: mujoco.MjModel) -> np.ndarray:
-    return (model.geom_contype | model.geom_conaffinity) != 0
 
 
 def _geom_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[Floats, Floats]:
@@ -109,9 +123,10 @@ def _geom_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[Floats, F
     ids = []
     for geom in spec.geoms:
         if _shape(model, geom.id) in SOLIDS:
-            body = alone.worldbody.add_body()
-            size = model.geom_size[geom.id]
-            body.add_geom(type=geom.type, size=size, mass=geom.mass, density=geom.density)
+            body = add_plain(alone.worldbody, "body")
+            solid = {"type": geom.type, "size": model.geom_size[geom.id]}
+            weight = {name: getattr(geom, name) for name in ("mass", "density", "typeinertia")}
+            add_plain(body, "geom", **solid, **weight)
             ids.append(geom.id)
     compiled = alone.compile()
     mass, inertia = np.zeros(model.ngeom), np.zeros((model.ngeom, 3))
@@ -139,6 +154,7 @@ def _primitives(
     weighed = sum(mass[g] for g in geoms)
     scale = total / weighed if weighed > 0 else 0.0
     to_body = data.xmat[root].reshape(3, 3).T
+    touching = collides(model)
     return tuple(
         Primitive(
             name=model.geom(g).name or f"{model.body(root).name}.{number}",
@@ -148,7 +164,7 @@ def _primitives(
             axis=np.round(to_body @ data.geom_xmat[g].reshape(3, 3)[:, 2], 12) + 0.0,
             mass=float(mass[g] * scale),
             inertia=inertia[g] * scale,
-            collides=bool(_collides(model)[g]),
+            collides=bool(touching[g]),
         )
         for number, g in enumerate(geoms)
     )

@@ -122,6 +122,11 @@ def _ends(
     tendon: int,
 ) -> tuple[Attachment, Attachment]:
     name = model.tendon(tendon).name
+    if model.tendon_limited[tendon] and model.tendon_range[tendon, 0] > 0:
+        raise RobotError(
+            f"The tendon {name!r} would push when shorter than {model.tendon_range[tendon, 0]:g} m (its "
+            "range); a cable only pulls: begin its range with 0."
+        )
     path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     kinds = [
         mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower() for k in model.wrap_type[path]
@@ -154,6 +159,10 @@ def _attachment(
     offset = in_body_frame(model, data, body, data.site_xpos[site])
     if body < 0:
         return Attachment(-1, offset, -1)
-    on_body = bodies[body].points
-    gaps = [np.linalg.norm(points[i].offset - offset) for i in on_body]
-    return Attachment(body, offset, on_body[int(np.argmin(gaps))])
+
+    def gap(point: int) -> tuple[float, ...]:
+        """To a point; between those as near it is its place that counts, not its number."""
+        place = points[point].offset
+        return round(float(np.linalg.norm(place - offset)), 9), *place
+
+    return Attachment(body, offset, min(bodies[body].points, key=gap))

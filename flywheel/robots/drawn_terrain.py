@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from flywheel.quantities import Bounds, PositiveRobotLengths
 from flywheel.records import Floats
 from flywheel.terrain import Terrain
 
 Kind = Literal["flat", "slope", "bumps", "steps"]
-Range = tuple[float, float]
+Range = tuple[PositiveRobotLengths, PositiveRobotLengths]
+Steepness = Annotated[float, Bounds(0, 1.5, "rad", above=True)]  # short of upright
+MOST_CELLS = 2000  # along a side: four million places, of which each episode keeps the heights
+MOST_KINDS = 100  # one may be named again, to be drawn more often
 WAVES = 8  # plane waves that make bumps
 
 
@@ -32,14 +36,14 @@ class TerrainConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    kinds: tuple[Kind, ...] = ()
-    slope: Range = (0.03, 0.15)
+    kinds: tuple[Kind, ...] = Field(default=(), max_length=MOST_KINDS)
+    slope: tuple[Steepness, Steepness] = (0.03, 0.15)
     bump_height: Range = (0.02, 0.1)
     bump_length: Range = (0.8, 2.0)
     step_height: Range = (0.01, 0.05)
     step_length: Range = (0.8, 2.0)
-    size: float = Field(default=14.0, gt=0)
-    cell: float = Field(default=0.1, gt=0)
+    size: PositiveRobotLengths = 14.0
+    cell: PositiveRobotLengths = 0.1
 
     @model_validator(mode="after")
     def _ranges_rise_from_zero(self) -> Self:
@@ -50,6 +54,11 @@ class TerrainConfig(BaseModel):
         if self.cell > self.size / 2:
             raise ValueError(
                 f"ground of {self.size} L needs cells of at most half that, got {self.cell}"
+            )
+        if self.size / self.cell > MOST_CELLS:
+            raise ValueError(
+                f"ground of {self.size} L in cells of {self.cell} L has {self.size / self.cell:,.0f} cells "
+                f"along a side; at most {MOST_CELLS:,}"
             )
         shortest = min(self.bump_length[0], self.step_length[0])
         if self.cell > shortest / 4:

@@ -15,6 +15,7 @@ What stands for what:
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -25,10 +26,25 @@ from flywheel.errors import RobotError
 from flywheel.records import State
 from flywheel.robots.bodies import read_bodies
 from flywheel.robots.cables import read_cables
-from flywheel.robots.robot import Body, Cable, Robot, TrackedPoint
+from flywheel.robots.ground import ground_of
+from flywheel.robots.mjcf_numbers import check_numbers
+from flywheel.robots.mjcf_source import collected_warnings, compiled, read_mjcf
+from flywheel.robots.robot import Body, Cable, Robot, TrackedPoint, Winch
 from flywheel.robots.winches import read_winches
 
-ASSETS = ("mesh", "hfield", "skin", "include", "model")
+SHORTEST = (
+    1e-3  # of a robot's length [m]: below, contacts and cables of MuJoCo are of the same size
+)
+MOST_CONTACTS = 5000  # at the keyframe: MuJoCo takes a second for a step with 60,000
+SINGLE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)  # of one number
+# What a robot's cables, winches and sensors cannot do without, by MuJoCo's bit and the MJCF's word.
+NEEDED = {
+    mujoco.mjtDisableBit.mjDSBL_ACTUATION: "actuation",
+    mujoco.mjtDisableBit.mjDSBL_SPRING: "spring",
+    mujoco.mjtDisableBit.mjDSBL_DAMPER: "damper",
+    mujoco.mjtDisableBit.mjDSBL_SENSOR: "sensor",
+    mujoco.mjtDisableBit.mjDSBL_AUTORESET: "autoreset",
+}
 
 
 def read_robot(source: str | Path) -> Robot:
@@ -37,17 +53,21 @@ def read_robot(source: str | Path) -> Robot:
     Raises:
       RobotError: the MJCF cannot be used; the message says which element and what is allowed.
     """
-    xml = _text(source)
-    root = _parse(xml)
-    spec, model = _compile(xml)
+    is_text = isinstance(source, str) and source.lstrip().startswith("<")
+    xml = str(source) if is_text else read_mjcf(source)
+    root, spec, model = compiled(xml)
+    if not root.attrib.get("model"):
+        raise RobotError('The MJCF has no name: write <mujoco model="my_robot">.')
+    check_numbers(model, "The MJCF")
     _refuse_unnamed(model)
+    _refuse_disabled(model)
+    _refuse_memories(model)
     keyframe = _keyframe(model)
-    data = mujoco.MjData(model)
-    data.qpos[:] = keyframe.qpos
-    mujoco.mj_kinematics(model, data)
+    data = _placed(model, keyframe)
     bodies, points = read_bodies(spec, model, data)
     winches = read_winches(model, keyframe.act)
     cables = read_cables(model, data, bodies, points, winches, keyframe.act)
+    _refuse_equal_columns(points, winches)
     return Robot(
         name=root.attrib["model"],
         xml=xml,
@@ -59,46 +79,13 @@ def read_robot(source: str | Path) -> Robot:
         keyframe=keyframe,
         timestep=float(model.opt.timestep),
         length=_characteristic_length(bodies, points, cables),
-        grounded=bool((model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE).any()),
+        grounded=ground_of(model) is not None,
     )
-
-
-def _text(source: str | Path) -> str:
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return source
-    try:
-        return Path(source).read_text()
-    except OSError as error:
-        raise RobotError(f"The MJCF {str(source)!r} cannot be read: {error.strerror}.") from error
-
-
-def _parse(xml: str) -> ElementTree.Element:
-    try:
-        root = ElementTree.fromstring(xml)
-    except ElementTree.ParseError as error:
-        raise RobotError(f"The MJCF is not valid XML: {error}.") from error
-    if not root.attrib.get("model"):
-        raise RobotError('The MJCF has no name: write <mujoco model="my_robot">.')
-    for tag in ASSETS:
-        if (found := next(root.iter(tag), None)) is not None:
-            raise RobotError(
-                f"The MJCF reads another file (<{tag} {found.attrib}>); a robot is one self-contained "
-                "file of primitive geoms, because it travels to workers and into stored data."
-            )
-    return root
 
 
 def _canonical(xml: str) -> str:
     """The MJCF without comments, layout and attribute order, for the digest."""
     return ElementTree.canonicalize(xml, strip_text=True, with_comments=False)
-
-
-def _compile(xml: str) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-    try:
-        spec = mujoco.MjSpec.from_string(xml)
-        return spec, spec.compile()
-    except ValueError as error:
-        raise RobotError(f"MuJoCo cannot compile the MJCF: {error}") from error
 
 
 def _refuse_unnamed(model: mujoco.MjModel) -> None:
@@ -113,6 +100,67 @@ def _refuse_unnamed(model: mujoco.MjModel) -> None:
     for index in range(1, model.nbody):
         if model.body_weldid[index] == index and not model.body(index).name:
             raise RobotError(f"The moving body number {index} has no name; give it one.")
+
+
+def _refuse_equal_columns(points: tuple[TrackedPoint, ...], winches: tuple[Winch, ...]) -> None:
+    """Columns of recordings are named after sensors and winches, beside one that is called time."""
+    columns = Counter(
+        [
+            "time",
+            *(f"{point.name}.{axis}" for point in points for axis in "xyz"),
+            *(f"ctrl.{winch.name}" for winch in winches),
+            *(winch.sensor for winch in winches if winch.sensor),
+        ]
+    )
+    column, count = columns.most_common(1)[0]
+    if count > 1:
+        raise RobotError(
+            f"{count} columns of a recording would be named {column!r}; give the sensor or the actuator "
+            "that it comes from another name."
+        )
+
+
+def _refuse_disabled(model: mujoco.MjModel) -> None:
+    for bit, flag in NEEDED.items():
+        if model.opt.disableflags & bit:
+            raise RobotError(f'The MJCF switches off what it needs: <flag {flag}="disable">.')
+    if model.opt.disableactuator:
+        raise RobotError("The MJCF switches off actuators (actuatorgroupdisable); leave them out.")
+
+
+def _refuse_memories(model: mujoco.MjModel) -> None:
+    """Refuse what a `State` cannot hold."""
+    size = mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    if size != 1 + model.nq + model.nv + model.na:
+        raise RobotError(
+            "The MJCF has a state beyond positions, velocities and activations: delays (nsample), "
+            "plastic tendons (springyield) and plugins have none here. Delays are an effect."
+        )
+
+
+def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
+    """The robot at its keyframe, with kinematics done."""
+    single = np.isin(model.jnt_type, [int(kind) for kind in SINGLE])
+    for joint in np.flatnonzero(model.jnt_limited & single).tolist():
+        low, high = model.jnt_range[joint]
+        value = keyframe.qpos[model.jnt_qposadr[joint]]
+        if not low <= value <= high:
+            raise RobotError(
+                f"The first keyframe has the joint {model.joint(joint).name!r} at {value:g}, allowed "
+                f"{low:g} to {high:g} (its range)."
+            )
+    data = mujoco.MjData(model)
+    data.qpos[:] = keyframe.qpos
+    with collected_warnings():
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+    if data.ncon > MOST_CONTACTS:
+        raise RobotError(
+            f"At the first keyframe there are {data.ncon:,} contacts, allowed are {MOST_CONTACTS:,}: "
+            "do bodies lie within each other?"
+        )
+    return data
 
 
 def _keyframe(model: mujoco.MjModel) -> State:
@@ -133,4 +181,10 @@ def _characteristic_length(
         offsets = np.array([points[i].offset for i in body.points])
         gaps = np.linalg.norm(offsets[:, None] - offsets, axis=-1)
         longest = max(longest, float(gaps.max()))
-    return longest or max(c.rest_length for c in cables)
+    length = longest or max(c.rest_length for c in cables)
+    if length < SHORTEST:
+        raise RobotError(
+            f"The robot's length (the longest distance between two tracked points of one body, else the "
+            f"longest rest length) is {length:g} m; at least {SHORTEST:g} m are needed."
+        )
+    return length

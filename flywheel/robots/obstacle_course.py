@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from importlib.resources import files
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.registry import lookup
+from flywheel.robots.mjcf_numbers import check_numbers
+from flywheel.robots.mjcf_source import compiled, read_mjcf
 from flywheel.robots.world import Box
 
 COURSES = {"s_course": "s_course.xml", "maze": "maze.xml"}
@@ -44,11 +45,8 @@ class ObstacleCourse:
         Raises:
           RobotError: no MJCF; something else than boxes along the axes; no start; no goal.
         """
-        try:
-            spec = mujoco.MjSpec.from_string(xml)
-            model = spec.compile()
-        except ValueError as error:
-            raise RobotError(f"The course cannot be read: {error}") from error
+        _, spec, model = compiled(xml, "course")
+        check_numbers(model, "The course")
         boxes = [_box(model, geom) for geom in range(model.ngeom) if not _is_plane(model, geom)]
         sites = {model.site(i).name: model.site(i).pos for i in range(model.nsite)}
         if "start" not in sites:
@@ -73,10 +71,7 @@ def load_course(name: str) -> ObstacleCourse:
     if not name.endswith(".xml"):
         file = lookup(COURSES, name, "course")
         return ObstacleCourse.from_mjcf(files(__package__).joinpath("courses", file).read_text())
-    try:
-        return ObstacleCourse.from_mjcf(Path(name).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RobotError(f"The course {name} cannot be read: {error.strerror}.") from error
+    return ObstacleCourse.from_mjcf(read_mjcf(name, "course"))
 
 
 def _is_plane(model: mujoco.MjModel, geom: int) -> bool:

@@ -124,8 +124,9 @@ class Winch:
         recordings' column is `ctrl.<name>`.
       kind: "rate" (control = rate of the rest length [m/s], positive pays out) or "position"
         (control = rest length wanted [m], reached with a first-order lag).
-      cables: indices into `Robot.cables`.
-      actuators: indices of the MJCF's actuators that this control drives.
+      cables: indices into `Robot.cables`. The first is the one whose actuator is measured, else the
+        first one of the tuple: the winch's position is its rest length.
+      actuators: indices of the MJCF's actuators that this control drives, one per cable.
       activation: place of its position in `State.act`.
       control_range: (low, high) of the control [m/s or m].
       rest_range: (low, high) of the rest length of its first cable [m].
@@ -159,7 +160,7 @@ class Robot:
       timestep: MuJoCo's step [s].
       length: characteristic length L, for errors and noise: the longest distance between two tracked
         points of one body [m].
-      grounded: the MJCF has a ground plane.
+      grounded: the MJCF has a plane that takes part in contacts.
     """
 
     name: str

@@ -23,6 +23,7 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.robot import Winch
 
+LAST_GROUP = 30  # of actuators that an MJCF can disable
 KINDS: dict[int, Literal["rate", "position"]] = {
     int(mujoco.mjtDyn.mjDYN_INTEGRATOR): "rate",
     int(mujoco.mjtDyn.mjDYN_FILTEREXACT): "position",
@@ -36,12 +37,14 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
       act: (na,) the keyframe's activations.
 
     Raises:
-      RobotError: an actuator that is neither a winch's nor passive, a winch's actuator without a
-        limit it needs, or a tuple whose actuators could not move alike.
+      RobotError: an actuator that is neither a winch's nor passive, or that is switched off, a winch's
+        actuator without a limit it needs, a tuple whose actuators could not move alike, or two winches
+        of one name.
     """
     driving = [a for a in range(model.nu) if not is_passive(model, a)]
     if not driving:
         raise RobotError("The MJCF has no winch; at least one actuator must drive a tendon.")
+    _refuse_disabled(model)
     for actuator in driving:
         _check(model, actuator, act)
     measured = _measured(model)
@@ -50,7 +53,7 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
         _check_alike(model, name, actuators, act)
     winches = [_winch(model, name, group, measured) for name, group in groups.items()]
     _refuse_shared_cables(model, winches)
-    return tuple(sorted(winches, key=lambda w: w.actuators[0]))
+    return tuple(sorted(winches, key=lambda w: min(w.actuators)))
 
 
 def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
@@ -62,8 +65,8 @@ def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
 def _winch(
     model: mujoco.MjModel, name: str, actuators: tuple[int, ...], measured: dict[int, str]
 ) -> Winch:
+    actuators = tuple(sorted(actuators, key=lambda a: a not in measured))
     first = actuators[0]
-    sensors = [measured[a] for a in actuators if a in measured]
     kind = KINDS[int(model.actuator_dyntype[first])]
     control_range = model.actuator_ctrlrange[first]
     limited = model.actuator_actlimited[first]
@@ -76,9 +79,9 @@ def _winch(
         control_range=(float(control_range[0]), float(control_range[1])),
         rest_range=(float(rest_range[0]), float(rest_range[1])),
         time_constant=float(model.actuator_dynprm[first, 0]) if kind == "position" else 0.0,
-        measured=bool(sensors),
+        measured=first in measured,
         activation=int(model.actuator_actadr[first]),
-        sensor=sensors[0] if sensors else "",
+        sensor=measured.get(first, ""),
     )
 
 
@@ -88,7 +91,7 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
     bias = model.actuator_biasprm[actuator]
     force = model.actuator_forcerange[actuator]
     kind = int(model.actuator_dyntype[actuator])
-    limits = model.actuator_actrange[actuator]
+    limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
     on_tendon = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON
     fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
     affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
@@ -107,8 +110,20 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
         ),
         (model.actuator_ctrllimited[actuator], "have a ctrlrange"),
         (
+            KINDS.get(kind) != "rate" or control[0] <= 0 <= control[1],
+            f"be able to stand still: its ctrlrange must hold 0; got {control[0]:g} to {control[1]:g}",
+        ),
+        (
+            KINDS.get(kind) != "position" or control[0] >= 0,
+            f"have no ctrlrange below 0: it is a rest length; got {control[0]:g} to {control[1]:g}",
+        ),
+        (
             model.actuator_actlimited[actuator] or KINDS.get(kind) == "position",
             "have an actrange (shortest and longest rest length)",
+        ),
+        (
+            not model.actuator_actlimited[actuator] or limits[0] >= 0,
+            f"have no actrange below 0: it is a rest length; got {limits[0]:g} to {limits[1]:g}",
         ),
         ((model.actuator_gear[actuator] == [1, 0, 0, 0, 0, 0]).all(), "have gear 1"),
         (model.actuator_actnum[actuator] == 1, "have one activation"),
@@ -117,7 +132,10 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
         if not met:
             raise RobotError(f"The actuator {model.actuator(actuator).name!r} must {need}.")
     rest = act[model.actuator_actadr[actuator]]
+    # A winch that takes positions holds its own only within its ctrlrange.
     low, high = limits if model.actuator_actlimited[actuator] else (1e-9, np.inf)
+    if KINDS[kind] == "position":
+        low, high = max(low, control[0]), min(high, control[1])
     if not low <= rest <= high:
         raise RobotError(
             f"The first keyframe starts the actuator {model.actuator(actuator).name!r} at rest length "
@@ -125,8 +143,21 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
         )
 
 
+def _refuse_disabled(model: mujoco.MjModel) -> None:
+    for actuator, group in enumerate(model.actuator_group.tolist()):
+        if 0 <= group <= LAST_GROUP and int(model.opt.disableactuator) >> group & 1:
+            raise RobotError(
+                f"The actuator {model.actuator(actuator).name!r} is in group {group}, which the MJCF's "
+                "actuatorgroupdisable switches off; leave the actuator or the group out."
+            )
+
+
 def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, ...]]:
-    """Winch name -> its actuators: the tuples of actuators, then each actuator that is in none."""
+    """Winch name -> its actuators: the tuples of actuators, then each actuator that is in none.
+
+    Raises:
+      RobotError: a tuple of something else, an actuator in two tuples, or two winches of one name.
+    """
     groups: dict[str, tuple[int, ...]] = {}
     for index in range(model.ntuple):
         start, size = model.tuple_adr[index], model.tuple_size[index]
@@ -141,9 +172,15 @@ def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, .
             raise RobotError(
                 f"The tuple {name!r} must list actuators of winches only, each in one tuple at most."
             )
-        groups[name] = tuple(sorted(members))
-    alone = set(driving) - {a for group in groups.values() for a in group}
-    return groups | {model.actuator(a).name: (a,) for a in sorted(alone)}
+        groups[name] = members
+    taken = {a for group in groups.values() for a in group}
+    alone = {model.actuator(a).name: (a,) for a in driving if a not in taken}
+    if both := groups.keys() & alone.keys():
+        raise RobotError(
+            f"A tuple and a winch's actuator that is in none are both named {min(both)!r}; winches need "
+            "names of their own, because columns of recordings are named after them."
+        )
+    return groups | alone
 
 
 def _check_alike(model: mujoco.MjModel, name: str, actuators: tuple[int, ...], act: Floats) -> None:

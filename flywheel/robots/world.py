@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
+from flywheel.quantities import Metres, PositiveMetres
+
 
 class Box(BaseModel):
     """An axis-aligned box obstacle.
@@ -15,5 +17,5 @@ class Box(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    center: tuple[float, float, float]
-    half_size: tuple[float, float, float]
+    center: tuple[Metres, Metres, Metres]
+    half_size: tuple[PositiveMetres, PositiveMetres, PositiveMetres]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from flywheel.files import file_name
 from flywheel.runtime.filming import film
 from flywheel.runtime.jobs import Job
-from flywheel.runtime.plan import Effects, ceiling, unseen, unseen_ceiling
+from flywheel.runtime.plan import Effects, ceiling, unseen, unseen_ceiling, unseen_name
 from flywheel.runtime.results import PooledTest, RunResult, UnseenCourse
+from flywheel.runtime.run_folder import POOLED
 from flywheel.runtime.run_state import Run, usable
 from flywheel.runtime.scoring import navigation, score_jobs, scored
 from flywheel.runtime.workers import FLOOR, INFORMED_FLOOR, PERSISTENCE
 
-POOLED = "pooled-tests"
 ON_RECORDINGS = "persistence on recordings"
 
 
@@ -70,7 +71,7 @@ def _on_unseen_courses(run: Run, effects: Effects) -> tuple[UnseenCourse, ...]:
             unseen_ceiling(run.config, course, effects),
         )
         jobs = [*run.recordings(plans, champion), *run.recordings(best)]
-        name = Path(course).stem
+        name = file_name(Path(course).stem)
         report = run.do(jobs, f"unseen course {name}")
         driven = navigation(run, "mppi", report, plans)
         if driven is None:
@@ -80,7 +81,7 @@ def _on_unseen_courses(run: Run, effects: Effects) -> tuple[UnseenCourse, ...]:
                 course=name,
                 navigation=driven,
                 oracle=navigation(run, "mppi on the plant", report, best),
-                video=film(run, plans, f"unseen-{name}"),
+                video=film(run, plans, unseen_name(course)),
             )
         )
     return tuple(found)

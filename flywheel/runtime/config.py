@@ -18,7 +18,9 @@ from flywheel.control import MppiConfig
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
 from flywheel.effects import AdoptedPlant, WrittenTerm
-from flywheel.errors import FlywheelError, UnknownNameError
+from flywheel.errors import ConfigError, FlywheelError, UnknownNameError
+from flywheel.files import shown
+from flywheel.quantities import Bounds, Name, Place, Seed, Threads
 from flywheel.registry import lookup
 from flywheel.robots import TerrainConfig, load_robot
 from flywheel.runtime.config_files import read_config
@@ -30,11 +32,14 @@ from flywheel.runtime.config_parts import (
     Part,
     WorkersConfig,
 )
+from flywheel.runtime.demand import problems
 from flywheel.runtime.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
 
 NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
+MOST_EFFECTS = 1000  # a robot of 100 cables with ten effects on each
+MOST_DATASETS = 1000  # as many inputs as that has the network's one-hot
 # What may differ between a run and its continuation: it changes who computes where, not a number.
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
 
@@ -43,6 +48,8 @@ def _with_preset(network: Any) -> Any:
     """`{preset: paper, width: 128}`: one of the network's named shapes, with changes."""
     if not isinstance(network, dict) or "preset" not in network:
         return network
+    if not isinstance(network["preset"], str):
+        raise ValueError(f"preset: must be one of {', '.join(NETWORKS)}")
     changes = {key: value for key, value in network.items() if key != "preset"}
     try:
         preset = lookup(NETWORKS, network["preset"], "network preset")
@@ -59,7 +66,7 @@ class DataSet(Part):
       plant: what differs from the MJCF, as factors.
     """
 
-    name: str = "nominal"
+    name: Name = "nominal"
     plant: PlantParameters = PlantParameters()
 
 
@@ -83,13 +90,15 @@ class RunConfig(Part):
       store: URL of the trajectory store; "" for `store/` in the run folder.
     """
 
-    name: str = "run"
-    robot: str = "prism3"
-    seed: int = Field(default=0, ge=0)
-    iterations: int = Field(default=2, ge=0)
+    name: Name = "run"
+    robot: Place = "prism3"
+    seed: Seed = 0
+    iterations: Annotated[int, Bounds(0, 1000)] = 2
     control_arm: bool = True
-    effects: tuple[WrittenTerm, ...] = ()
-    datasets: tuple[DataSet, ...] = Field(default=(DataSet(),), min_length=1)
+    effects: tuple[WrittenTerm, ...] = Field(default=(), max_length=MOST_EFFECTS)
+    datasets: tuple[DataSet, ...] = Field(
+        default=(DataSet(),), min_length=1, max_length=MOST_DATASETS
+    )
     measurement: MeasurementModel = MeasurementModel()
     terrain: TerrainConfig = TerrainConfig()
     collect: CollectConfig = CollectConfig()
@@ -100,19 +109,22 @@ class RunConfig(Part):
     evaluate: EvaluateConfig = EvaluateConfig()
     diagnose: DiagnoseConfig = DiagnoseConfig()
     gate: GateConfig = GateConfig()
-    sim_threads: int = Field(default=1, ge=1)
+    sim_threads: Threads = 1
     workers: WorkersConfig = WorkersConfig()
     tracking: TrackingConfig = TrackingConfig()
-    store: str = ""
+    store: Place = ""
 
     @model_validator(mode="before")
     @classmethod
     def _adopted(cls, values: Any) -> Any:
         if not isinstance(values, dict) or not isinstance(values.get("effects"), str):
             return values
+        name = values.get("robot", cls.model_fields["robot"].default)
+        if not isinstance(name, str):
+            return values  # which is refused for that
         try:
             plant, robot = AdoptedPlant.read(values["effects"])
-            wanted = load_robot(values.get("robot", cls.model_fields["robot"].default))
+            wanted = load_robot(name)
         except FlywheelError as error:
             raise ValueError(str(error)) from None
         if wanted.digest != robot.digest:
@@ -126,7 +138,7 @@ class RunConfig(Part):
     def _data_sets_have_names_and_places(self) -> Self:
         names = [data.name for data in self.datasets]
         if len(set(names)) < len(names):
-            raise ValueError(f"data sets need different names, got {names}")
+            raise ValueError(f"data sets need different names, got {shown(names)}")
         if (places := len(self.dataset_numbers())) > self.network.datasets:
             raise ValueError(
                 f"{places} data sets (recordings are one) need network.datasets >= {places}, got "
@@ -141,6 +153,16 @@ class RunConfig(Part):
                 "diagnose.on needs recordings of the robot: name those in the store in "
                 "collect.recordings"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _can_be_done(self) -> Self:
+        if found := problems(self):
+            raise ValueError("; ".join(found))
+        try:
+            self.mppi.steps(self.network.dt)
+        except ConfigError as error:
+            raise ValueError(f"mppi.{error}") from None
         return self
 
     def dataset_numbers(self) -> dict[str, int]:

@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import io
+import os
 from collections.abc import Iterator, Sequence
-from difflib import get_close_matches
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any
 
 import yaml
-from omegaconf import DictConfig, ListConfig, OmegaConf
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from flywheel.errors import ConfigError
+from flywheel.files import LARGEST_YAML, parsed_yaml, read_text, shown
+from flywheel.runtime.overrides import MOST_VALUES, merged, overridden
+from flywheel.runtime.references import check_texts, resolved
+from flywheel.validation import LONGEST_PROBLEM, M, validated
 
-M = TypeVar("M", bound=BaseModel)
 EXTENDS = "extends"
+MOST_FILES = 50  # that one configuration is made of
+MOST_NAMES = 20  # of files that are there
 
 
 def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
     A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs; or with
-    a list of others, of which later ones win.
+    a list of others, of which later ones win. `${a.b}` stands for the single value at that key.
 
     Args:
       schema: what the result must be.
@@ -30,28 +37,19 @@ def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()
       overrides: "a.b=value", the value in YAML; later ones win.
 
     Raises:
-      ConfigError: no such file, not YAML, an unknown key or a wrong value; the message lists every
-        problem with its path, what was got and what is allowed.
+      ConfigError: no such file, not YAML, an unknown key or a wrong value; the message lists the
+        problems with their paths, what was got and what is allowed.
     """
-    merged = OmegaConf.merge(_with_parents(Path(path), ()), _parsed(overrides))
-    try:
-        plain = OmegaConf.to_container(merged, resolve=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{path}: {error}") from None
-    return validated(schema, plain, str(path))
+    values = _with_parents(Path(path), {}, ())
+    defaults = schema.model_construct().model_dump(mode="json")
+    changed = overridden(values, overrides, defaults)
+    plain = resolved(changed, f"The configuration {path}")
+    return validated(schema, plain, f"{path} is not a valid configuration", ConfigError)
 
 
-def validated(schema: type[M], values: Any, source: str) -> M:
-    """Validate plain values, e.g. from a resolved YAML file.
-
-    Raises:
-      ConfigError: see `read_config`.
-    """
-    try:
-        return schema.model_validate(values)
-    except ValidationError as error:
-        problems = "\n".join(f"  {_explained(schema, e)}" for e in error.errors())
-        raise ConfigError(f"{source} is not a valid configuration:\n{problems}") from None
+def yaml_of(model: BaseModel) -> str:
+    """A model as the text of a file that `read_config` reads as the same model."""
+    return OmegaConf.to_yaml(OmegaConf.create(model.model_dump(mode="json")))
 
 
 def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
@@ -61,79 +59,77 @@ def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
             where = f"{path}.{key}" if path else str(key)
             yield from differences(old.get(key, "(not set)"), new.get(key, "(not set)"), where)
     elif old != new:
-        yield f"{path}: {old} -> {new}"
+        yield f"{path}: {str(old)[:LONGEST_PROBLEM]} -> {str(new)[:LONGEST_PROBLEM]}"
 
 
-def _with_parents(path: Path, children: tuple[Path, ...]) -> DictConfig:
+def _with_parents(
+    path: Path, read: dict[str, dict[Any, Any]], children: tuple[str, ...]
+) -> dict[Any, Any]:
+    """The values of a file, on top of those of the files that it extends.
+
+    Args:
+      path: of the file.
+      read: values of the files that were read already, so that none is read twice.
+      children: files that led here.
+    """
+    own = _identity(path)
+    if own in children:
+        raise ConfigError(f"{path} extends itself, by way of {children[-1]}.")
+    if own in read:
+        return read[own]
+    if len(read) + len(children) >= MOST_FILES:
+        raise ConfigError(f"{path}: a configuration is made of at most {MOST_FILES} files.")
+    values = _values(path)
+    below: dict[Any, Any] = {}
+    for name in _names(path, values.pop(EXTENDS, [])):
+        below = merged(below, _with_parents(path.parent / name, read, (*children, own)))
+    read[own] = merged(below, values)
+    return read[own]
+
+
+def _identity(path: Path) -> str:
+    """The same for the same file, however it is named."""
     try:
-        loaded = OmegaConf.load(path)
-    except FileNotFoundError:
-        raise ConfigError(f"There is no configuration {path}.{_near(path)}") from None
-    except (OSError, yaml.YAMLError, OmegaConfBaseException) as error:
-        raise ConfigError(f"{path} is not a YAML file: {error}") from None
-    if not isinstance(loaded, DictConfig):
-        raise ConfigError(f"{path} must hold `key: value` lines, got {type(loaded).__name__}.")
-    own = (*children, path.resolve())
-    parents = [path.parent / name for name in _names(path, loaded.pop(EXTENDS, []))]
-    for parent in parents:
-        if parent.resolve() in own:
-            raise ConfigError(f"{path} extends itself, by way of {parent.resolve()}.")
-    merged = OmegaConf.merge(*(_with_parents(parent, own) for parent in parents), loaded)
-    assert isinstance(merged, DictConfig)
-    return merged
+        return os.path.realpath(path)
+    except ValueError:  # a NUL in it; no such file
+        return str(path)
+
+
+def _values(path: Path) -> dict[Any, Any]:
+    """Of one file, by itself."""
+    what = f"The configuration {path}"
+    try:
+        text = read_text(path, "configuration", ConfigError, LARGEST_YAML)
+    except ConfigError as error:
+        raise ConfigError(f"{error}{_near(path)}") from None
+    values = parsed_yaml(text, what, ConfigError, MOST_VALUES)
+    if not isinstance(values, dict | None):
+        raise ConfigError(f"{what} must hold `key: value` lines, got {shown(values)}.")
+    check_texts(values, what)
+    try:  # again: what YAML 1.2 calls numbers are numbers here, and no key may stand twice
+        loaded = OmegaConf.to_container(OmegaConf.load(io.StringIO(text)))
+    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
+        raise ConfigError(f"{what} cannot be read: {error}") from None
+    assert isinstance(loaded, dict)
+    return loaded
 
 
 def _names(path: Path, extended: Any) -> list[str]:
     """Of the files that one extends."""
-    names = list(extended) if isinstance(extended, list | ListConfig) else [extended]
+    names = extended if isinstance(extended, list) else [extended]
     if not all(isinstance(name, str) and name for name in names):
         raise ConfigError(
-            f"{path}: {EXTENDS} takes another file or a list of them, got {extended!r}."
+            f"{path}: {EXTENDS} takes another file or a list of them, got {shown(extended)}."
         )
     return names
 
 
 def _near(path: Path) -> str:
-    folder = path.parent if path.parent.is_dir() else Path()
-    known = sorted(p.name for p in folder.glob("*.yaml"))
-    return f" There are: {', '.join(known)}." if known else ""
-
-
-def _parsed(overrides: Sequence[str]) -> DictConfig:
-    for override in overrides:
-        if "=" not in override or override.startswith("="):
-            raise ConfigError(
-                f"An override is key=value, e.g. training.steps=500; got {override!r}."
-            )
-    try:
-        return OmegaConf.from_dotlist(list(overrides))
-    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
-        raise ConfigError(f"Cannot read the overrides {list(overrides)}: {error}") from None
-
-
-def _explained(schema: type[BaseModel], error: Any) -> str:
-    location = error["loc"]
-    where = ".".join(str(part) for part in location) or "(the whole)"
-    if error["type"] == "extra_forbidden":
-        allowed = sorted(_fields_at(schema, location[:-1]))
-        near = get_close_matches(str(location[-1]), allowed, n=1)
-        hint = f" Did you mean {near[0]!r}?" if near else ""
-        return f"{where}: unknown key.{hint} Allowed: {', '.join(allowed)}."
-    if error["type"] == "missing":
-        return f"{where}: must be given."
-    return f"{where}: {error['msg']}; got {error['input']!r}."
-
-
-def _fields_at(schema: type[BaseModel], location: Sequence[str | int]) -> set[str]:
-    found = {schema}
-    for part in location:
-        fields = [m.model_fields[str(part)].annotation for m in found if part in m.model_fields]
-        found = {model for field in fields for model in _models_in(field)} or found
-    return {name for model in found for name in model.model_fields}
-
-
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _models_in(part)
+    """The configurations beside one that is not there."""
+    with suppress(OSError):
+        if not path.exists():
+            folder = path.parent if path.parent.is_dir() else Path()
+            known = sorted(p.name for p in folder.glob("*.yaml"))
+            more = f" and {len(known) - MOST_NAMES} more" if len(known) > MOST_NAMES else ""
+            return f" There are: {', '.join(known[:MOST_NAMES])}{more}." if known else ""
+    return ""

@@ -2,15 +2,37 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 from flywheel.diagnosis.calibration import unsure_terms
 from flywheel.effects import NAMED
 from flywheel.errors import DataError, FlywheelError, UnknownNameError
+from flywheel.quantities import (
+    Bounds,
+    Episodes,
+    EpisodeSeconds,
+    Factor,
+    HorizonSeconds,
+    Name,
+    PartialShare,
+    Patience,
+    Place,
+    Samples,
+    Share,
+    WaitingSeconds,
+)
 from flywheel.registry import lookup
 from flywheel.robots import load_course
 
-SHARE = Field(default=0.2, ge=0.0, lt=1.0)
+MOST_RECORDINGS = 5_000  # that are named in one file
+MOST_COURSES = 100
+# As the store names them.
+SegmentName = Annotated[Name, StringConstraints(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
+# Of a cluster: a hundred machines of a hundred cores.
+Workers = Annotated[int, Bounds(1, 10_000)]
+Processors = Annotated[float, Bounds(0, 1000)]
 
 
 class Part(BaseModel):
@@ -36,19 +58,19 @@ class CollectConfig(Part):
       recordings: segments already in the store that belong to the data from iteration 0 on.
     """
 
-    gaits: int = Field(default=6, ge=0)
-    gait_seconds: float = Field(default=30.0, gt=0)
-    gait_variation: float = Field(default=0.15, ge=0, le=0.5)
-    random: int = Field(default=10, ge=0)
-    random_seconds: float = Field(default=30.0, gt=0)
-    drops: int = Field(default=4, ge=0)
-    drop_seconds: float = Field(default=5.0, gt=0)
-    mppi: int = Field(default=10, ge=1)
-    mppi_seconds: float = Field(default=30.0, gt=0)
-    mppi_samples: int | None = Field(default=None, ge=1)
-    validation: float = SHARE
-    test: float = SHARE
-    recordings: tuple[str, ...] = ()
+    gaits: Episodes = 6
+    gait_seconds: EpisodeSeconds = 30.0
+    gait_variation: Annotated[float, Bounds(0, 0.5)] = 0.15
+    random: Episodes = 10
+    random_seconds: EpisodeSeconds = 30.0
+    drops: Episodes = 4
+    drop_seconds: EpisodeSeconds = 5.0
+    mppi: Annotated[int, Bounds(1, 10_000)] = 10
+    mppi_seconds: EpisodeSeconds = 30.0
+    mppi_samples: Samples | None = None
+    validation: PartialShare = 0.2
+    test: PartialShare = 0.2
+    recordings: tuple[SegmentName, ...] = Field(default=(), max_length=MOST_RECORDINGS)
 
 
 class EvaluateConfig(Part):
@@ -71,15 +93,15 @@ class EvaluateConfig(Part):
         as there are tasks; nothing is learned there.
     """
 
-    tasks: int = Field(default=8, ge=0)
-    horizon_seconds: float = Field(default=2.0, gt=0)
-    starts: int = Field(default=10, ge=1)
+    tasks: Episodes = 8
+    horizon_seconds: HorizonSeconds = 2.0
+    starts: Samples = 10
     full: bool = True
     oracle: bool = True
     floor: bool = True
-    floor_window: int = Field(default=1, ge=1)
+    floor_window: Annotated[int, Bounds(1, 1000, "steps")] = 1
     video: bool = True
-    unseen: tuple[str, ...] = ()
+    unseen: tuple[Place, ...] = Field(default=(), max_length=MOST_COURSES)
 
     @field_validator("unseen")
     @classmethod
@@ -107,10 +129,10 @@ class DiagnoseConfig(Part):
     """
 
     on: bool = False
-    effects: tuple[str, ...] = ()
-    unsure: dict[str, float] = Field(default_factory=dict)
-    seconds: float = Field(default=12.0, gt=0)
-    window_seconds: float | None = Field(default=None, gt=0)
+    effects: tuple[Name, ...] = Field(default=(), max_length=len(NAMED))
+    unsure: dict[Name, Factor] = Field(default_factory=dict, max_length=len(NAMED))
+    seconds: HorizonSeconds = 12.0
+    window_seconds: HorizonSeconds | None = None
 
     @field_validator("effects")
     @classmethod
@@ -141,8 +163,8 @@ class GateConfig(Part):
       success_drop: its success rate may be at most this much lower than the champion's.
     """
 
-    error_ratio: float = Field(default=1.0, gt=0)
-    success_drop: float = Field(default=0.25, ge=0, le=1)
+    error_ratio: Factor = 1.0
+    success_drop: Share = 0.25
 
 
 class WorkersConfig(Part):
@@ -162,14 +184,14 @@ class WorkersConfig(Part):
       least_free_gb: free disk space below which a run does not begin [GB].
     """
 
-    sim: int = Field(default=2, ge=1)
-    trainers: int | None = Field(default=None, ge=1)
-    trainer_cpus: float = Field(default=0.0, ge=0)
-    trainer_gpus: float = Field(default=0.0, ge=0)
-    cores: int | None = Field(default=None, ge=1)
-    start_seconds: float = Field(default=180.0, gt=0)
-    stall_seconds: float = Field(default=300.0, gt=0)
-    drain_seconds: float = Field(default=10.0, ge=0)
-    remote_rollouts: int = Field(default=0, ge=0)
-    least_episodes: float = Field(default=0.5, ge=0, le=1)
-    least_free_gb: float = Field(default=2.0, ge=0)
+    sim: Workers = 2
+    trainers: Workers | None = None
+    trainer_cpus: Processors = 0.0
+    trainer_gpus: Processors = 0.0
+    cores: Workers | None = None
+    start_seconds: Patience = 180.0
+    stall_seconds: Patience = 300.0
+    drain_seconds: WaitingSeconds = 10.0
+    remote_rollouts: Annotated[int, Bounds(0, 1000)] = 0
+    least_episodes: Share = 0.5
+    least_free_gb: Annotated[float, Bounds(0, 1e9, "GB")] = 2.0

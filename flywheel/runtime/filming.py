@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from flywheel.dynamics.plant import Scenery
 from flywheel.dynamics.plant.render import render_episode, usual_shot
+from flywheel.files import file_name
 from flywheel.records import Plans
 from flywheel.runtime.plan import EpisodePlan, evaluation
 from flywheel.runtime.recording import Recorder
@@ -49,7 +50,7 @@ def film(run: Run, plans: Sequence[EpisodePlan], name: str) -> str:
     plan = next((plan for plan in plans if plan.id in there), None)
     if plan is None:
         return ""
-    path = f"videos/{name}.mp4"
+    path = f"videos/{file_name(name)}.mp4"
     task, episode = Recorder(run.config, run.robot).task(plan), run.store.read(plan.id)
     trajectory = episode.trajectory
     if task is None or trajectory.states is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from flywheel import __version__
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.publishing import publish_iteration
 from flywheel.runtime.results import RESULT_FILE, IterationResult, RunResult
-from flywheel.runtime.run_folder import Identity, name_of
+from flywheel.runtime.run_folder import ARMS, POOLED, SEGMENT, SNAPSHOT, name_of
+from flywheel.runtime.run_identity import Identity
 from flywheel.runtime.run_state import Run
+from flywheel.seals import file_sha256
 
 ENGINES = ("mujoco", "torch", "ray", "zarr", "mlflow", "numpy")
 
@@ -28,8 +31,42 @@ def keep(run: Run, result: IterationResult) -> None:
             model_folder=run.model_of(result).path.parent if result.model else None,
             model_shape=(len(run.robot.points), len(run.robot.winches)),
         )
-    run.folder.finish(result)
+    run.folder.finish(result, rests_on(run, result))
     shutil.rmtree(run.folder.cache / name_of(result.iteration, result.arm), ignore_errors=True)
+
+
+def rests_on(run: Run, result: IterationResult) -> dict[str, str]:
+    """What an iteration produced beside its numbers, by name, with digests."""
+    iteration, arm = result.iteration, result.arm
+    others = tuple(f"{name_of(iteration, other)}-" for other in ARMS if other != arm)
+    recorded = {n: d for n, d in _recorded(run, iteration).items() if not n.startswith(others)}
+    videos = [run.folder.path / result.video] if result.video else []
+    snapshot = {f"{SNAPSHOT}{name_of(iteration, arm)}": result.snapshot}
+    files = _digests(run, [*run.folder.model_files(iteration, arm), *videos])
+    return snapshot | files | {f"{SEGMENT}{name}": digest for name, digest in recorded.items()}
+
+
+def end_rests_on(run: Run, result: RunResult) -> dict[str, str]:
+    """What the end of a run produced beside its numbers."""
+    videos = [run.folder.path / each.video for each in result.unseen if each.video]
+    pooled = {f"{SNAPSHOT}{POOLED}": run.store.snapshot(POOLED).digest}
+    recorded = _recorded(run, -1)
+    files = _digests(run, videos)
+    return pooled | files | {f"{SEGMENT}{name}": digest for name, digest in recorded.items()}
+
+
+def _recorded(run: Run, iteration: int) -> dict[str, str]:
+    """Segments of episodes that an iteration simulated (-1: the end), with digests."""
+    return {
+        name: receipt.sha256
+        for name, receipt in run.store.committed().items()
+        if any(e.source == "sim" and e.iteration == iteration for e in receipt.summaries)
+    }
+
+
+def _digests(run: Run, paths: Sequence[Path]) -> dict[str, str]:
+    root = run.folder.path.absolute()
+    return {p.absolute().relative_to(root).as_posix(): file_sha256(p, "file") for p in paths}
 
 
 def result_so_far(run: Run, identity: Identity, notes: list[str]) -> RunResult:

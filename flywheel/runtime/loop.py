@@ -18,22 +18,25 @@ from flywheel.runtime.conclusion import conclude
 from flywheel.runtime.config import RunConfig, WorkersConfig
 from flywheel.runtime.dashboard import DATABASE, database_uri
 from flywheel.runtime.interrupts import Interrupted, StopRequest
+from flywheel.runtime.inventory import check_sound
 from flywheel.runtime.iteration import run_iteration
 from flywheel.runtime.jobs import Group
-from flywheel.runtime.keeping import result_so_far, start_tags
+from flywheel.runtime.keeping import end_rests_on, result_so_far, start_tags
 from flywheel.runtime.lock import hold
 from flywheel.runtime.outbox import OUTBOX_FILE
 from flywheel.runtime.pool import Patience, WorkerPool
 from flywheel.runtime.progress import Progress, Quiet
 from flywheel.runtime.publishing import publish_end, publish_start
 from flywheel.runtime.results import RESULT_FILE, RunResult
-from flywheel.runtime.run_folder import Identity, RunFolder
+from flywheel.runtime.run_folder import RunFolder
+from flywheel.runtime.run_identity import Identity
 from flywheel.runtime.run_state import HELPERS, Run
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.training_worker import TrainerWorker
 from flywheel.runtime.workers import SimWorker
 
+OVERBOOKED = 16  # times the cores of a machine: each is a process of some 300 MB
 HURRY = 3.0  # seconds for the tracker when a run ends early; the rest is delivered on its resume
 OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
 
@@ -60,9 +63,11 @@ def run(
     Raises:
       ConfigError: the folder is in use, cannot be written, holds a run and `resume` is false, holds a run
         of another configuration, or the cluster is too small.
-      RunError: the run cannot go on; the message says why. What is finished is kept.
+      RunError: the run cannot go on, or what it would go on from is not what it left there; the message
+        says why. What is finished is kept.
       Interrupted: the user asked to stop.
     """
+    cluster = ClusterConfig(address, cores_of(config.workers, address))
     files = RunFolder(Path(folder).absolute())
     check_folder(files.path, "folder of the run", ConfigError)
     if (episodes := local_folder(files.store_url(config))) is not None:
@@ -74,12 +79,12 @@ def run(
         identity = files.begin(config, resume)
         robot = files.robot(config)
         shown = progress or Quiet()
+        check_sound(files, TrajectoryStore(files.store_url(config)))
         if (done := finished_run(files)) is not None:
             with _tracked(config, files, identity, tracker, shown):  # delivers what is waiting
                 return done
         files.check_space(config.workers.least_free_gb)
         shown.say(f"The run is in {folder}. Ctrl-C stops it; --resume goes on.")
-        cluster = ClusterConfig(address, cores_of(config.workers))
         with (
             Cluster(cluster) as ray,
             StopRequest() as stop,  # after Ray, which catches signals, too
@@ -115,7 +120,7 @@ def turn(run: Run, identity: Identity) -> RunResult:
     if run.tracker is not None:
         videos = [run.folder.path / each.video for each in result.unseen if each.video]
         publish_end(run.tracker, result, [*write_report(result, run.folder.path), *videos])
-    result.save(run.folder.path)
+    result.save(run.folder.path, end_rests_on(run, result))
     return result
 
 
@@ -185,6 +190,17 @@ def _tracked(
             )
 
 
-def cores_of(workers: WorkersConfig) -> int:
-    """Cores of a local cluster: as configured, or those this process may use."""
-    return workers.cores or len(os.sched_getaffinity(0))
+def cores_of(workers: WorkersConfig, address: str | None) -> int:
+    """Cores of a local cluster: as configured, or those this process may use.
+
+    Raises:
+      ConfigError: no cluster's address is given, and this machine has far fewer.
+    """
+    there = len(os.sched_getaffinity(0))
+    cores = workers.cores or there
+    if address is None and cores > OVERBOOKED * there:
+        raise ConfigError(
+            f"workers.cores is {cores:,}, this machine has {there}; at most {OVERBOOKED * there} are "
+            "booked here. A cluster is named with --address."
+        )
+    return cores

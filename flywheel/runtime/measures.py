@@ -9,16 +9,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import PurePosixPath
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from flywheel.effects import WrittenTerm
 from flywheel.evaluation.errors import ErrorTable
 from flywheel.evaluation.intervals import success_interval
 from flywheel.robots import Box
+
+
+def _inside(path: str) -> str:
+    parts = PurePosixPath(path).parts
+    if path.startswith("/") or ".." in parts or not path.isprintable():
+        raise ValueError("the path leaves the run's folder")
+    return path
+
+
+PathInside = Annotated[str, AfterValidator(_inside)]  # relative to the run folder, or ""
 
 
 class ResultRecord(BaseModel):
@@ -73,7 +84,7 @@ class DiagnosisNote(ResultRecord):
     held_out_baseline: float | None = None
     held_out_augmented: float | None = None
     answer: dict[str, Any] = {}
-    page: str = ""
+    page: PathInside = ""
 
 
 class ErrorNumbers(ResultRecord):

@@ -128,18 +128,18 @@ def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
 
 def unseen(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
     """Closed-loop episodes of the last champion on a course that is not the run's."""
-    return _elsewhere(_navigation(config, _unseen_name(course), "mppi", -1, effects), course)
+    return _elsewhere(_navigation(config, unseen_name(course), "mppi", -1, effects), course)
 
 
 def unseen_ceiling(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
     """The same for the planner that knows the plant itself."""
     if not config.evaluate.oracle:
         return []
-    name = f"{_unseen_name(course)}-{ORACLE}"
+    name = f"{unseen_name(course)}-{ORACLE}"
     return _elsewhere(_navigation(config, name, ORACLE, -1, effects), course)
 
 
-def _unseen_name(course: str) -> str:
+def unseen_name(course: str) -> str:
     """Of a path its hash: names of episodes have few letters."""
     return f"unseen-{zlib.crc32(course.encode()):08x}" if "." in course else f"unseen-{course}"
 

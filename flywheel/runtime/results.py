@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, Self, TypeVar
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
-from flywheel.files import MB, read_bytes
+from flywheel.files import MB, read_bytes, shown
 from flywheel.runtime.measures import (
     DiagnosisNote,
     ErrorNumbers,
@@ -19,15 +23,19 @@ from flywheel.runtime.measures import (
     LeadTimes,
     Navigation,
     Overlay,
+    PathInside,
     ResultRecord,
     Success,
     TrainingPoint,
     Walk,
 )
+from flywheel.runtime.run_identity import read_begun
+from flywheel.seals import Seal, Unsound, check_seal, sealed, unsealed
 
 Arm = Literal["mppi", "control"]
-RESULT_FILE = "result.json"
-LARGEST_RESULT = 500 * MB  # [bytes]; that of a run of days has some MB
+RESULT_FILE, RESULT = "result.json", "result"
+LARGEST_RESULT = 200 * MB  # [bytes]; one of ten iterations has some 5 MB
+NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class IterationResult(ResultRecord):
@@ -73,7 +81,7 @@ class IterationResult(ResultRecord):
     gate: GateDecision | None = None
     overlay: Overlay | None = None
     diagnosis: DiagnosisNote | None = None
-    video: str = ""
+    video: PathInside = ""
 
 
 class PooledTest(ResultRecord):
@@ -98,7 +106,7 @@ class UnseenCourse(ResultRecord):
     course: str
     navigation: Navigation
     oracle: Navigation | None = None
-    video: str = ""
+    video: PathInside = ""
 
 
 class RunResult(ResultRecord):
@@ -171,47 +179,80 @@ class RunResult(ResultRecord):
         """On the pooled test set if that was run, else on the iteration's own test episodes."""
         return self.pooled_errors(result) or result.test
 
-    def save(self, folder: str | Path) -> Path:
-        """Write `<folder>/result.json` in one atomic step."""
-        return save(self, Path(folder) / RESULT_FILE)
+    def save(self, folder: str | Path, rests_on: Mapping[str, str] = NOTHING) -> Path:
+        """Write `<folder>/result.json` in one atomic step, under a seal.
+
+        Args:
+          folder: of the run.
+          rests_on: see `seals.Seal`.
+        """
+        return save(self, Path(folder) / RESULT_FILE, Seal(RESULT, RESULT, self.key, rests_on))
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
         """Read `<folder>/result.json`.
 
         Raises:
-          DataError: there is none, or it is not one of ours.
+          DataError: there is none, it was altered, or it is another run's than the folder.
         """
-        return load(cls, Path(folder) / RESULT_FILE)
+        return cls.read(folder)[0]
+
+    @classmethod
+    def read(cls, folder: str | Path) -> tuple[Self, Seal | None]:
+        """Result and seal; see `load`."""
+        owner = ""
+        with suppress(Unsound):  # what run.json has is told by `flywheel data verify`
+            owner = read_begun(Path(folder)).owner
+        return read(cls, Path(folder) / RESULT_FILE, Seal(RESULT, RESULT, owner))
 
 
 R = TypeVar("R", bound=ResultRecord)
 
 
-def save(record: ResultRecord, path: Path) -> Path:
-    """Write any of these records as JSON, in one atomic and durable step."""
+def save(record: ResultRecord, path: Path, seal: Seal) -> Path:
+    """Write any of these records as JSON under a seal, in one atomic and durable step."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("w") as file:
-        file.write(record.model_dump_json(indent=1))
+    with temporary.open("wb") as file:
+        file.write(sealed(json.loads(record.model_dump_json()), seal))
         file.flush()
         os.fsync(file.fileno())
     temporary.replace(path)
     return path
 
 
-def load(kind: type[R], path: Path) -> R:
-    """Read a record that `save` wrote.
+def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
+    """Read a record that `save` wrote, and its seal; none in files of before.
+
+    Args:
+      kind: of record.
+      path: of the file.
+      wanted: what its seal has to name; without an owner, anyone's and none will do.
 
     Raises:
       DataError: no such file, or its contents are not such a record.
+      Unsound: it was altered, or is another's.
     """
-    if not path.exists():
-        raise DataError(f"There is no {path.name} in {path.parent}; has the run begun?")
+    if not os.path.lexists(path):
+        message = f"There is no {path.name} in {path.parent}; has the run begun?"
+        raise Unsound(message, "missing")
+    what = f"The file {path}"
+    values, seal = unsealed(read_bytes(path, "file", DataError, LARGEST_RESULT), what)
+    if seal is not None:
+        check_seal(seal, wanted.kind, wanted.name, what)
+    elif wanted.owner:
+        raise Unsound(f"{what} has no seal, unlike the other files of its run.", "foreign")
+    if seal is not None and wanted.owner not in ("", seal.owner):
+        words = f"{what} is of another run ({seal.owner}, this one is {wanted.owner})."
+        raise Unsound(words, "foreign")
     try:
-        return kind.model_validate_json(read_bytes(path, "result", DataError, LARGEST_RESULT))
-    except ValueError as error:
-        raise DataError(f"{path} is not a {kind.__name__}: {error}") from None
+        return kind.model_validate(values), seal
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise Unsound(
+            f"{what} is not a {kind.__name__}: {where}: {first['msg']}, got {shown(first['input'])}."
+        ) from None
 
 
 __all__ = [
@@ -231,6 +272,6 @@ __all__ = [
     "Success",
     "TrainingPoint",
     "Walk",
-    "load",
+    "read",
     "save",
 ]

@@ -106,7 +106,9 @@ class Run:
     def weights(self, model: Model) -> Any:
         """The model's weights, shared with all workers once, for as long as the run lasts."""
         if model.digest not in self._shared:
-            self._shared[model.digest] = self.pool.share(Weights.read(model.path, self.robot))
+            self._shared[model.digest] = self.pool.share(
+                Weights.read(model.path, self.robot, model.digest)
+            )
         return self._shared[model.digest]
 
     def snapshot(self, name: str) -> Snapshot | None:

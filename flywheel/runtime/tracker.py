@@ -13,11 +13,12 @@ import re
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds, Name, Place, WaitingSeconds
 from flywheel.runtime.measures import GateDecision
 from flywheel.runtime.outbox import Courier, Outbox, Record
 
@@ -38,11 +39,11 @@ class TrackingConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    uri: str = ""
-    experiment: str = "flywheel"
-    registered_model: str = ""
-    request_seconds: int = Field(default=5, ge=1)
-    close_seconds: float = Field(default=60.0, ge=0)
+    uri: Place = ""
+    experiment: Name = "flywheel"
+    registered_model: Name = ""
+    request_seconds: Annotated[int, Bounds(1, 3600, "s")] = 5
+    close_seconds: WaitingSeconds = 60.0
 
 
 class Receiver(Protocol):

@@ -13,6 +13,7 @@ from flywheel.dynamics.gnn.weights import (
     weights_arrays,
     weights_digest,
 )
+from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
 
@@ -31,14 +32,25 @@ class Weights:
     arrays: dict[str, np.ndarray]
 
     @classmethod
-    def read(cls, path: Path, robot: Robot) -> Weights:
+    def read(cls, path: Path, robot: Robot, digest: str = "") -> Weights:
         """Read the file that `save_weights` wrote.
 
+        Args:
+          path: of it.
+          robot: that the weights are for.
+          digest: that they have to have; "" for any.
+
         Raises:
-          ModelError: it is missing, damaged, or for another robot.
+          ModelError: it is missing, damaged, or for another robot, or holds other weights.
         """
         network = load_weights(path, robot)
-        return cls(weights_digest(network), network.config, weights_arrays(network))
+        found = weights_digest(network)
+        if digest not in ("", found):
+            raise ModelError(
+                f"The weights {path} are not those that were trained here: their digest is {found[:12]}, "
+                f"not {digest[:12]}. `flywheel data verify RUN` says which they are."
+            )
+        return cls(found, network.config, weights_arrays(network))
 
     def dynamics(self, robot: Robot, threads: int = 1) -> LearnedDynamics:
         """The model itself."""

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from flywheel.quantities import (
+    Bounds,
+    EpisodeSeconds,
+    Metres,
+    Place,
+    PositiveRobotLengths,
+    RobotLengths,
+    Weight,
+)
 from flywheel.robots import Box
 
-Range = tuple[float, float]
+MOST_BOXES = 1000
+Range = tuple[PositiveRobotLengths, PositiveRobotLengths]
 
 
 class TaskConfig(BaseModel):
@@ -42,24 +52,24 @@ class TaskConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: Literal["reach", "reach_among_boxes", "obstacle_course", "tour"] = "reach"
-    goal: tuple[float, float] | None = None
+    goal: tuple[Metres, Metres] | None = None
     radius: Range = (1.5, 2.5)
-    tolerance: float = Field(default=0.17, gt=0)
-    seconds: float = Field(default=60.0, gt=0)
-    along: float = Field(default=0.5, ge=0)
-    final: float = Field(default=1.0, ge=0)
-    broadside: float = Field(default=0.0, ge=0)
-    arrival: float = Field(default=0.0, ge=0)
-    near: float = Field(default=0.005, ge=0)
-    course: str = "s_course"
-    spread: float = Field(default=0.5, ge=0)
-    stops: int = Field(default=3, ge=1)
-    obstacles: tuple[Box, ...] = ()
-    boxes: int = Field(default=2, ge=1)
+    tolerance: PositiveRobotLengths = 0.17
+    seconds: EpisodeSeconds = 60.0
+    along: Weight = 0.5
+    final: Weight = 1.0
+    broadside: Weight = 0.0
+    arrival: Weight = 0.0
+    near: Weight = 0.005
+    course: Place = "s_course"
+    spread: RobotLengths = 0.5
+    stops: Annotated[int, Bounds(1, 100)] = 3
+    obstacles: tuple[Box, ...] = Field(default=(), max_length=MOST_BOXES)
+    boxes: Annotated[int, Bounds(1, 100)] = 2
     box_half_width: Range = (0.15, 0.35)
-    box_height: float = Field(default=0.5, gt=0)
-    clearance: float = Field(default=0.5, ge=0)
-    cell: float = Field(default=0.1, gt=0)
+    box_height: PositiveRobotLengths = 0.5
+    clearance: RobotLengths = 0.5
+    cell: Annotated[float, Bounds(0.001, 10, "L")] = 0.1
     moves: Literal["diagonal", "manhattan"] = "diagonal"
 
     @model_validator(mode="after")

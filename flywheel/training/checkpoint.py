@@ -7,19 +7,34 @@ only and are read with `weights_only=True`: reading one runs no code.
 
 from __future__ import annotations
 
+import os
 import pickle
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+from zipfile import ZipFile
 
 import torch
 from torch import Tensor
 
 from flywheel.errors import ConfigError, DataError
+from flywheel.files import opened, shown
 from flywheel.outputs import write_output
 
 CHECKPOINT = "checkpoint.pt"
+_TYPES = {
+    "key": str,
+    "step": int,
+    "weights": dict,
+    "optimiser": dict,
+    "averaged": dict,
+    "best": dict,
+    "best_error": float,
+    "best_step": int,
+    "stale": int,
+    "curve": list,
+}
 
 
 @dataclass(frozen=True)
@@ -67,18 +82,43 @@ def read_checkpoint(folder: Path, key: str, device: str = "cpu") -> Checkpoint |
       DataError: it is damaged.
     """
     path = folder / CHECKPOINT
-    if not path.exists():
+    if not os.path.lexists(path):
         return None
-    try:
-        fields = torch.load(path, map_location=device, weights_only=True)
-        checkpoint = Checkpoint(**fields)
-    except (RuntimeError, TypeError, EOFError, OSError, pickle.UnpicklingError) as error:
-        raise DataError(
-            f"{path} is damaged ({error}); remove it to train again from the start."
-        ) from None
+    with opened(path, "checkpoint", DataError, limit=None) as file:
+        checkpoint = _checked(path, _fields(path, file, device))
     if checkpoint.key != key:
         raise ConfigError(
             f"{path} belongs to a training with another configuration, robot, data or "
             f"first weights ({checkpoint.key[:12]}, this one is {key[:12]}); use another folder."
         )
     return checkpoint
+
+
+def damaged(path: Path, why: object) -> DataError:
+    """What is said of a checkpoint that cannot be gone on from."""
+    return DataError(f"{path} is damaged ({why}); remove it to train again from the start.")
+
+
+def _fields(path: Path, file: BinaryIO, device: str) -> Any:
+    try:
+        with ZipFile(file) as archive:  # torch does not look at its checksums
+            packed = [each.filename for each in archive.infolist() if each.compress_type]
+            wrong = packed[0] if packed else archive.testzip()
+        file.seek(0)
+        if wrong is None:
+            return torch.load(file, map_location=device, weights_only=True)
+    except pickle.UnpicklingError:
+        raise damaged(path, "it holds more than tensors and plain values") from None
+    except Exception as error:  # of an archive's and a tensor's many kinds
+        raise damaged(path, error) from None
+    raise damaged(path, f"{wrong} was altered")
+
+
+def _checked(path: Path, fields: Any) -> Checkpoint:
+    """The fields of a checkpoint, if they are of their types; what is in them, torch refuses."""
+    if not isinstance(fields, dict) or fields.keys() != _TYPES.keys():
+        raise damaged(path, f"it holds {shown(fields)}")
+    for name, kind in _TYPES.items():
+        if not isinstance(fields[name], kind):
+            raise damaged(path, f"{name} is {shown(fields[name])}")
+    return Checkpoint(**fields)

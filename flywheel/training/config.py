@@ -4,9 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-NonNegative = Annotated[float, Field(ge=0)]
+from flywheel.quantities import (
+    Bounds,
+    Factor,
+    HorizonSeconds,
+    Name,
+    OptimiserSteps,
+    PartialShare,
+    Samples,
+    Seed,
+    Share,
+    Threads,
+    Weight,
+)
+
+MOST_STAGES = 100
+MOST_DATASETS = 1000
+Chunks = Annotated[int, Bounds(1, 100_000)]
 
 
 class _Frozen(BaseModel):
@@ -21,8 +37,8 @@ class Stage(_Frozen):
       share: of the step budget; the shares of a schedule are divided by their sum.
     """
 
-    chunks: PositiveInt
-    share: PositiveFloat
+    chunks: Annotated[int, Bounds(1, 1000)]
+    share: Factor
 
 
 def _stages(shares: dict[int, float]) -> tuple[Stage, ...]:
@@ -40,11 +56,11 @@ class Schedule(_Frozen):
       final_rate: where the cosine ends, as a fraction of the highest rate.
     """
 
-    steps: PositiveInt
-    stages: tuple[Stage, ...] = Field(min_length=1)
-    learning_rate: PositiveFloat
-    warmup_steps: int = Field(ge=0)
-    final_rate: float = Field(default=0.01, gt=0, le=1)
+    steps: OptimiserSteps
+    stages: tuple[Stage, ...] = Field(min_length=1, max_length=MOST_STAGES)
+    learning_rate: Factor
+    warmup_steps: Annotated[int, Bounds(0, 10_000_000)]
+    final_rate: Annotated[float, Bounds(0, 1, above=True)] = 0.01
 
     @model_validator(mode="after")
     def _every_stage_has_a_step(self) -> Self:
@@ -102,28 +118,28 @@ class TrainingConfig(_Frozen):
         learning_rate=1e-3,
         warmup_steps=20,
     )
-    chunks_per_batch: PositiveInt = 256
-    least_windows: PositiveInt = 32
-    weight_decay: NonNegative = 1e-5
-    clip: PositiveFloat = 1.0
-    averaging: float = Field(default=0.98, ge=0, lt=1)
-    huber: PositiveFloat = 5.0
-    velocity_weight: NonNegative = 1.0
-    position_weight: NonNegative = 1.0
-    rest_weight: NonNegative = 1.0
-    lead_power: NonNegative = 1.0
+    chunks_per_batch: Chunks = 256
+    least_windows: Samples = 32
+    weight_decay: Annotated[float, Bounds(0, 1e3)] = 1e-5
+    clip: Factor = 1.0
+    averaging: PartialShare = 0.98
+    huber: Factor = 5.0
+    velocity_weight: Weight = 1.0
+    position_weight: Weight = 1.0
+    rest_weight: Weight = 1.0
+    lead_power: Annotated[float, Bounds(0, 10)] = 1.0
     yaw_augmentation: bool = True
-    noise: NonNegative = 0.0
-    mix: dict[str, NonNegative] = {}
-    validate_every: PositiveInt = 100
-    validation_windows: PositiveInt = 128
-    validation_seconds: PositiveFloat = 2.0
-    report_every: PositiveInt = 20
-    patience: int = Field(default=0, ge=0)
-    checkpoint_every: PositiveInt = 100
+    noise: Share = 0.0
+    mix: dict[Name, Weight] = Field(default={}, max_length=MOST_DATASETS)
+    validate_every: OptimiserSteps = 100
+    validation_windows: Samples = 128
+    validation_seconds: HorizonSeconds = 2.0
+    report_every: OptimiserSteps = 20
+    patience: Annotated[int, Bounds(0, 10_000_000)] = 0
+    checkpoint_every: OptimiserSteps = 100
     device: Literal["cpu", "cuda"] = "cpu"
-    threads: PositiveInt = 1
-    seed: int = Field(default=0, ge=0)
+    threads: Threads = 1
+    seed: Seed = 0
 
     @model_validator(mode="before")
     @classmethod

@@ -28,7 +28,13 @@ from flywheel.dynamics.gnn import (
 )
 from flywheel.errors import ConfigError, ModelError
 from flywheel.robots import Robot
-from flywheel.training.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from flywheel.training.checkpoint import (
+    CHECKPOINT,
+    Checkpoint,
+    damaged,
+    read_checkpoint,
+    write_checkpoint,
+)
 from flywheel.training.config import TrainingConfig
 from flywheel.training.loss import Losses
 from flywheel.training.objective import Objective
@@ -165,16 +171,10 @@ class Trainer:
         state = _State(network, optimiser, AveragedModel(network, multi_avg_fn=average))
         kept = read_checkpoint(self._folder, self._key, config.device)
         if kept is not None:
-            network.load_state_dict(kept.weights)
-            optimiser.load_state_dict(kept.optimiser)
-            state.averaged.load_state_dict(kept.averaged)
-            state.step, state.stale = kept.step, kept.stale
-            state.best, state.best_error, state.best_step = (
-                kept.best,
-                kept.best_error,
-                kept.best_step,
-            )
-            state.curve = [CurvePoint(**point) for point in kept.curve]
+            try:
+                _restore(state, kept)
+            except (RuntimeError, ValueError, TypeError, LookupError, AttributeError) as error:
+                raise damaged(self._folder / CHECKPOINT, error) from None
         return state
 
     def _first_network(self) -> ChunkNetwork:
@@ -302,3 +302,12 @@ class Trainer:
         if self._train.belief:
             parts["belief"] = self._train.belief
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def _restore(state: _State, kept: Checkpoint) -> None:
+    state.network.load_state_dict(kept.weights)
+    state.optimiser.load_state_dict(kept.optimiser)
+    state.averaged.load_state_dict(kept.averaged)
+    state.step, state.stale = kept.step, kept.stale
+    state.best, state.best_error, state.best_step = kept.best, kept.best_error, kept.best_step
+    state.curve = [CurvePoint(**point) for point in kept.curve]

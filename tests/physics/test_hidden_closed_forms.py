@@ -76,7 +76,8 @@ def test_a_payload_pulls_the_centre_of_mass_towards_its_point(point: int) -> Non
         mujoco.mj_forward(model, data)
         centres.append(np.average(data.xipos, axis=0, weights=model.body_mass))
         total = model.body_mass.sum()
-        place = data.site(robot.points[point].name).xpos
+        carrier = data.body(robot.bodies[robot.points[point].body].name)
+        place = carrier.xpos + carrier.xmat.reshape(3, 3) @ robot.points[point].offset
     expected = centres[0] + mass / total * (place - centres[0])
     np.testing.assert_allclose(centres[1], expected, atol=1e-9)
 

@@ -8,7 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flywheel.errors import DataError
-from flywheel.files import file_name, opened, parsed_json, parsed_yaml, read_bytes, read_text, shown
+from flywheel.files import (
+    file_name,
+    opened,
+    parsed_json,
+    parsed_yaml,
+    read_bytes,
+    read_text,
+    shown,
+    yaml_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -132,3 +141,37 @@ def test_a_value_for_a_message_is_short_however_large_it_is() -> None:
     assert len(shown(deep)) < 200
     assert len(shown("x" * 10**6)) < 200
     assert shown({"a": 1}) == "{'a': 1}"
+
+
+def test_halves_of_characters_are_refused_because_no_file_can_hold_them() -> None:
+    assert parsed_json(r'{"a": "\ud83d\ude00"}', "The answer", DataError) == {"a": "😀"}
+    for text in (r'{"a": "\ud83d"}', r'{"\uDFFF": 1}'):
+        with pytest.raises(DataError, match="surrogates not allowed"):
+            parsed_json(text, "The answer", DataError)
+
+
+def test_numbers_of_yaml_1_2_are_numbers_and_texts_come_back_as_texts() -> None:
+    text = "a: 1e-3\nb: -2E5\nc: '1e3'\nd: 1.5e3\n"
+    values = parsed_yaml(text, "The map", DataError)
+    assert values == {"a": 1e-3, "b": -2e5, "c": "1e3", "d": 1500.0}
+    assert parsed_yaml(yaml_text(values), "The map", DataError) == values
+
+
+def test_a_value_that_does_not_fit_its_tag_is_refused() -> None:
+    for text in (
+        "!!timestamp foo",
+        "!!bool foo",
+        "!!int foo",
+        "!!int ''",
+        "!!float x",
+        "2020-02-31",
+    ):
+        with pytest.raises(DataError, match="a value that is n"):
+            parsed_yaml(f"a: {text}", "The map", DataError)
+        with pytest.raises(DataError, match="a value that is n"):
+            parsed_yaml(f"[{text}]", "The map", DataError)
+
+
+def test_a_number_of_too_many_digits_to_be_written_is_shown() -> None:
+    assert shown(10**5000) == "int of thousands of digits"
+    assert len(shown([10**4000, {"a": "x" * 9999}])) < 200

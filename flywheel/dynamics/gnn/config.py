@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
+
+from flywheel.quantities import Bounds, ControlStep, PositiveRobotLengths
 
 
 class NetworkConfig(BaseModel):
@@ -48,26 +50,26 @@ class NetworkConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     decomposition: Literal["caps", "primitives"] = "caps"
-    width: int = Field(default=64, ge=4)
-    rounds: int = Field(default=3, ge=1)
-    chunk: int = Field(default=6, ge=1, le=16)
-    dt: float = Field(default=0.01, gt=0)
-    control_history: int = Field(default=20, ge=0)
-    warmup_chunks: int = Field(default=3, ge=0)
-    velocity_window: int = Field(default=1, ge=1)
+    width: Annotated[int, Bounds(4, 4096)] = 64
+    rounds: Annotated[int, Bounds(1, 64)] = 3
+    chunk: Annotated[int, Bounds(1, 16)] = 6
+    dt: ControlStep = 0.01
+    control_history: Annotated[int, Bounds(0, 1000, "steps")] = 20
+    warmup_chunks: Annotated[int, Bounds(0, 1000)] = 3
+    velocity_window: Annotated[int, Bounds(1, 1000, "steps")] = 1
     smooth_present: bool = False
     config_features: bool = True
     cable_ends: Literal["attachments", "nodes"] = "attachments"
     recurrent: bool = True
     winch: Literal["learned", "residual", "analytic"] = "residual"
     edge_updates: bool = False
-    mlp_layers: int = Field(default=2, ge=2)
+    mlp_layers: Annotated[int, Bounds(2, 32)] = 2
     layer_norm: bool = False
     contact_edges: bool = True
-    contact_threshold: float = Field(default=0.1, gt=0)
-    ground_clamp: float = Field(default=0.2, gt=0)
+    contact_threshold: PositiveRobotLengths = 0.1
+    ground_clamp: PositiveRobotLengths = 0.2
     yaw_frame: bool = True
-    datasets: int = Field(default=10, ge=1)
+    datasets: Annotated[int, Bounds(1, 1000)] = 10
 
     @classmethod
     def lean(cls, **changes: Any) -> NetworkConfig:

@@ -12,6 +12,7 @@ from flywheel.records import Floats
 from flywheel.robots import Body, Primitive, Robot
 
 _SAME = 1e-6  # of the robot's length: closer than this, two offsets are one place
+_MEANT = 1e-3  # of dimensionless columns of features: smaller ones are rounded
 _LONG = 0.75  # of the robot's length: a rod's cylinder is at least this long
 
 
@@ -151,8 +152,11 @@ def node_constants(robot: Robot, nodes: tuple[BodyNode, ...]) -> Floats:
 
 
 def standardised(table: Floats) -> Floats:
-    """Columns with mean 0 and standard deviation 1 over the rows; constant columns become 0."""
+    """Columns with mean 0 and standard deviation 1 over the rows; constant columns become 0.
+
+    Numbers that are of the order of 1 where they mean anything: what rounding leaves is no number.
+    """
     spread = table.std(axis=0)
-    size = np.maximum(np.abs(table).max(axis=0, initial=0.0), 1e-12)
+    size = np.maximum(np.abs(table).max(axis=0, initial=0.0), _MEANT)
     varies = spread > 1e-6 * size
     return np.where(varies, (table - table.mean(axis=0)) / np.where(varies, spread, 1.0), 0.0)

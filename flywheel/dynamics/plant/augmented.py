@@ -13,11 +13,11 @@ from mujoco.rollout import Rollout as MujocoRollout
 from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped, has_laws
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.plant import DISABLED, Plant, no_warning_file
-from flywheel.dynamics.plant.world import scene
+from flywheel.dynamics.plant.world import scene, undressed
 from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, State
-from flywheel.robots import Robot
+from flywheel.robots import Robot, add_plain
 
 TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
@@ -29,6 +29,7 @@ CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
 # Warnings after which MuJoCo begins again from nothing, and where the number of each stands.
 DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{q}")) for q in ("QPOS", "QVEL", "QACC")]
 COUNT = 1
+NEVER_DISABLED = 31  # an MJCF can disable groups of actuators, up to 30
 
 
 @dataclass(frozen=True)
@@ -278,11 +279,15 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
       movable: without MuJoCo's short cut for bodies whose centre of mass never moves.
     """
     spec = scene(plant.robot, plant.obstacles, plant.terrain)
-    _undressed(spec)
+    undressed(spec)
     for tendon in list(spec.tendons):
-        pull = spec.add_actuator(name=f"effects on {tendon.name}", target=tendon.name)
-        pull.trntype = mujoco.mjtTrn.mjTRN_TENDON
-        pull.gear[0] = 1.0
+        add_plain(
+            spec,
+            "actuator",
+            target=tendon.name,
+            trntype=mujoco.mjtTrn.mjTRN_TENDON,
+            group=NEVER_DISABLED,
+        )
     if movable:
         for body in spec.bodies[1:]:
             body.simple = False
@@ -295,14 +300,6 @@ def _parameters(plant: Plant) -> PlantParameters:
     """The one set that a plant with effects has."""
     parameters = plant.parameters
     return parameters[0] if isinstance(parameters, Sequence) else parameters
-
-
-def _undressed(spec: mujoco.MjSpec) -> None:
-    """Take away what is only looked at: a ground's texture is most of a model, and many are kept."""
-    for each in (*spec.geoms, *spec.sites, *spec.tendons):
-        each.material = ""
-    for each in (*spec.materials, *spec.textures):
-        spec.delete(each)
 
 
 def _pieces(rows: np.ndarray, most: int) -> list[np.ndarray]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
+from flywheel.quantities import PartialShare, Share
 from flywheel.records import Observation
 from flywheel.robots import Robot
 
@@ -20,8 +21,8 @@ class MeasurementModel(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    noise: float = Field(default=0.0, ge=0.0)
-    dropout: float = Field(default=0.0, ge=0.0, lt=1.0)
+    noise: Share = 0.0
+    dropout: PartialShare = 0.0
     winch_measured: bool = False
 
     def apply(

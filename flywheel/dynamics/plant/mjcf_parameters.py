@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from mujoco import sysid
 
+from flywheel.dynamics.plant.world import undressed
 from flywheel.records import Floats
 
 INERTIA = (
@@ -88,15 +89,9 @@ def open_spec(xml: str) -> mujoco.MjSpec:
 
 
 def bare_spec(xml: str) -> mujoco.MjSpec:
-    """The same without textures and materials, which compiles ten times as fast.
-
-    sysid's own `remove_visuals` would also take away masses: those of geoms that collide with nothing.
-    """
+    """The same without textures and materials, which compiles ten times as fast."""
     spec = open_spec(xml)
-    for element in (*spec.geoms, *spec.tendons):
-        element.material = ""
-    for visual in (*spec.materials, *spec.textures):
-        spec.delete(visual)
+    undressed(spec)
     return spec
 
 
@@ -111,7 +106,7 @@ def blocks(spec: mujoco.MjSpec) -> list[Block]:
     passive = [t.name for t in spec.tendons if t.stiffness[0] > 0]
     cables = [t.name for t in spec.tendons]
     winches = [a.name for a in spec.actuators]
-    bodies = [b.name for b in spec.bodies[1:] if model.body(b.name).dofnum[0] > 0]
+    bodies = [b.name for b in spec.bodies[1:] if model.body_dofnum[b.id] > 0]
     found = [
         _block("winches", winches, WINCH, _write_winches(model, winches)),
         _block("cables", passive, CABLE, _write_cables(model, passive)),
@@ -194,12 +189,16 @@ def _write_friction(
 
 def _write_ground(spec: mujoco.MjSpec) -> Callable[[mujoco.MjSpec, Floats], None]:
     nominal = [(np.array(geom.solref), float(geom.friction[0])) for geom in spec.geoms]
+    paired = [(np.array(pair.solref), np.array(pair.friction[:2])) for pair in spec.pairs]
 
     def write(spec: mujoco.MjSpec, values: Floats) -> None:
         (stiffness, damping, sliding, torsional, rolling) = values[0]
         for geom, (solref, friction) in zip(spec.geoms, nominal, strict=True):
             geom.solref[:] = solref * [stiffness, damping]
             geom.friction[:] = [sliding * friction, torsional, rolling]
+        for pair, (solref, along) in zip(spec.pairs, paired, strict=True):
+            pair.solref[:] = solref * [stiffness, damping]
+            pair.friction[:] = [*(sliding * along), torsional, rolling, rolling]
 
     return write
 

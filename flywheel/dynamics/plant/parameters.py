@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
+from flywheel.quantities import Factor
 from flywheel.robots import Robot
-
-Scale = Field(default=1.0, gt=0.0)
 
 
 class PlantParameters(BaseModel):
@@ -25,12 +24,12 @@ class PlantParameters(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    friction: float = Scale
-    contact_stiffness: float = Scale
-    cable_stiffness: float = Scale
-    cable_damping: float = Scale
-    winch_speed: float = Scale
-    mass: float = Scale
+    friction: Factor = 1.0
+    contact_stiffness: Factor = 1.0
+    cable_stiffness: Factor = 1.0
+    cable_damping: Factor = 1.0
+    winch_speed: Factor = 1.0
+    mass: Factor = 1.0
 
     def changed(self) -> dict[str, float]:
         """The scales that differ from 1, for provenance."""
@@ -42,8 +41,10 @@ def scaled(model: mujoco.MjModel, robot: Robot, parameters: PlantParameters) -> 
     model = model.__copy__()
     if not parameters.changed():
         return model
-    model.geom_friction[:] *= parameters.friction
-    _scale_contact(model.geom_solref, parameters.contact_stiffness)
+    for friction in (model.geom_friction, model.pair_friction):
+        friction[:] *= parameters.friction
+    for solref in (model.geom_solref, model.pair_solref, model.pair_solreffriction):
+        _scale_contact(solref, parameters.contact_stiffness)
     _scale_cables(model, parameters)
     _scale_winches(model, robot, parameters.winch_speed)
     model.body_mass[:] *= parameters.mass

@@ -5,14 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 
 from flywheel.errors import ModelError
-from flywheel.robots import Box, Robot
+from flywheel.robots import Box, Ground, Robot, add_plain, free_name, ground_of
 from flywheel.terrain import Terrain
 
 BOX_COLOR = (0.55, 0.50, 0.46, 1.0)
 BASE = 0.5  # thickness of a terrain below its lowest place [m]
 LEAST_RELIEF = 1e-6  # of a terrain: MuJoCo's height fields have a height [m]
+CONTACT = (  # what MuJoCo makes a contact of, besides shapes
+    "contype", "conaffinity", "condim", "priority", "friction", "solmix", "solref", "solimp",
+    "margin", "gap", "adhesion",
+)  # fmt: skip
+PAIRED = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", "gap", "adhesion")
 
 
 def scene(
@@ -20,57 +26,108 @@ def scene(
 ) -> mujoco.MjSpec:
     """The robot's MJCF with the obstacles and the terrain, which touch as its ground does.
 
-    They get the contact numbers of the MJCF's ground plane, or MuJoCo's own without one.
+    They get the contact numbers of the MJCF's ground, or MuJoCo's own without one, and are part of the
+    same contact pairs.
 
     Raises:
       ModelError: a terrain for a robot whose MJCF has no level ground plane.
     """
     spec = mujoco.MjSpec.from_string(robot.xml)
-    ground = next((g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE), None)
-    for number, box in enumerate(obstacles):
-        geom = spec.worldbody.add_geom(
-            name=f"obstacle{number}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=box.center,
-            size=box.half_size,
-            rgba=BOX_COLOR,
-        )
-        _touch_alike(geom, ground)
+    if not obstacles and terrain is None:
+        return spec
+    model = spec.compile()
+    ground = ground_of(model)
+    plane = None if ground is None else _geom(spec, ground.geom)
+    added = [_stand(spec, box, number) for number, box in enumerate(obstacles)]
     if terrain is not None:
-        if ground is None or ground.quat[0] ** 2 < 1.0 - 1e-12:
+        if ground is None or plane is None or not ground.level:
             raise ModelError(
                 f"A terrain takes the place of a level ground plane, which {robot.name} does not have."
             )
-        _lay(spec, terrain, ground)
+        added.append(_lay(spec, terrain, plane))
+        _lower(plane, model, ground, terrain.plane)
+    if plane is not None:
+        for geom in added:
+            _touch_alike(spec, geom, plane)
     return spec
 
 
-def _lay(spec: mujoco.MjSpec, terrain: Terrain, ground: mujoco.MjsGeom) -> None:
-    """Put a terrain where the ground was, and the ground around it."""
+def undressed(spec: mujoco.MjSpec) -> None:
+    """Take away what is only looked at: a ground's texture is most of a model, and slow to compile.
+
+    sysid's own `remove_visuals` would also take away masses: those of geoms that collide with nothing.
+    """
+    for each in (*spec.geoms, *spec.sites, *spec.tendons):
+        each.material = ""
+    for light in spec.lights:
+        light.texture = ""
+    for visual in (*spec.materials, *spec.textures):
+        spec.delete(visual)
+
+
+def _geom(spec: mujoco.MjSpec, number: int) -> mujoco.MjsGeom:
+    """The geom that has this number in the compiled model."""
+    return next(geom for geom in spec.geoms if geom.id == number)
+
+
+def _stand(spec: mujoco.MjSpec, box: Box, number: int) -> mujoco.MjsGeom:
+    """Put a box into the world."""
+    return add_plain(
+        spec.worldbody,
+        "geom",
+        name=free_name(f"obstacle{number}", spec.geoms),
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=box.center,
+        size=box.half_size,
+        rgba=BOX_COLOR,
+    )
+
+
+def _lay(spec: mujoco.MjSpec, terrain: Terrain, plane: mujoco.MjsGeom) -> mujoco.MjsGeom:
+    """Put a terrain into the world, which looks as the plane does."""
     lowest = float(terrain.heights.min())
     relief = max(float(terrain.heights.max()) - lowest, LEAST_RELIEF)
     half_x, half_y = (side / 2 for side in terrain.size)
     columns, rows = terrain.heights.shape  # MuJoCo's rows go along y
-    spec.add_hfield(
-        name="terrain",
+    field = add_plain(
+        spec,
+        "hfield",
+        name=free_name("terrain", spec.hfields),
         nrow=rows,
         ncol=columns,
         size=[half_x, half_y, relief, BASE],
         userdata=(terrain.heights.T - lowest).ravel().tolist(),
     )
-    geom = spec.worldbody.add_geom(
-        name="terrain",
+    return add_plain(
+        spec.worldbody,
+        "geom",
+        name=free_name("terrain", spec.geoms),
         type=mujoco.mjtGeom.mjGEOM_HFIELD,
-        hfieldname="terrain",
+        hfieldname=field.name,
         pos=[terrain.origin[0] + half_x, terrain.origin[1] + half_y, lowest],
-        material=ground.material,
-        rgba=ground.rgba,
+        material=plane.material,
+        rgba=plane.rgba,
     )
-    _touch_alike(geom, ground)
-    ground.pos = [*ground.pos[:2], terrain.plane]
 
 
-def _touch_alike(geom: mujoco.MjsGeom, ground: mujoco.MjsGeom | None) -> None:
-    if ground is not None:
-        geom.friction, geom.condim = ground.friction, ground.condim
-        geom.solref, geom.solimp = ground.solref, ground.solimp
+def _lower(plane: mujoco.MjsGeom, model: mujoco.MjModel, ground: Ground, height: float) -> None:
+    """Move the ground's plane to another height [m], whatever body and frames it is in."""
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[ground.geom])
+    up = turn.reshape(3, 3)[:, 2]  # in the frame of its body, because it is level
+    plane.set_frame(add_plain(plane.parent, "frame"))  # else its place is one in frames of its own
+    plane.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    plane.quat = model.geom_quat[ground.geom]
+    plane.pos = model.geom_pos[ground.geom] + (height - ground.height) * up
+
+
+def _touch_alike(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, plane: mujoco.MjsGeom) -> None:
+    """Let a geom make contacts as the plane does."""
+    for name in CONTACT:
+        setattr(geom, name, getattr(plane, name))
+    for pair in list(spec.pairs):
+        ends = [pair.geomname1, pair.geomname2]
+        if plane.name and plane.name in ends:
+            first, second = (geom.name if end == plane.name else end for end in ends)
+            numbers = {name: getattr(pair, name) for name in PAIRED}
+            add_plain(spec, "pair", geomname1=first, geomname2=second, **numbers)

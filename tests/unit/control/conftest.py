@@ -1,6 +1,6 @@
 """A robot whose physics is one line: all points ride on the first two winches."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -33,6 +33,16 @@ class Gantry:
 @pytest.fixture(scope="session")
 def robot() -> Robot:
     return load_robot("prism3")
+
+
+@pytest.fixture(scope="session")
+def servo(robot: Robot) -> Robot:
+    """The same robot with winches that are told positions, in the place of rates."""
+    winches = tuple(
+        replace(w, kind="position", control_range=w.rest_range, time_constant=0.05)
+        for w in robot.winches
+    )
+    return replace(robot, winches=winches)
 
 
 @pytest.fixture

@@ -22,9 +22,10 @@ from flywheel.dynamics.plant import (
     PlantParameters,
     Reckoning,
 )
+from flywheel.dynamics.plant.reckoning import APART
 from flywheel.effects import NAMED, Scales, Term
 from flywheel.errors import ConfigError, ModelError, RobotError
-from flywheel.records import Past, Provenance
+from flywheel.records import Observation, Past, Provenance
 from flywheel.robots import Robot, load_robot
 from flywheel.tasks import TaskConfig, sample_task
 
@@ -132,6 +133,75 @@ def test_measured_winches_are_taken_as_measured(plant: Plant) -> None:
     truth = slow.winch(episode.trajectory.states)
     np.testing.assert_allclose(spy.pasts[-1].winch[0], truth[:81], atol=1e-12)
     assert np.abs(blind.pasts[-1].winch[0] - truth[:81]).max() > 0.05
+
+
+class OneGap(MeasurementModel):
+    """Winches are measured 0.2 m too long, but winch 2 not in the first piece after the beginning."""
+
+    def apply(self, truth: Observation, robot: Robot, rng: np.random.Generator) -> Observation:
+        winch = np.full((*truth.points.shape[:2], len(robot.winches)), 1.7)
+        if truth.points.shape[1] > 1:
+            winch[:, 3, 2] = np.nan
+        return Observation(truth.points, winch)
+
+
+def test_a_winch_that_was_not_measured_at_some_step_is_reckoned_for_all(plant: Plant) -> None:
+    """Or it would seem to jump where measurements and reckoning meet."""
+    spy = Spy(plant.robot, DT)
+    recorded(plant, spy, measurement=OneGap(), seed=1)
+    first, *later = (past.winch[0] for past in spy.pasts)
+    assert (first == 1.7).all()
+    for winch in later:
+        assert (np.delete(winch, 2, axis=1) == 1.7).all()
+        assert winch[0, 2] == 1.7 and np.isfinite(winch).all()
+        assert len(np.unique(winch[:, 2])) > 5
+        fastest = plant.robot.control_high[2] * DT
+        assert np.abs(np.diff(winch[:, 2])).max() <= fastest + 1e-12
+
+
+@dataclasses.dataclass(frozen=True)
+class Looked(Reckoning):
+    """Reckons as without loads; every cable is longer at each step that is looked at."""
+
+    looks: list = dataclasses.field(default_factory=list)
+    used: list = dataclasses.field(default_factory=list)
+    loaded = True
+
+    def lengths(self, points, winch, last=None):
+        self.looks.append((points.copy(), winch.copy()))
+        steps = (
+            len(points) - last + np.arange(last)
+        )  # of the episode, after which a cable is so long
+        return np.repeat(steps[:, None], len(self.robot.cables), axis=1).astype(float)
+
+    def wound(self, start, told, lengths=None, measured=None):
+        self.used.append(lengths)
+        return super().wound(start, told)
+
+
+def test_cables_are_looked_at_now_and_then_and_are_as_long_as_last_seen_until_then(
+    plant: Plant,
+) -> None:
+    class Often(Spy):
+        def act(self, past: Past) -> Command:
+            return Command(super().act(past).controls[:4])
+
+    spy, reckoning = Often(plant.robot, DT), Looked(plant.robot, DT)
+    points = recorded(
+        plant, spy, seconds=0.6, seed=2, reckoning=reckoning
+    ).trajectory.observations.points
+    last, known = -np.inf, []
+    for end in range(4, 61, 4):
+        if looked := end * DT >= last + APART - 1e-9:
+            last = end * DT
+            known.append(end)
+        rows = np.arange(end - 3, end + 1) if looked else np.full(4, known[-1])
+        used = reckoning.used[end // 4 - 1]
+        np.testing.assert_array_equal(used, np.tile(rows[:, None], (1, len(plant.robot.cables))))
+    assert len(reckoning.looks) == len(known) == 5
+    for end, (seen, winch) in zip(known, reckoning.looks, strict=True):
+        np.testing.assert_array_equal(seen, points[: end + 1])
+        np.testing.assert_array_equal(winch, spy.pasts[end // 4 - 1].winch[0, -1])
 
 
 def test_the_same_seed_gives_the_same_episode_and_another_seed_another(plant: Plant) -> None:

@@ -1,13 +1,29 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import permutations
+
 import numpy as np
 import pytest
 
-from flywheel.control.gaits import PATIENCE, PATTERNS, Gait
+from flywheel.control.gaits import (
+    DERIVATIVE,
+    DWELL,
+    GAIN,
+    INTEGRAL,
+    PAIRS,
+    PATIENCE,
+    PATTERNS,
+    SIDES,
+    TOLERANCE,
+    Gait,
+    Pattern,
+    Reach,
+)
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError
 from flywheel.records import Observation, Past
-from flywheel.robots import load_robot
+from flywheel.robots import Robot, load_robot
 
 ROBOT = load_robot("prism3")
 REST = Plant(ROBOT).observe(Plant(ROBOT).rest())
@@ -73,7 +89,7 @@ def test_it_ends_after_its_cycles_and_then_holds() -> None:
 
 def test_names_are_for_provenance() -> None:
     assert [Gait(ROBOT, name).name for name in PATTERNS] == ["gait:roll", "gait:cw", "gait:ccw"]
-    assert Gait(ROBOT, "cw").model == ""
+    assert (Gait(ROBOT, "cw").model, Gait(ROBOT, "cw").history) == ("", 0)
 
 
 def test_other_gaits_and_robots_are_refused() -> None:
@@ -97,3 +113,210 @@ def test_varied_targets_differ_between_seeds_and_repeat_with_one() -> None:
     assert stopped(0.15, one) == stopped(0.15, one)
     assert stopped(0.15, one) != stopped(0.15, other), (one, other)
     assert stopped(0.0, one) == stopped(0.0, other)
+
+
+def test_gaits_are_for_winches_that_take_rates(servo: Robot) -> None:
+    mixed = replace(ROBOT, winches=(*ROBOT.winches[:3], *servo.winches[3:]))
+    for other in (servo, mixed):
+        with pytest.raises(ConfigError, match="six rate winches"):
+            Gait(other, "roll")
+
+
+def caps(length: float, down: tuple[int, ...] = (0, 2, 5)) -> np.ndarray:
+    """Caps (6, 3) of which all controlled distances are alike, and three are the lowest.
+
+    They are two upright triangles, one with its tip up, one with its tip down.
+    """
+    points = np.zeros((6, 3))
+    for triangle in ((0, 2, 4), (1, 3, 5)):
+        low = [cap for cap in triangle if cap in down]
+        high = [cap for cap in triangle if cap not in down]
+        tip, base, up = (*high, low, 1) if len(high) == 1 else (*low, high, -1)
+        points[tip, 2] = up * length / 3**0.5
+        points[base, 2] = -up * length / 12**0.5
+        points[base, 0] = -length / 2, length / 2
+    return points
+
+
+def between(relative: float, pattern: Pattern) -> float:
+    """The length that a pattern calls `relative` [m]."""
+    return pattern.shortest + relative * pattern.range
+
+
+def taut(pattern: Pattern) -> float:
+    """A rest length that is shorter than all lengths of a pattern, and not the shortest one [m]."""
+    return (pattern.shortest + ROBOT.rest_low[0]) / 2
+
+
+def tried(gait: Gait, down: tuple[int, ...], targets: int) -> np.ndarray:
+    """(targets, W) whether each winch lets out, for targets of which one is given up at each step."""
+    seen = past(caps(between(0.5, gait.pattern), down), taut(gait.pattern))
+    return np.stack([gait.act(seen).controls[0] for _ in range(targets)])
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+@pytest.mark.parametrize("down", SIDES)
+def test_targets_follow_each_other_as_the_robot_lies(name: str, down: tuple[int, ...]) -> None:
+    """Rest, then the pattern's targets in turn, for ever; each cable takes its own side's place."""
+    gait = Gait(ROBOT, name, dt=PATIENCE)
+    targets = np.array(gait.pattern.targets)[:, list(SIDES[down])]
+    found = tried(gait, down, 1 + 2 * len(targets))
+    assert (found[0] > 0).all()  # rest: as long as the pattern knows
+    expected = np.sign(np.concatenate([targets, targets]) - 0.5)
+    np.testing.assert_array_equal(np.sign(found[1:]), expected)
+
+
+def test_a_side_is_taken_for_a_whole_cycle_and_kept_where_the_robot_lies_on_none() -> None:
+    gait = Gait(ROBOT, "cw", dt=PATIENCE)
+    first, other = (0, 2, 5), (0, 3, 4)
+    targets = np.array(gait.pattern.targets)
+    tried(gait, first, 2)
+    found = [*tried(gait, other, 2), *tried(gait, other, 3)]
+    turned = targets[:, list(SIDES[other])]
+    expected = np.sign(np.array([*targets[1:], *turned]) - 0.5)
+    np.testing.assert_array_equal(np.sign(found), expected)
+    flat = past(np.roll(caps(between(0.5, gait.pattern)), 1, axis=0), taut(gait.pattern))
+    assert tuple(np.argsort(flat.observations.points[0, -1, :, 2])[:3]) not in SIDES
+    found = np.stack([gait.act(flat).controls[0] for _ in targets])
+    np.testing.assert_array_equal(np.sign(found), expected[2:])
+
+
+def test_all_sides_are_one_seen_after_a_turn_of_the_robot() -> None:
+    """Some way to rename the caps takes rods to rods, the side to the other, and its cables along."""
+    rods = {frozenset(pair) for pair in ((0, 1), (2, 3), (4, 5))}
+    turns = [
+        turn
+        for turn in permutations(range(6))
+        if {frozenset((turn[a], turn[b])) for a, b in rods} == rods
+        and {frozenset(turn[cap] for cap in pair) for pair in PAIRS} == set(map(frozenset, PAIRS))
+    ]
+    pairs = [frozenset(pair) for pair in PAIRS]
+    for ours, theirs in (
+        ((0, 2, 5), (1, 2, 4)),
+        ((0, 2, 5), (0, 3, 4)),
+        ((0, 3, 5), (1, 2, 5)),
+        ((0, 3, 5), (1, 3, 4)),
+    ):
+        turned = [
+            [pairs.index(frozenset(turn[cap] for cap in pair)) for pair in PAIRS]
+            for turn in turns
+            if {turn[cap] for cap in ours} == set(theirs)
+        ]
+        # cable c of ours is cable `to[c]` of theirs, and takes the same target
+        assert any([SIDES[theirs][c] for c in to] == list(SIDES[ours]) for to in turned), theirs
+    assert len(SIDES) == 6
+
+
+def reach(wanted: float, pattern: Pattern = PATTERNS["ccw"], dt: float = 0.01) -> Reach:
+    return Reach(ROBOT, pattern, np.full(6, wanted), dt)
+
+
+def commanded(one: Reach, relative: float, rest: float | None = None) -> np.ndarray:
+    """What is commanded at a relative length of all cables; they are taut by default."""
+    length = between(relative, one.pattern)
+    rest = taut(one.pattern) if rest is None else rest
+    return one.command(np.full(6, length), np.full(6, rest)) / ROBOT.control_high
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.02])
+@pytest.mark.parametrize("error", [0.11, -0.11])
+def test_a_lasting_error_is_pulled_at_in_proportion_to_it_and_to_its_sum(
+    dt: float, error: float
+) -> None:
+    one = reach(0.5, dt=dt)
+    for step in range(1, 30):
+        expected = -(GAIN * error + INTEGRAL * error * step * dt / 0.01)
+        np.testing.assert_allclose(commanded(one, 0.5 + error), expected)
+
+
+def test_an_error_that_grows_is_pulled_at_more() -> None:
+    one, grows = reach(0.5), 0.0005
+    commanded(one, 0.5 + 0.12)
+    expected = GAIN * (0.12 + grows) + INTEGRAL * (0.24 + grows) + DERIVATIVE * grows / 0.01
+    np.testing.assert_allclose(commanded(one, 0.5 + 0.12 + grows), -expected)
+
+
+def test_no_winch_is_told_to_go_faster_than_it_can() -> None:
+    np.testing.assert_array_equal(commanded(reach(0.1), 1.0), -1.0)
+    np.testing.assert_array_equal(commanded(reach(1.0), 0.1), 1.0)
+
+
+@pytest.mark.parametrize("pattern", PATTERNS.values())
+def test_a_length_counts_as_reached_within_the_tolerance(pattern: Pattern) -> None:
+    """That is in metres where the pattern's range is less than one, and else in relative lengths."""
+    share = TOLERANCE / min(pattern.range, 1.0)
+    for sign in (-1, 1):
+        assert not commanded(reach(0.5, pattern), 0.5 + sign * 0.99 * share).any()
+        assert commanded(reach(0.5, pattern), 0.5 + sign * 1.01 * share).all()
+    short = replace(pattern, range=0.5)
+    assert not commanded(reach(0.5, short), 0.5 + 1.9 * TOLERANCE).any()
+    assert commanded(reach(0.5, short), 0.5 + 2.1 * TOLERANCE).all()
+
+
+def test_a_cable_wanted_as_short_as_can_be_may_be_shorter() -> None:
+    assert not commanded(reach(0.0), -0.3).any()
+    assert (commanded(reach(0.0), 0.5) < 0).all()
+    assert (commanded(reach(0.15), -0.3) > 0).all()  # but not one that is wanted longer
+
+
+def test_a_winch_at_its_end_does_not_pull_on_but_lets_out() -> None:
+    end = ROBOT.rest_low[0]
+    assert not commanded(reach(0.2), 0.6, rest=end).any()
+    assert (commanded(reach(0.2), 0.6, rest=end + 0.01) < 0).all()
+    assert (commanded(reach(0.8), 0.4, rest=end) > 0).all()
+
+
+def test_a_slack_cable_is_content_with_being_too_short_but_is_pulled_at_if_too_long() -> None:
+    slack = between(0.9, PATTERNS["ccw"])
+    assert not commanded(reach(0.8), 0.4, rest=slack).any()
+    assert (commanded(reach(0.2), 0.6, rest=slack) < 0).all()
+
+
+def test_a_winch_that_is_content_stays_so_until_the_next_target() -> None:
+    one = reach(0.5)
+    assert not commanded(one, 0.5).any()
+    assert not commanded(one, 1.0).any()
+
+
+def test_a_target_that_is_reached_is_left_after_a_short_dwell() -> None:
+    dt = 1 / 64  # of which sums are exact
+    one, steps = reach(0.5, dt=dt), 0
+    while not one.finished:
+        assert not commanded(one, 0.5).any()
+        steps += 1
+    assert steps == np.floor(DWELL / dt) + 1
+
+
+def test_a_slack_cable_is_not_paid_out_however_fast_its_length_falls() -> None:
+    one, slack = reach(0.2), between(0.9, PATTERNS["ccw"])
+    assert (commanded(one, 0.8, rest=slack) < 0).all()
+    assert not commanded(one, 0.5, rest=slack).any()
+    taut_one = reach(0.2)
+    assert (commanded(taut_one, 0.8) < 0).all()
+    assert (commanded(taut_one, 0.5) > 0).all()  # which a taut one is
+
+
+def test_one_winch_that_moves_keeps_all_from_dwelling() -> None:
+    one = reach(0.5)
+    lengths = np.full(6, between(0.5, one.pattern))
+    lengths[3] = between(1.0, one.pattern)
+    for _ in range(round(3 * DWELL / one.dt)):
+        one.command(lengths, np.full(6, taut(one.pattern)))
+    assert not one.finished
+
+
+def test_patience_ends_when_its_time_is_over() -> None:
+    one, steps = reach(0.5, dt=1 / 8), 0
+    while not one.finished:
+        commanded(one, 1.0)
+        steps += 1
+    assert steps == PATIENCE * 8
+
+
+def test_slackness_is_judged_by_where_winches_are_now() -> None:
+    short = spread(0.5)
+    for now, before in ((0.4, 2.0), (2.0, 0.4)):
+        winch = np.array([[[before] * 6, [now] * 6]])
+        seen = Observation(np.stack([short, short])[None], winch)
+        controls = Gait(ROBOT, "roll").act(Past(seen, np.zeros((1, 1, 6)), winch)).controls
+        assert (controls > 0).all() == (now < before)

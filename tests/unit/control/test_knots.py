@@ -1,4 +1,3 @@
-import dataclasses
 import secrets
 
 import numpy as np
@@ -57,15 +56,11 @@ def test_a_winch_that_cannot_keep_up_goes_on_at_full_speed(knots: Knots) -> None
     np.testing.assert_allclose(controls[:150], np.broadcast_to(robot.control_high, (150, 6)))
 
 
-def test_a_position_winch_is_commanded_the_positions_themselves(robot: Robot) -> None:
-    servo = tuple(
-        dataclasses.replace(w, kind="position", control_range=w.rest_range, time_constant=0.1)
-        for w in robot.winches
-    )
-    knots = Knots(dataclasses.replace(robot, winches=servo), DT, steps=50, count=4)
+def test_a_position_winch_is_commanded_the_positions_themselves(servo: Robot) -> None:
+    knots = Knots(servo, DT, steps=50, count=4)
     rng = np.random.default_rng(secrets.randbits(32))
-    winch = rng.uniform(robot.rest_low, robot.rest_high)
-    plan = rng.uniform(robot.rest_low, robot.rest_high, (4, len(winch)))
+    winch = rng.uniform(servo.rest_low, servo.rest_high)
+    plan = rng.uniform(servo.rest_low, servo.rest_high, (4, len(winch)))
     controls = knots.controls(winch, plan)
     np.testing.assert_allclose(controls[49::50], plan)
     np.testing.assert_allclose(controls[24], winch + (plan[0] - winch) / 2)
@@ -75,6 +70,8 @@ def test_the_rest_of_a_plan_moves_up_and_repeats_its_end(knots: Knots) -> None:
     plan = np.arange(4.0)[:, None] * np.ones(6)
     assert knots.later(plan, 50)[:, 0].tolist() == [1, 2, 3, 3]
     assert knots.later(plan, 25)[:, 0].tolist() == [0.5, 1.5, 2.5, 3]
+    assert knots.later(plan, 175)[:, 0].tolist() == [3, 3, 3, 3]
+    assert knots.later(plan, 130)[:, 0].tolist() == pytest.approx([2.6, 3, 3, 3])
     assert knots.later(plan, 500)[:, 0].tolist() == [3, 3, 3, 3]
     np.testing.assert_array_equal(knots.later(plan, 0), plan)
 
@@ -82,3 +79,4 @@ def test_the_rest_of_a_plan_moves_up_and_repeats_its_end(knots: Knots) -> None:
 def test_a_plan_of_one_knot_can_be_taken_up_later(robot: Robot) -> None:
     one = Knots(robot, DT, steps=50, count=1)
     assert one.later(np.ones((1, 6)), 50).tolist() == [[1.0] * 6]
+    assert one.later(np.ones((1, 6)), 20).tolist() == [[1.0] * 6]

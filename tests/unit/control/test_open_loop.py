@@ -1,4 +1,3 @@
-import dataclasses
 import secrets
 
 import numpy as np
@@ -6,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from flywheel.control import Hold, RandomConfig, RandomControls
-from flywheel.records import Past
+from flywheel.records import Observation, Past
 from flywheel.robots import Robot
 
 DT = 0.01
@@ -18,21 +17,24 @@ def middle(robot: Robot) -> np.ndarray:
     return (robot.rest_low + robot.rest_high) / 2
 
 
-def servo(robot: Robot) -> Robot:
-    winches = tuple(
-        dataclasses.replace(w, kind="position", control_range=w.rest_range, time_constant=0.05)
-        for w in robot.winches
-    )
-    return dataclasses.replace(robot, winches=winches)
-
-
-def test_holding_keeps_the_winches_where_they_are(robot: Robot, past: Past, middle) -> None:
+def test_holding_keeps_the_winches_where_they_are(
+    robot: Robot, servo: Robot, past: Past, middle
+) -> None:
     assert (Hold(robot, DT).act(past).controls == 0).all()
-    assert (Hold(servo(robot), DT).act(past).controls == middle).all()
+    assert (Hold(servo, DT).act(past).controls == middle).all()
 
 
-def test_random_commands_keep_to_the_ranges_and_use_them(robot: Robot, middle) -> None:
-    for kind in (robot, servo(robot)):
+def test_what_is_not_planned_takes_no_time_and_shows_nothing(robot: Robot, past: Past) -> None:
+    for controller in (Hold(robot, DT), RandomControls(robot, DT)):
+        command = controller.act(past)
+        assert (command.plan_seconds, command.diagnostics) == (0.0, {})
+        assert (controller.model, controller.history) == ("", 0)
+
+
+def test_random_commands_keep_to_the_ranges_and_use_them(
+    robot: Robot, servo: Robot, middle
+) -> None:
+    for kind in (robot, servo):
         controls = RandomControls(kind, DT).sequence(middle, STEPS, seed := secrets.randbits(32))
         assert controls.shape == (STEPS, 6)
         assert (controls >= kind.control_low - 1e-12).all(), seed
@@ -66,6 +68,108 @@ def test_the_same_seed_gives_the_same_commands(robot: Robot, middle, past: Past)
     np.testing.assert_array_equal(controls.act(past).controls, first)
 
 
-def test_a_wrong_configuration_is_refused() -> None:
-    with pytest.raises(ValidationError, match="least <= most"):
-        RandomConfig(seconds=(2.0, 1.0))
+@pytest.mark.parametrize("seconds", [0.3, 1.0])
+def test_one_choice_lasts_as_long_as_it_is_meant_to(robot: Robot, past: Past, seconds) -> None:
+    """A controller that is asked again too soon costs time, one asked too late is not asked."""
+    held = Hold(robot, DT, seconds).act(past).controls
+    drawn = RandomControls(robot, DT, RandomConfig(seconds=(0.1, seconds))).act(past).controls
+    assert len(held) == len(drawn) == round(seconds / DT)
+
+
+def test_a_choice_shorter_than_a_step_is_one_step(robot: Robot, past: Past) -> None:
+    assert len(Hold(robot, DT, 0.001).act(past).controls) == 1
+    config = RandomConfig(seconds=(0.001, 0.002))
+    assert len(RandomControls(robot, DT, config).act(past).controls) == 1
+
+
+def moved(past: Past, winch: np.ndarray) -> Past:
+    """The same, one step later, with the winches elsewhere."""
+    both = np.stack([past.winch[0, 0], winch])[None]
+    seen = Observation(past.observations.points.repeat(2, 1), both)
+    return Past(seen, np.zeros((1, 1, len(winch))), both)
+
+
+def test_commands_begin_where_the_winches_are_now(servo: Robot, past: Past, middle) -> None:
+    now = servo.rest_low + 0.9 * (servo.rest_high - servo.rest_low)
+    later = moved(past, now)
+    np.testing.assert_array_equal(Hold(servo, DT).act(later).controls[0], now)
+    first = RandomControls(servo, DT).act(later).controls[0]
+    fastest = (servo.rest_high - servo.rest_low) * DT
+    assert (np.abs(first - now) <= fastest + 1e-12).all()
+
+
+@pytest.mark.parametrize("slowest", [0.0, 0.5, 1.0])
+def test_speeds_are_drawn_evenly_from_the_slowest_to_the_fastest(
+    robot: Robot, servo: Robot, slowest: float
+) -> None:
+    """In both directions; only the step with which a winch arrives is shorter."""
+    config = RandomConfig(seconds=(0.02, 0.05), drive=1.0, slowest=slowest)
+    for kind in (robot, servo):
+        low, high = kind.rest_low, kind.rest_high
+        middle = (low + high) / 2
+        controls = RandomControls(kind, DT, config).sequence(middle, 3000, 8)
+        positions = kind.dead_reckon(middle, controls, DT) if kind is robot else controls
+        fastest = robot.control_high if kind is robot else high - low
+        speeds = np.diff(positions, axis=0) / DT / fastest
+        inside = ((positions > low + 1e-9) & (positions < high - 1e-9))[1:]
+        for sign in (-1, 1):
+            one_way = np.abs(speeds[inside & (sign * speeds > 0)])
+            assert one_way.max() <= 1.0 + 1e-9
+            assert one_way.mean() == pytest.approx((1 + slowest) / 2, abs=0.03)
+            assert one_way.var() == pytest.approx((1 - slowest) ** 2 / 12, abs=0.01)
+
+
+def test_winches_that_drive_rest_at_the_ends_and_those_that_do_not_rest_between(
+    servo: Robot, middle
+) -> None:
+    """Each for a while that is long enough to arrive."""
+    low, high = servo.rest_low, servo.rest_high
+    for drive, at_an_end in ((0.0, 0.0), (0.3, 0.3), (1.0, 1.0)):
+        config = RandomConfig(seconds=(4.0, 6.0), drive=drive, slowest=0.5)
+        controls = RandomControls(servo, DT, config).sequence(middle, 20_000, 9)
+        still = np.abs(np.diff(controls, axis=0)) < 1e-9
+        there = (controls < low + 1e-9) | (controls > high - 1e-9)
+        assert there[1:][still].mean() == pytest.approx(at_an_end, abs=0.1)
+        if drive:
+            lower = (controls < low + 1e-9)[there]
+            assert lower.mean() == pytest.approx(0.5, abs=0.1)
+
+
+def test_minds_change_after_whiles_within_the_bounds(servo: Robot, middle) -> None:
+    config = RandomConfig(seconds=(0.2, 0.4), drive=0.0, slowest=1.0)
+    controls = RandomControls(servo, DT, config).sequence(middle, 4000, 10)
+    moving = np.abs(np.diff(controls, axis=0)) > 1e-9
+    for winch in moving.T:
+        begins = np.flatnonzero(winch[1:] & ~winch[:-1])
+        whiles = np.diff(begins) * DT
+        assert whiles.min() >= 0.2 - 2 * DT
+        assert np.quantile(whiles, 0.1) < 0.4
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"seconds": (2.0, 1.0)},
+        {"seconds": (0.0, 1.0)},
+        {"seconds": (-0.5, 1.0)},
+        {"drive": -0.1},
+        {"drive": 1.1},
+        {"slowest": -0.1},
+        {"slowest": 1.1},
+        {"speed": 1.0},
+    ],
+)
+def test_a_wrong_configuration_is_refused(wrong: dict) -> None:
+    with pytest.raises(ValidationError):
+        RandomConfig(**wrong)
+
+
+def test_a_configuration_at_its_limits_is_accepted() -> None:
+    usual = RandomConfig()
+    assert RandomConfig(**usual.model_dump()) == usual
+    lowest = RandomConfig(seconds=(1.0, 1.0), drive=0.0, slowest=0.0)
+    assert (lowest.seconds, lowest.drive, lowest.slowest) == ((1.0, 1.0), 0.0, 0.0)
+    highest = RandomConfig(drive=1.0, slowest=1.0)
+    assert (highest.drive, highest.slowest) == (1.0, 1.0)
+    with pytest.raises(ValidationError, match="frozen"):
+        highest.drive = 0.5

@@ -1,4 +1,5 @@
 import errno
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -127,6 +128,20 @@ def test_a_damaged_cache_is_made_again(tmp_path, make_episode, prism3, how):
     again = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
     np.testing.assert_array_equal(again.gather(sound.starts(5), 5).controls, expected.controls)
     assert [len(list((tmp_path / "cache").glob(g))) for g in ("*-train*", "tmp/*")] == [1, 0]
+
+
+def test_caches_whose_names_were_exchanged_are_made_again(tmp_path, make_episode, prism3):
+    """One was dead-reckoned with what is believed of the winches, the other without."""
+    store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
+    build = partial(WindowCache.build, store, snapshot, "train", tmp_path / "cache", prism3)
+    plain = build().winch.copy()
+    other = build(lambda episode: prism3.winches_of(episode) + 1.0, "other").winch.copy()
+    assert not np.array_equal(plain, other)
+    one, two = sorted((tmp_path / "cache").glob("*-train-*"))
+    one.rename(tmp_path / "aside")
+    two.rename(one)
+    (tmp_path / "aside").rename(two)
+    np.testing.assert_array_equal(build().winch, plain)
 
 
 def test_a_damaged_episode_does_not_reach_a_cache(tmp_path, make_episode, prism3):

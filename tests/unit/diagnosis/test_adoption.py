@@ -5,7 +5,10 @@ The way from logs to a plant that explains them is gone in docs/diagnosis.md, wh
 
 from __future__ import annotations
 
+import copy
 import json
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,8 @@ from flywheel.diagnosis.adoption import adopt, adoptable
 from flywheel.effects import EFFECTS, AdoptedPlant
 from flywheel.effects.adopted import file_digest
 from flywheel.errors import DataError, FlywheelError
-from flywheel.robots import load_robot
+from flywheel.files import parsed_yaml
+from flywheel.robots import Robot, load_robot
 from pipelines.cli import app
 
 PRISM = load_robot("prism3")
@@ -119,3 +123,157 @@ def test_the_command_writes_what_a_diagnosis_can_be_asked_about(tmp_path: Path) 
     second = [*arguments[:3], str(tmp_path / "plants" / "prism3-1"), *arguments[4:]]
     assert CliRunner().invoke(app, second).exit_code == 0
     assert AdoptedPlant.read(tmp_path / "plants" / "prism3-2")[0].parent
+
+
+WHOLE = {
+    "verdict": "EFFECT",
+    "model": "plant",
+    "answer_set": [[GAIN, {**FRICTION, "note": "of a newer version"}]],
+    "calibration": [{**found("cable_stiffness", share=0.02), "held_back": False}],
+    "doubtful_numbers": [],
+    "ranking": [{"effect": "winch_gain", "location": "", "score": 12.0, "sizes": {}}],
+    "threshold": 25.0,
+    "error": {"noise": 0.009, "baseline": 0.012, "augmented": 0.009, "unit": "m"},
+    "held_out": {"noise": 0.009, "baseline": 0.012, "augmented": 0.009, "unit": "m"},
+    "residual": {"noise": 0.009, "correlation": 0.1, "inconstancy": 0, "loudest": 1.5},
+    "other_law": None,
+    "next_experiment": {"aim": "none", "command": ""},
+    "time_steps": {"own": 0.005, "taken": [0.005], "unit": "s"},
+    "seconds": 12.0,
+    "robot": {"name": PRISM.name, "digest": PRISM.digest},
+    "recordings": ["monday.csv"],
+    "held_out_recordings": ["friday.csv"],
+}
+OTHERS = (
+    None,
+    True,
+    -3,
+    0,
+    0.5,
+    "x",
+    "",
+    [],
+    [1],
+    {},
+    {"a": 1},
+    math.nan,
+    math.inf,
+    1e300,
+    10**400,
+)
+GONE = object()
+
+
+def fields(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Paths of everything within a value."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, inner in items:
+        yield (*path, key)
+        if isinstance(inner, dict | list):
+            yield from fields(inner, (*path, key))
+
+
+def changed(path: tuple[Any, ...], to: object) -> dict[str, Any]:
+    """The whole answer with one field changed, or left out."""
+    answer: Any = copy.deepcopy(WHOLE)
+    inner = answer
+    for key in path[:-1]:
+        inner = inner[key]
+    if to is GONE:
+        del inner[path[-1]]
+    else:
+        inner[path[-1]] = to
+    return answer
+
+
+def test_a_whole_answer_is_adopted_and_what_newer_versions_add_is_left_out(tmp_path: Path) -> None:
+    plant, _ = AdoptedPlant.read(adopt(WHOLE, PRISM, tmp_path))
+    assert [each.effect for each in plant.effects] == [
+        "winch_gain",
+        "cable_friction",
+        "cable_stiffness",
+    ]
+    assert plant.evidence["residual"]["loudest"] == 1.5
+    assert plant.evidence["held_out_recordings"] == ["friday.csv"]
+    assert "note" not in plant.evidence["intervals"][1]
+
+
+@pytest.mark.parametrize("path", list(fields(WHOLE)), ids=lambda path: ".".join(map(str, path)))
+def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
+    path: tuple[Any, ...], tmp_path: Path
+) -> None:
+    for to in (*OTHERS, GONE):
+        try:
+            made = adopt(changed(path, to), PRISM, tmp_path)
+        except FlywheelError as error:
+            assert len(str(error)) < 2000
+        else:
+            assert AdoptedPlant.model_validate(parsed_yaml(made.read_text(), "It", DataError))
+
+
+@pytest.mark.parametrize(
+    ("path", "to", "message"),
+    [
+        (("verdict",), [1], "verdict: .*valid string; got \\[1\\]"),
+        (("answer_set", 0, 0), 3, r"answer_set.0.0: .*got 3"),
+        (("answer_set", 0, 0, "effect"), None, r"answer_set.0.0.effect: .*got None"),
+        (("answer_set", 0, 0, "parameters"), GONE, r"answer_set.0.0.parameters: must be given"),
+        (("answer_set", 0, 0, "parameters", "share", "value"), True, "share.value: must be a number .*True"),
+        (("answer_set", 0, 0, "parameters", "share", "value"), math.inf, "share.value: must be a number"),
+        (("answer_set", 0, 0, "parameters", "share", "low"), "x", "share.low: .*valid number; got 'x'"),
+        (("held_out", "augmented"), "x", "held_out.augmented: .*got 'x'"),
+        (("recordings",), ["x" * 199] * 5000, "evidence .* has 1,0.* characters .* at most 200,000"),
+        (("robot",), [], r"robot: must be a mapping; got \[\]"),
+    ],
+)  # fmt: skip
+def test_the_message_names_the_field(
+    path: tuple[Any, ...], to: object, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(DataError, match=message):
+        adopt(changed(path, to), PRISM, tmp_path / "plants")
+    assert not (tmp_path / "plants").exists()
+
+
+@pytest.mark.parametrize(
+    "robot", [None, [], "x", {"digest": None}, {"digest": 3}, {"name": []}, {}]
+)
+def test_the_command_refuses_answers_about_nobody_it_knows(robot: object, tmp_path: Path) -> None:
+    file = tmp_path / "answer.json"
+    file.write_text(json.dumps({**WHOLE, "robot": robot}))
+    result = CliRunner().invoke(
+        app, ["adopt", str(file), "--robot", "prism3", "--out", str(tmp_path)]
+    )
+    assert (result.exit_code, type(result.exception)) == (2, SystemExit), result.output
+    assert "robot" in result.output
+
+
+@pytest.mark.parametrize(
+    "name", ["../ESCAPED", "/etc", "a/b", "..", "[red]x", "1e3", "a*", "\u202egnp"]
+)
+def test_no_name_of_a_robot_leads_out_of_the_folder(name: str, tmp_path: Path) -> None:
+    xml = PRISM.xml.replace('model="prism3"', f'model="{name}"')
+    robot = Robot.from_mjcf(xml)
+    assert robot.name == name
+    about = {**WHOLE, "robot": {"name": name, "digest": robot.digest}}
+    folder = tmp_path / "a" / "plants"
+    first, second = (adopt(about, robot, folder) for _ in range(2))
+    assert {first.parent.parent, second.parent.parent} == {folder}
+    assert [AdoptedPlant.read(path)[0].version for path in (first, second)] == [1, 2]
+    assert AdoptedPlant.read(first)[0].robot == name
+    assert sorted(tmp_path.rglob("plant.yaml")) == sorted([first, second])
+
+
+@pytest.mark.parametrize("out", ["file/below", "/proc/none"])
+def test_a_folder_that_cannot_be_made_is_told(out: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(FlywheelError, match="cannot be written"):
+        adopt(WHOLE, PRISM, tmp_path / out)
+
+
+def test_evidence_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+    deep: Any = "x"
+    for _ in range(59):
+        deep = [deep]
+    with pytest.raises(FlywheelError, match="more than 60 brackets within brackets"):
+        adopt({**WHOLE, "residual": deep}, PRISM, tmp_path)
+    assert list(tmp_path.iterdir()) == []

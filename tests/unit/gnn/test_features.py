@@ -10,6 +10,7 @@ import torch
 
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, Simulator
 from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.gnn.nodes import standardised
 from flywheel.errors import ModelError
 
 LEAN = NetworkConfig.lean(width=16)
@@ -54,6 +55,14 @@ def test_groups_hold_all_edges_of_their_receivers(robots):
                     expected = torch.tensor(group.receivers).repeat_interleave(group.degree)
                     assert torch.equal(relation.receivers[group.edges], expected)
                 assert sum(group.size for group in relation.groups) == len(relation.senders)
+
+
+def test_what_rounding_leaves_of_a_constant_is_no_feature():
+    """The frames that an MJCF puts a robot's pieces in, which mean nothing, differ by so much."""
+    rounded = np.array([[0.0, 3.0, 0.2], [8e-17, 3.0 + 4e-16, 0.1], [-3e-17, 3.0, 0.3]])
+    columns = standardised(rounded)
+    assert (columns[:, :2] == 0.0).all()
+    np.testing.assert_allclose(columns[:, 2], [0.0, -(1.5**0.5), 1.5**0.5], atol=1e-12)
 
 
 def test_cables_from_the_world_end_at_anchors(robots):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flywheel.errors import RobotError, UnknownNameError
@@ -48,6 +49,9 @@ PAIR = """
   <custom><tuple name="pair">
     <element objtype="actuator" objname="reel"/> <element objtype="{kind}" objname="{second}"/>
   </tuple></custom>
+  <sensor>"""
+ALONE = """
+  <custom><tuple name="reel"> <element objtype="actuator" objname="spool"/> </tuple></custom>
   <sensor>"""
 
 
@@ -164,6 +168,30 @@ def test_the_example_itself_is_accepted() -> None:
             [("<sensor>", PAIR.format(kind="body", second="shade"))],
             "tuple 'pair' must list actuators of winches only",
         ),
+        (
+            [
+                ("</actuator>", SECOND_REEL.format(tendon="stay", range="0.6 2.1")),
+                ('stiffness="20" springlength="0 1.2"', ""),
+                (' act="1"/>', ' act="1 1.1"/>'),
+                ("<sensor>", ALONE),
+            ],
+            "both named 'reel'",
+        ),
+        (
+            [("<sensor>", '<sensor><user name="time" objtype="actuator" objname="reel" dim="1"/>')],
+            "2 columns .* named 'time'",
+        ),
+        (
+            [('name="reel"', 'name="x"'), ('<framepos name="light"', '<framepos name="ctrl"')],
+            "named 'ctrl.x'",
+        ),
+        (
+            [
+                ("<worldbody>", '<option actuatorgroupdisable="1 3"/><worldbody>'),
+                ("<general", '<general group="3"'),
+            ],
+            "'reel' is in group 3, which .* switches off",
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -213,8 +241,14 @@ def test_masses_given_by_an_inertial_are_spread_over_the_pieces() -> None:
     assert [p.mass for p in body.primitives] == [7.0]
 
 
+def test_a_shell_turns_as_a_shell() -> None:
+    (body,) = Robot.from_mjcf(edited(('size=".1"', 'size=".1" shellinertia="true"'))).bodies
+    np.testing.assert_allclose(body.primitives[0].inertia, body.inertia)
+    assert body.inertia[0] == pytest.approx(2 / 3 * 0.1**2)
+
+
 def test_files_and_names_that_do_not_exist_are_said(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="nowhere.xml.*No such file"):
+    with pytest.raises(RobotError, match="There is no MJCF .*nowhere.xml"):
         load_robot(str(tmp_path / "nowhere.xml"))
     with pytest.raises(UnknownNameError, match="Did you mean 'prism3'"):
         load_robot("prism")

@@ -39,7 +39,7 @@ def test_a_model_without_finite_numbers_is_never_promoted(candidate):
 
 
 @pytest.mark.parametrize(
-    ("new", "old", "promoted"), [(4, 5, True), (5.2, 5, True), (5.3, 5, False)]
+    ("new", "old", "promoted"), [(4, 5, True), (5.2, 5, True), (5.25, 5, True), (5.3, 5, False)]
 )
 def test_the_error_may_not_be_worse_than_the_ratio_allows(new, old, promoted):
     assert decide(errors(new), errors(old)).promoted is promoted
@@ -80,6 +80,40 @@ def test_only_episodes_that_both_were_scored_on_are_compared():
     assert (decision.ratio, decision.low, decision.high) == (1.0, 1.0, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("new", "old"),
+    [
+        ([1.0], [4.0]),  # no telling how much of that is chance
+        ([1.0, math.nan], [4.0, 4.0]),
+        ([1.0, 1.0], [4.0, math.inf]),
+        ([1.0, 1.0], [4.0, 0.0]),
+        ([], []),
+    ],
+)
+def test_without_errors_to_compare_of_two_episodes_the_totals_decide(new, old):
+    """And nothing is said of chance."""
+    better, worse = (
+        errors(rmse).model_copy(update={"by_episode": dict(enumerate(mse))})
+        for rmse, mse in ((4.0, new), (5.0, old))
+    )
+    decision = decide(better, worse)
+    assert (decision.ratio, decision.low, decision.high) == (None, None, None)
+    assert decision.promoted and decision.reason.startswith("Its error of 4 % beats")
+
+
+def test_two_episodes_are_enough_to_tell_chance_from_more():
+    decision = decide(by_episode(np.array([1.0, 4.0])), by_episode(np.array([4.0, 16.0])))
+    assert (decision.ratio, decision.low, decision.high) == (0.5, 0.5, 0.5)
+    assert "(0.50 times, 95 % interval 0.50 to 0.50) beats the champion's" in decision.reason
+
+
+def test_a_decision_says_what_it_compared():
+    decision = decide(errors(4.0), errors(5.0))
+    assert (decision.number, decision.reference) == (4.0, 5.0)
+    assert decision.measure == "validation e_pos_rmse at 2 s [%]"
+    assert decision.reason == "Its error of 4 % beats the champion's 5 %."
+
+
 def test_the_champions_own_weights_are_not_promoted_again():
     decision = decide_champion(GATE, 2.0, errors(5.0), errors(5.0), same=True)
     assert not decision.promoted and "no better weights" in decision.reason
@@ -90,6 +124,18 @@ def test_a_model_that_reaches_far_fewer_goals_is_not_promoted():
     assert decide(*better, walks(6, 8), walks(8, 8)).promoted
     refused = decide(*better, walks(5, 8), walks(8, 8))
     assert not refused.promoted and "38% lower" in refused.reason
+
+
+def test_a_model_that_was_not_let_walk_where_the_champion_walked_is_not_promoted():
+    refused = decide(errors(4.0), errors(5.0), walks(0, 0), walks(8, 8))
+    assert not refused.promoted and "100% lower" in refused.reason
+
+
+@pytest.mark.parametrize("champion", [None, walks(0, 0)])
+def test_where_the_champion_did_not_walk_errors_alone_decide(champion):
+    for new in (None, walks(0, 0), walks(0, 8)):
+        assert decide(errors(4.0), errors(5.0), new, champion).promoted
+    assert decide(errors(4.0), errors(5.0), None, walks(8, 8)).promoted
 
 
 def test_a_champion_that_has_become_useless_is_beaten_by_any_finite_model():

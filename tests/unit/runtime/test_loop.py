@@ -11,87 +11,14 @@ import numpy as np
 import pytest
 import torch
 
-from flywheel.data import TrajectoryStore
 from flywheel.dynamics.gnn import load_weights, save_weights
 from flywheel.errors import ModelError, RunError
 from flywheel.robots import load_robot
 from flywheel.runtime.config import RunConfig
-from flywheel.runtime.jobs import Group
-from flywheel.runtime.loop import turn
-from flywheel.runtime.pool import WorkerPool
-from flywheel.runtime.progress import Lines
 from flywheel.runtime.recording import Recorder
-from flywheel.runtime.run_folder import RunFolder
-from flywheel.runtime.run_state import Run
 from flywheel.runtime.training_worker import TrainerWorker
 from flywheel.runtime.workers import SimWorker
-from tests.unit.runtime.local_backend import LocalBackend
-
-TINY = {
-    "name": "tiny",
-    "iterations": 1,
-    "control_arm": False,
-    "collect": {
-        "gaits": 0,
-        "random": 5,
-        "random_seconds": 1.2,
-        "drops": 0,
-        "mppi": 2,
-        "mppi_seconds": 1.0,
-    },
-    "task": {"seconds": 1.0, "radius": [0.4, 0.6]},
-    "mppi": {"samples": 4, "horizon_seconds": 0.5, "elites": 1},
-    "network": {"width": 8, "rounds": 1, "warmup_chunks": 1},
-    "training": {
-        "threads": 1,
-        "initial": {
-            "steps": 4,
-            "stages": [{"chunks": 1, "share": 1}],
-            "learning_rate": 1e-3,
-            "warmup_steps": 1,
-        },
-        "fine_tuning": {
-            "steps": 2,
-            "stages": [{"chunks": 1, "share": 1}],
-            "learning_rate": 1e-3,
-            "warmup_steps": 1,
-        },
-        "chunks_per_batch": 8,
-        "validate_every": 2,
-        "validation_windows": 4,
-        "validation_seconds": 0.3,
-    },
-    "evaluate": {"tasks": 1, "horizon_seconds": 0.5, "starts": 2, "full": False, "video": False},
-    "workers": {"least_free_gb": 0},
-}
-
-
-class Bench:
-    """Runs in one folder, with everything that can be looked at afterwards."""
-
-    def __init__(self, folder, **changes) -> None:
-        self.config = RunConfig.model_validate({**TINY, **changes})
-        self.files = RunFolder(folder)
-        self.store = TrajectoryStore(self.files.store_url(self.config))
-        self.said: list[str] = []
-
-    def turn(self, resume: bool = False):
-        self.backend = LocalBackend()
-        identity = self.files.begin(self.config, resume)
-        robot = self.files.robot(self.config)
-        arguments = (self.config, self.files.store_url(self.config), robot)
-        groups = [Group("sim", SimWorker, arguments), Group("trainer", TrainerWorker, arguments)]
-        pool = WorkerPool(self.backend, groups, cores=2)
-        progress = Lines(self.said.append)
-        return turn(Run(self.config, self.files, robot, self.store, pool, None, progress), identity)
-
-    def digests(self) -> dict[str, str]:
-        """Of everything a finished run consists of."""
-        self.files.path.mkdir()
-        result = self.turn()
-        return {i.model: i.snapshot for i in result.iterations} | {
-            "walks": result.iterations[0].navigation.model_dump_json(exclude={"plan_seconds"})
-        }
+from tests.unit.runtime.tiny_run import Bench
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from flywheel.hidden.recording import record
 from flywheel.robots import load_robot
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.recording import effects_of
-from tests.unit.runtime.test_loop import TINY, Bench
+from tests.unit.runtime.tiny_run import TINY, Bench
 
 FEW = ["winch_gain", "slope"]
 

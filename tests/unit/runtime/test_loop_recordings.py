@@ -9,7 +9,7 @@ import numpy as np
 from flywheel.data.recordings import read_recording, store_recording
 from flywheel.hidden.recording import record
 from flywheel.robots import load_robot
-from tests.unit.runtime.test_loop import TINY, Bench
+from tests.unit.runtime.tiny_run import TINY, Bench
 
 SPLITS = ("train", "validation", "test", "test")
 

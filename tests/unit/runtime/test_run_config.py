@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-import yaml
 from pydantic import ValidationError
 
 from flywheel.dynamics.gnn import NetworkConfig
@@ -11,7 +10,7 @@ from flywheel.effects import AdoptedPlant, WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.robots import load_robot
 from flywheel.runtime.config import RunConfig, config_digest, load_config
-from flywheel.runtime.config_files import validated
+from flywheel.runtime.config_files import yaml_of
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
@@ -31,10 +30,11 @@ def test_an_unknown_preset_lists_the_known_ones():
         RunConfig.model_validate({"network": {"preset": "lena"}})
 
 
-def test_a_stored_configuration_reads_back_as_it_was():
-    config = RunConfig.model_validate({"network": {"preset": "paper"}, "seed": 3})
-    text = yaml.safe_dump(config.model_dump(mode="json"))
-    again = validated(RunConfig, yaml.safe_load(text), "x")
+@pytest.mark.parametrize("name", ["a run", "1e3", "2020-02-31", "null", "a: b", "x\ny", "ü", " "])
+def test_a_stored_configuration_reads_back_as_it_was(name, tmp_path):
+    config = RunConfig.model_validate({"name": name, "network": {"preset": "paper"}, "seed": 3})
+    (tmp_path / "config.yaml").write_text(yaml_of(config), encoding="utf-8")
+    again = load_config(tmp_path / "config.yaml")
     assert again == config and config_digest(again) == config_digest(config)
 
 

@@ -1,3 +1,7 @@
+import os
+import zipfile
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -73,6 +77,41 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path):
 
     torch.save({"key": Evil()}, tmp_path / CHECKPOINT)
     with pytest.raises(DataError, match="damaged"):
+        read_checkpoint(tmp_path, "a" * 64)
+
+
+@pytest.mark.parametrize("part", ["data.pkl", "data/0", "data/3", "version"])
+def test_a_bit_that_flips_in_a_checkpoint_is_found(tmp_path, part):
+    path = write_checkpoint(_checkpoint(), tmp_path)
+    with zipfile.ZipFile(path) as archive:
+        (name,) = (n for n in archive.namelist() if n.endswith(f"/{part}"))
+        content = archive.read(name)
+    whole = path.read_bytes()
+    place = whole.index(content) + len(content) // 2
+    path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    with pytest.raises(DataError, match="damaged"):
+        read_checkpoint(tmp_path, "a" * 64)
+
+
+STRANGE = (None, 5, "x", [], {"w": 1}, [{}], torch.zeros(2))
+
+
+@pytest.mark.parametrize("field", [*vars(_checkpoint()), "(all)", "(gone)"])
+def test_a_checkpoint_of_other_types_is_refused(tmp_path, field):
+    fields = vars(_checkpoint())
+    for value in STRANGE:
+        if field in fields and isinstance(value, type(fields[field])):
+            continue
+        changed = {n: v for n, v in fields.items() if n != "step"} if field == "(gone)" else fields
+        torch.save(value if field == "(all)" else changed | {field: value}, tmp_path / CHECKPOINT)
+        with pytest.raises(DataError, match="damaged"):
+            read_checkpoint(tmp_path, "a" * 64)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, Path.mkdir, lambda path: path.symlink_to("nowhere")])
+def test_what_is_no_file_is_no_checkpoint(tmp_path, make):
+    make(tmp_path / CHECKPOINT)
+    with pytest.raises(DataError, match=CHECKPOINT):
         read_checkpoint(tmp_path, "a" * 64)
 
 

@@ -1,0 +1,158 @@
+"""Looking at everything in a store: what is altered, missing, exchanged, copied or foreign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from flywheel.data.catalogue import Damage, Snapshot
+from flywheel.data.identity import STORE_FILE, Ownership
+from flywheel.data.places import Place
+from flywheel.data.segments import ids_in
+from flywheel.errors import DataError
+from flywheel.seals import Kind, Unsound, misplaced
+
+_MANIFEST = ".json"
+
+
+class Store(Protocol):
+    """What is asked of a store."""
+
+    def snapshot(self, name: str) -> Snapshot:
+        """Read a snapshot."""
+        ...
+
+    def damages(
+        self,
+        segment: str,
+        sha256: str | None = None,
+        ids: tuple[str, ...] = (),
+        arrays: bool = True,
+    ) -> list[Damage]:
+        """What is wrong with a segment."""
+        ...
+
+
+def damages_in(
+    store: Store, place: Place, ownership: Ownership, snapshot: Snapshot | None, arrays: bool
+) -> Iterator[Damage]:
+    """See `TrajectoryStore.verify`.
+
+    Args:
+      store: to look at.
+      place: where its files live.
+      ownership: tells what is its own.
+      snapshot: only it and its segments; all of the store where None.
+      arrays: hash all files.
+    """
+    if snapshot is not None:
+        yield from _changed(store, place, snapshot)
+        yield from _listed(store, [snapshot], arrays)
+        return
+    yield from _identity(ownership)
+    manifests = _names("snapshots", lambda: place.names("snapshots"))
+    segments = _names("segments", place.segments)
+    yield from (each for each in (manifests, segments) if isinstance(each, Damage))
+    sealed: list[Snapshot] = []
+    if not isinstance(manifests, Damage):
+        yield from _snapshots(store, place, manifests, sealed)
+        yield from _parents(sealed, [name.removesuffix(_MANIFEST) for name in manifests])
+    there = [] if isinstance(segments, Damage) else segments
+    known = {name for one in sealed for name in one.segments}
+    found = list(_listed(store, sealed, arrays))
+    for name in there:
+        found += [] if name in known else store.damages(name, arrays=arrays)
+    yield from _told_apart(found, there, lambda name: name)
+
+
+def _identity(ownership: Ownership) -> Iterator[Damage]:
+    try:
+        if ownership.noted() is None and ownership.inferred() is not None:
+            what = "it is missing; it is written again with the next episode that is stored"
+            yield Damage(f"file {STORE_FILE}", (), what, "missing")
+    except Unsound as error:
+        yield Damage.of(error, f"file {STORE_FILE}")
+
+
+def _names(folder: str, names: Callable[[], list[str]]) -> list[str] | Damage:
+    try:
+        return names()
+    except DataError as error:
+        return Damage.of(error, f"folder {folder}")
+
+
+def _snapshots(
+    store: Store, place: Place, files: Sequence[str], sealed: list[Snapshot]
+) -> Iterator[Damage]:
+    """What is wrong with manifests; sound ones are added to `sealed`."""
+    found = []
+    names = [file.removesuffix(_MANIFEST) for file in files if file.endswith(_MANIFEST)]
+    for name in names:
+        try:
+            sealed.append(store.snapshot(name))
+        except DataError as error:
+            found.append(Damage.of(error, f"snapshot {name}", _ids_of_manifest(place, name)))
+    yield from _told_apart(found, names, lambda damaged: damaged.removeprefix("snapshot "))
+    for file in files:
+        if not file.endswith(_MANIFEST):
+            yield Damage(f"file snapshots/{file}", (), "it is no snapshot", "foreign")
+
+
+def _changed(store: Store, place: Place, snapshot: Snapshot) -> Iterator[Damage]:
+    """What is wrong with the manifest of a snapshot that was read before."""
+    what = f"snapshot {snapshot.name}"
+    try:
+        there = store.snapshot(snapshot.name)
+    except DataError as error:
+        yield Damage.of(error, what, _ids_of_manifest(place, snapshot.name))
+        return
+    if there.digest != snapshot.digest:
+        words = f"its digest is {there.digest[:12]}, not {snapshot.digest[:12]}"
+        yield Damage(what, (), words)
+
+
+def _parents(sealed: Sequence[Snapshot], names: Iterable[str]) -> Iterator[Damage]:
+    """Snapshots whose parent is not there, or is another by now."""
+    digests = {one.name: one.digest for one in sealed}
+    damaged = set(names) - digests.keys()
+    for one in sealed:
+        if one.parent and one.parent not in digests.values() and one.parent_name not in damaged:
+            name = one.parent_name or one.name
+            now = f"has {digests[name][:12]}" if one.parent_name in digests else "is missing"
+            what = f"snapshot {one.name} grew from it with digest {one.parent[:12]}; it {now}"
+            if not one.parent_name:
+                what = f"what it grew from, with digest {one.parent[:12]}, is missing"
+            kind: Kind = "altered" if one.parent_name in digests else "missing"
+            yield Damage(f"snapshot {name}", (), what, kind)
+
+
+def _listed(store: Store, sealed: Iterable[Snapshot], arrays: bool) -> Iterator[Damage]:
+    """What is wrong with the segments of snapshots."""
+    listed = {
+        (segment, sha256): one.ids(segment)
+        for one in sealed
+        for segment, sha256 in zip(one.segments, one.sha256, strict=True)
+    }
+    for (segment, sha256), ids in listed.items():
+        yield from store.damages(segment, sha256, ids, arrays)
+
+
+def _told_apart(
+    found: Iterable[Damage], names: Iterable[str], name_of: Callable[[str], str]
+) -> Iterator[Damage]:
+    """Damages, where something lies under another's name with how that came about."""
+    found = list(found)
+    own = {name: name for name in names}
+    own |= {name_of(each.segment): each.instead for each in found if each.instead}
+    how = misplaced(own)
+    for each in found:
+        kind, what = how.get(name_of(each.segment), (each.kind, each.what))
+        yield replace(each, kind=kind, what=what) if each.instead else each
+
+
+def _ids_of_manifest(place: Place, name: str) -> tuple[str, ...]:
+    try:
+        return ids_in(place.read(f"snapshots/{name}.json"))
+    except (DataError, FileNotFoundError):
+        return ()

@@ -1,0 +1,147 @@
+"""Numbers that people set: what each of them is, and how large it can sensibly be.
+
+A number without an upper bound is an episode without an end, or all of the memory. So every number of
+every setting is `Annotated` with `Bounds`: with those of one of the names below, or with its own where it
+can be less. The bounds are far beyond what anybody needs, and what is multiplied is checked as a product,
+see `runtime.demand`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from numbers import Real
+from typing import TYPE_CHECKING, Annotated, Any
+
+from annotated_types import MaxLen
+
+from flywheel.errors import FlywheelError
+
+if TYPE_CHECKING:  # the command line imports this, and `--help` is instant
+    from pydantic import GetCoreSchemaHandler
+    from pydantic_core import CoreSchema
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The numbers that something can be; in an `Annotated` type, the only ones that pass.
+
+    Text, true and false are no numbers, and NaN is within no bounds.
+
+    Attributes:
+      low, high: least and largest.
+      unit: of both.
+      above, below: `low` itself is not allowed; `high` itself is not.
+    """
+
+    low: float
+    high: float
+    unit: str = ""
+    above: bool = False
+    below: bool = False
+
+    def __contains__(self, value: Any) -> bool:
+        if isinstance(value, bool) or not isinstance(value, Real):
+            return False
+        number: Any = value  # as it is: float(10**400) would overflow
+        high_enough = number > self.low if self.above else number >= self.low
+        return bool(high_enough and (number < self.high if self.below else number <= self.high))
+
+    def __str__(self) -> str:
+        if self.above or self.below:
+            low = f"above {self.low:,.12g}" if self.above else f"at least {self.low:,.12g}"
+            high = f"below {self.high:,.12g}" if self.below else f"at most {self.high:,.12g}"
+            words = f"{low} and {high}"
+        else:
+            words = f"from {self.low:,.12g} to {self.high:,.12g}"
+        return f"{words} {self.unit}".rstrip()
+
+    def check(self, value: float, what: str, error: type[FlywheelError]) -> float:
+        """The value, if it is within the bounds.
+
+        Args:
+          value: any.
+          what: it is, at the beginning of a sentence: "The timestep".
+          error: that is raised.
+
+        Raises:
+          error: it is not.
+        """
+        if value not in self:
+            from flywheel.files import shown
+
+            raise error(f"{what} must be a number {self}; got {shown(value)}.")
+        return value
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """What pydantic does with a type that is annotated with these bounds."""
+        from pydantic_core import PydanticCustomError, core_schema
+
+        kind = "a whole number" if source is int else "a number"
+
+        def checked(value: Any) -> Any:
+            if value not in self or (source is int and value % 1):
+                raise PydanticCustomError(
+                    "bounds", "must be {allowed}", {"allowed": f"{kind} {self}"}
+                )
+            return value
+
+        return core_schema.no_info_before_validator_function(checked, handler(source))
+
+
+# Pure numbers.
+SHARE = Bounds(0, 1)
+Share = Annotated[float, SHARE]
+PartialShare = Annotated[float, Bounds(0, 1, below=True)]
+# Beside a typical one of 1. Tests and demonstrations exaggerate by 1e7.
+FACTOR = Bounds(0, 1e9, above=True)
+Factor = Annotated[float, FACTOR]
+# Of a cost or a loss, beside others around 1; 0 leaves it out.
+Weight = Annotated[float, Bounds(0, 1e9)]
+# A shell's random numbers and numpy's generators both take these.
+SEED = Bounds(0, 2**63 - 1)
+Seed = Annotated[int, SEED]
+
+# Counts of what takes time or memory.
+# Names of episodes count in four digits.
+EPISODES = Bounds(0, 10_000)
+Episodes = Annotated[int, EPISODES]
+# Plans or windows that are rolled out at once, each of some megabytes; and draws of chance.
+SAMPLES = Bounds(1, 10_000)
+Samples = Annotated[int, SAMPLES]
+# Of an optimiser: at ten a second, a million take a day.
+OptimiserSteps = Annotated[int, Bounds(1, 10_000_000)]
+# Of one process. Ours gain nothing beyond a few.
+THREADS = Bounds(1, 1024)
+Threads = Annotated[int, THREADS]
+
+# Times.
+# Shortest and longest control step of a cable-driven robot.
+CONTROL_STEP = Bounds(1e-4, 10, "s")
+ControlStep = Annotated[float, CONTROL_STEP]
+# Of one episode: the longest of ours have two minutes.
+EPISODE_SECONDS = Bounds(0, 3600, "s", above=True)
+EpisodeSeconds = Annotated[float, EPISODE_SECONDS]
+# That are predicted from what was seen, or looked at together: after seconds, contacts decide.
+HORIZON_SECONDS = Bounds(0, 600, "s", above=True)
+HorizonSeconds = Annotated[float, HORIZON_SECONDS]
+# That one process waits for another: at most a day.
+Patience = Annotated[float, Bounds(0, 86_400, "s", above=True)]
+WaitingSeconds = Annotated[float, Bounds(0, 86_400, "s")]
+
+# Lengths.
+# In units of the robot's length L.
+PositiveRobotLengths = Annotated[float, Bounds(0, 1000, "L", above=True)]
+RobotLengths = Annotated[float, Bounds(0, 1000, "L")]
+# Where something stands: single precision still tells centimetres apart.
+METRES = Bounds(-1e5, 1e5, "m")
+Metres = Annotated[float, METRES]
+POSITIVE_METRES = Bounds(0, 1e5, "m", above=True)
+PositiveMetres = Annotated[float, POSITIVE_METRES]
+
+# Texts.
+# Of people, things and places; makes titles, file names and tags.
+Name = Annotated[str, MaxLen(200)]
+# A path or a URL.
+Place = Annotated[str, MaxLen(4000)]

@@ -1,0 +1,245 @@
+"""From the text of an MJCF to MuJoCo's model: one file, and no more than a robot can need.
+
+MuJoCo's compiler sets about whatever a text asks for, and does not hear Ctrl-C meanwhile. What the text
+unfolds to is therefore counted before, and what it asks memory for is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import mujoco
+
+from flywheel.errors import RobotError
+from flywheel.files import MB, read_text, shown
+
+LARGEST = 5 * MB  # of a text [bytes]; those of a robot of 300 bodies have some 0.5 MB
+MOST_ELEMENTS = 8000  # copies counted, for which MuJoCo takes 2 s; a robot of 300 bodies has 5,000
+DEEPEST = 400  # elements within elements; MuJoCo's own end is at 500
+LONGEST_NAME = 100  # characters: columns of recordings, files and rows of tables are named after it
+MOST_FREEDOMS = 3000  # of all joints, as of 500 free bodies: MuJoCo's memory grows with the square
+MOST_NUMBERS = 100_000  # that all sensors give, that actuators remember, or that are set aside
+MOST_OF_EACH = (
+    1000  # keyframes, or numbers beside each element: both are multiplied by the elements
+)
+MOST_PIXELS = 200 * MB  # of all textures [bytes]; one of 4096 x 4096 has 50 MB
+MOST_MEMORY = 2000 * MB  # that is asked for by number [bytes]
+FREEDOMS = {
+    mujoco.mjtJoint.mjJNT_FREE: 6,
+    mujoco.mjtJoint.mjJNT_BALL: 3,
+    mujoco.mjtJoint.mjJNT_SLIDE: 1,
+    mujoco.mjtJoint.mjJNT_HINGE: 1,
+}
+IN_BYTES, SET_ASIDE = ("memory", "nstack"), ("njmax", "nconmax", "nuserdata")
+WITH_NUMBERS = ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")
+OF_EACH = ("nkey", *(f"nuser_{kind}" for kind in WITH_NUMBERS))
+SIDES_OF_A_CUBE = 6
+
+
+class _Unfit(NamedTuple):
+    """Why an element cannot be here: what it does, and what is the matter with that."""
+
+    does: str
+    but: str
+
+
+_FILE = _Unfit(
+    "reads another file",
+    "a robot is one self-contained file of primitive geoms, because it travels to workers and into "
+    "stored data",
+)
+_SOFT = _Unfit("has something that bends", "bodies are rigid here; give them joints or cables")
+_PLUGIN = _Unfit("needs a plugin of MuJoCo", "a robot must be the same on every installation")
+_MUSCLE = _Unfit(
+    "has a muscle",
+    "no winch is one, and MuJoCo's compiler may simulate for ever to find its lengths",
+)
+UNFIT = {
+    **dict.fromkeys(("mesh", "hfield", "skin", "include", "model", "attach"), _FILE),
+    **dict.fromkeys(("flexcomp", "flex", "deformable", "composite"), _SOFT),
+    **dict.fromkeys(("plugin", "extension"), _PLUGIN),
+    **dict.fromkeys(("muscle", "lengthrange"), _MUSCLE),
+}
+PICTURES = "file"  # how attributes of <texture> begin that read one
+
+
+def read_mjcf(path: str | Path, what: str = "MJCF") -> str:
+    """Text of an MJCF file.
+
+    Args:
+      path: of the file.
+      what: it is, for messages: "MJCF", "course".
+
+    Raises:
+      RobotError: see `flywheel.files.read_text`.
+    """
+    return read_text(path, what, RobotError, LARGEST)
+
+
+def compiled(
+    xml: str, what: str = "MJCF"
+) -> tuple[ElementTree.Element, mujoco.MjSpec, mujoco.MjModel]:
+    """The elements of an MJCF, MuJoCo's editable model of it, and its compiled model.
+
+    Raises:
+      RobotError: no MJCF; one that reads other files or asks for too much; or MuJoCo refuses it.
+    """
+    root = _parsed(xml, f"The {what}")
+    _refuse_unfit(root, f"The {what}")
+    try:
+        with collected_warnings() as said:
+            spec = mujoco.MjSpec.from_string(xml)
+            if any("NaN" in words for words in said):  # which may stand for "not given"
+                raise RobotError(f"The {what} has a number that is none (nan){_nan(root)}.")
+            _refuse_too_much(spec, f"The {what}")
+            return root, spec, spec.compile()
+    except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        raise RobotError(f"MuJoCo cannot compile the {what}: {reason}") from error
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect what MuJoCo warns of, instead of printing it and writing it to MUJOCO_LOG.TXT."""
+    said: list[str] = []
+    previous = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield said
+    finally:
+        mujoco.set_mju_user_warning(previous)
+
+
+class _Counting(ElementTree.TreeBuilder):
+    """Builds the tree, and stops where a text would unfold to too much.
+
+    Args:
+      what: the text is, at the beginning of a sentence.
+    """
+
+    def __init__(self, what: str) -> None:
+        super().__init__()
+        self._what = what
+        self._copies = [1]  # of each element that is open
+        self._elements = 0
+
+    def doctype(self, name: str, public: str | None, system: str | None) -> None:
+        """Entities could unfold to anything, and name other files."""
+        raise RobotError(
+            f"{self._what} begins with <!DOCTYPE {shown(name)}>, as web pages do; an MJCF has none."
+        )
+
+    def start(self, tag: str, attributes: dict[str, str]) -> ElementTree.Element:
+        """An element opens."""
+        self._elements += self._copies[-1]
+        self._copies.append(self._copies[-1] * _copies(tag, attributes))
+        if self._elements > MOST_ELEMENTS:
+            raise RobotError(
+                f"{self._what} has more than {MOST_ELEMENTS:,} elements, the copies of <replicate> "
+                "counted; that is the most that is compiled."
+            )
+        if len(self._copies) > DEEPEST + 1:
+            raise RobotError(f"{self._what} has more than {DEEPEST} elements within each other.")
+        for key in ("name", "model"):
+            if len(name := attributes.get(key, "")) > LONGEST_NAME:
+                raise RobotError(
+                    f"{self._what} has a {key} of {len(name):,} characters (<{tag} {key}={shown(name)}>); "
+                    f"at most {LONGEST_NAME} are allowed."
+                )
+        return super().start(tag, attributes)
+
+    def end(self, tag: str) -> ElementTree.Element:
+        """An element closes."""
+        self._copies.pop()
+        return super().end(tag)
+
+
+def _copies(tag: str, attributes: dict[str, str]) -> int:
+    """How often what is within an element is there."""
+    if tag != "replicate":
+        return 1
+    try:
+        return max(1, int(attributes.get("count", "1")))
+    except ValueError:
+        return 1  # which MuJoCo refuses
+
+
+def _parsed(xml: str, what: str) -> ElementTree.Element:
+    if len(xml) > LARGEST:
+        raise RobotError(f"{what} has {len(xml):,} characters; at most {LARGEST:,.0f} are read.")
+    if not xml.strip():
+        raise RobotError(f"{what} is empty; it needs at least <mujoco model=...>.")
+    parser = ElementTree.XMLParser(target=_Counting(what))
+    try:
+        parser.feed(xml)
+        root: ElementTree.Element = parser.close()
+    except (ElementTree.ParseError, UnicodeError) as error:
+        raise RobotError(f"{what} is not valid XML: {error}.") from error
+    if root.tag == "robot":
+        raise RobotError(
+            f"{what} is a URDF (<robot>), an MJCF (<mujoco>) is needed. MuJoCo converts it: spec = "
+            'mujoco.MjSpec.from_file("my.urdf"); spec.compile(); spec.to_file("my.xml"). Cables, '
+            "winches, sensors and a keyframe are yet to be added."
+        )
+    if root.tag != "mujoco":
+        raise RobotError(
+            f"{what} begins with <{shown(root.tag)[1:-1]}>; an MJCF begins with <mujoco>."
+        )
+    return root
+
+
+def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
+    for element in root.iter():
+        unfit = UNFIT.get(element.tag)
+        if element.tag == "texture" and any(key.startswith(PICTURES) for key in element.attrib):
+            unfit = _FILE
+        if "muscle" in (element.get("gaintype"), element.get("biastype")):
+            unfit = _MUSCLE
+        if unfit is not None:
+            raise RobotError(
+                f"{what} {unfit.does} (<{element.tag} {shown(element.attrib)}>); {unfit.but}."
+            )
+
+
+def _nan(root: ElementTree.Element) -> str:
+    """Where the first one is, as far as can be told."""
+    for element in root.iter():
+        for key, value in element.attrib.items():
+            if "nan" in value.lower().split() and key not in ("name", "class", "model"):
+                name = f" name={shown(element.get('name'))}" if element.get("name") else ""
+                return f": <{element.tag}{name} {key}={shown(value)}>"
+    return ""
+
+
+def _refuse_too_much(spec: mujoco.MjSpec, what: str) -> None:
+    """Refuse what MuJoCo would have to find room for, or count through, when it compiles."""
+    asked = {
+        "degrees of freedom": (sum(FREEDOMS[joint.type] for joint in spec.joints), MOST_FREEDOMS),
+        "numbers of sensors": (sum(map(_numbers_of, spec.sensors)), MOST_NUMBERS),
+        "numbers that actuators remember": (
+            sum(max(a.nsample, 0) + max(a.actdim, 0) for a in spec.actuators),
+            MOST_NUMBERS,
+        ),
+        "bytes of textures": (sum(map(_bytes_of, spec.textures)), MOST_PIXELS),
+        **{f"bytes in <size {name}>": (getattr(spec, name), MOST_MEMORY) for name in IN_BYTES},
+        **{f"in <size {name}>": (getattr(spec, name), MOST_NUMBERS) for name in SET_ASIDE},
+        **{f"in <size {name}>": (getattr(spec, name), MOST_OF_EACH) for name in OF_EACH},
+    }
+    for name, (wanted, most) in asked.items():
+        if wanted > most:
+            raise RobotError(f"{what} asks for {wanted:,} {name}; at most {most:,.0f} are allowed.")
+
+
+def _numbers_of(sensor: mujoco.MjsSensor) -> int:
+    """That a sensor gives, all that it remembers counted."""
+    each = max(sensor.get_data_size(), sensor.dim, *(int(n) for n in sensor.intprm))
+    return each * max(1, sensor.nsample)
+
+
+def _bytes_of(texture: mujoco.MjsTexture) -> int:
+    height = max(texture.height, SIDES_OF_A_CUBE * texture.width)
+    return max(0, texture.width) * max(0, height) * texture.nchannel

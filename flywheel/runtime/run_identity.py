@@ -1,0 +1,103 @@
+"""Who a run is: the file run.json, whose key is on the seal of every other file of the run."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from flywheel.errors import DataError
+from flywheel.files import read_bytes, shown
+from flywheel.seals import Seal, Unsound, check_seal, file_sha256, sealed, unsealed
+
+RUN_FILE = "run.json"
+RUN = "run"
+HOW = "Put a copy of it back, or begin a new run in another folder."
+
+
+class Identity(BaseModel):
+    """Who a run is.
+
+    Attributes:
+      key: unique; MLflow finds the run by it.
+      config_digest: of what decides its results.
+      begun: local time.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    key: str
+    config_digest: str
+    begun: str
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What run.json says.
+
+    Attributes:
+      identity: of the run.
+      files: name -> sha256 of the files that it was begun with; empty in runs of before.
+      sealed: the run's files have seals; those of runs of before have none.
+    """
+
+    identity: Identity
+    files: dict[str, str]
+    sealed: bool
+
+    @property
+    def owner(self) -> str:
+        """On the seal of every file of the run; "" where files without a seal are its own, too."""
+        return self.identity.key if self.sealed else ""
+
+    def check(self, folder: Path, name: str) -> None:
+        """Refuse a file that is not what the run was begun with.
+
+        Raises:
+          Unsound: it is not, or is missing.
+        """
+        path = folder / name
+        try:
+            same = name not in self.files or file_sha256(path, "file") == self.files[name]
+        except Unsound as error:
+            raise Unsound(f"{error} {HOW}", error.kind) from None
+        if not same:
+            raise Unsound(f"The file {path} was altered since the run was begun with it. {HOW}")
+
+
+def write_identity(folder: Path, identity: Identity, files: dict[str, str]) -> None:
+    """Write run.json."""
+    text = sealed(identity.model_dump(mode="json"), Seal(RUN, RUN, identity.key, files))
+    (folder / RUN_FILE).write_bytes(text)
+
+
+def read_begun(folder: Path) -> Begun:
+    """Read run.json.
+
+    Raises:
+      Unsound: there is none, or it was altered.
+    """
+    try:
+        return _read(folder / RUN_FILE)
+    except Unsound as error:
+        raise Unsound(f"{error} {HOW}", error.kind) from None
+
+
+def _read(path: Path) -> Begun:
+    try:
+        text = read_bytes(path, "file", DataError)
+    except DataError as error:
+        raise Unsound(str(error), "unreadable" if os.path.lexists(path) else "missing") from None
+    values, seal = unsealed(text, f"The file {path}")
+    try:
+        identity = Identity.model_validate(values)
+    except ValidationError:
+        raise Unsound(
+            f"The file {path} does not say who the run is: it holds {shown(values)}."
+        ) from None
+    if seal is None:
+        return Begun(identity, {}, sealed=False)
+    check_seal(seal, RUN, RUN, f"The file {path}")
+    return Begun(identity, dict(seal.rests_on), sealed=True)

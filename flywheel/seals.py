@@ -1,0 +1,177 @@
+"""Sealed files: they know what they are, what they are called, whose they are, and what they rest on.
+
+A sealed file is a JSON object whose last key is its seal:
+
+    {..., "seal": {"format": 2, "kind": "snapshot", "name": "i0001-mppi", "owner": "1f6c...",
+                   "rests_on": {"i0000-mppi": "8d1f..."}, "sha256": "..."}}
+
+Its sha256 is of every byte before it. So a byte that changes is found, and so is a file that lies under
+another's name, or that was copied from elsewhere. Files of before (format 1) have no seal.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from io import BufferedReader
+from pathlib import Path
+from typing import Any, Literal, cast
+
+from flywheel.errors import DataError
+from flywheel.files import opened, parsed_json, shown
+
+FORMAT = 2
+SEAL = "seal"
+_END = b'"\n }\n}\n'  # what follows the sha256
+Kind = Literal["missing", "altered", "renamed", "exchanged", "doubled", "foreign", "unreadable"]
+
+
+class Unsound(DataError):
+    """Something stored that is not as it was stored.
+
+    Attributes:
+      kind: of what is wrong.
+      instead: what it is in truth, where it is something else that is known; else "".
+    """
+
+    def __init__(self, message: str, kind: Kind = "altered", instead: str = "") -> None:
+        super().__init__(message)
+        self.kind, self.instead = kind, instead
+
+
+@dataclass(frozen=True)
+class Seal:
+    """Who a sealed file is.
+
+    Attributes:
+      kind: of thing: "snapshot", "iteration".
+      name: its own.
+      owner: id of the store, or key of the run, that it belongs to.
+      rests_on: name -> digest of each thing that it refers to.
+    """
+
+    kind: str
+    name: str
+    owner: str
+    rests_on: Mapping[str, str] = field(default_factory=dict)
+
+
+def sealed(values: Mapping[str, Any], seal: Seal, allow_nan: bool = False) -> bytes:
+    """The text of values under a seal.
+
+    Args:
+      values: that JSON can hold.
+      seal: of them.
+      allow_nan: some numbers may not be finite.
+    """
+    head = {"format": FORMAT, **vars(seal), "rests_on": dict(seal.rests_on), "sha256": ""}
+    text = json.dumps({**values, SEAL: head}, indent=1, allow_nan=allow_nan).encode()
+    body = text[: -len('"\n }\n}')]
+    return body + hashlib.sha256(body).hexdigest().encode() + _END
+
+
+def unsealed(text: bytes, what: str) -> tuple[dict[str, Any], Seal | None]:
+    """Values and seal of a text; no seal where it was written before there were any.
+
+    Args:
+      text: of the file.
+      what: it is, at the beginning of a sentence: "The receipt of segment e".
+
+    Raises:
+      Unsound: it was altered, or is not such a text.
+      DataError: a later version wrote it.
+    """
+    try:
+        values = parsed_json(text, "it", DataError)
+    except DataError as error:
+        raise Unsound(f"{what} was altered: {error}") from None
+    if not isinstance(values, dict):
+        raise Unsound(f"{what} was altered: it holds {shown(values)}, not named values.")
+    if SEAL not in values:
+        return values, None
+    head = values.pop(SEAL)
+    if isinstance(head, dict) and isinstance(head.get("format"), int) and head["format"] > FORMAT:
+        raise DataError(
+            f"{what} has format {head['format']}, of a later version; this one reads up to {FORMAT}."
+        )
+    body, stated = text[: -len(_END) - 64], text[-len(_END) - 64 : -len(_END)]
+    digest = hashlib.sha256(body).hexdigest()
+    if not text.endswith(_END) or stated != digest.encode():
+        words = stated[:12].decode(errors="replace")
+        raise Unsound(f"{what} was altered: its sha256 is {digest[:12]}, not {words}.")
+    return values, _seal_of(head, what)
+
+
+def _seal_of(head: Any, what: str) -> Seal:
+    try:
+        seal = Seal(head["kind"], head["name"], head["owner"], dict(head["rests_on"]))
+    except (KeyError, TypeError, ValueError):
+        raise Unsound(f"{what} was altered: its seal is {shown(head)}.") from None
+    words = (seal.kind, seal.name, seal.owner, *seal.rests_on, *seal.rests_on.values())
+    if not all(isinstance(word, str) for word in words):
+        raise Unsound(f"{what} was altered: its seal is {shown(head)}.")
+    return seal
+
+
+def check_seal(seal: Seal, kind: str, name: str, what: str) -> None:
+    """Refuse what is sealed as something else.
+
+    Args:
+      seal: that was found.
+      kind, name: as it lies there.
+      what: it is, at the beginning of a sentence.
+
+    Raises:
+      Unsound: its seal names another thing.
+    """
+    if seal.kind != kind:
+        raise Unsound(f"{what} is that of {seal.kind} {seal.name}.", "renamed")
+    if seal.name != name:
+        raise Unsound(f"{what} is that of {seal.name}.", "renamed", seal.name)
+
+
+def misplaced(found: Mapping[str, str]) -> dict[str, tuple[Kind, str]]:
+    """What lies under another's name, and how that came about.
+
+    Args:
+      found: name that a thing lies under -> its own name, also of those that are right.
+
+    Returns:
+      For each name that is wrong its kind, and a sentence without a subject.
+    """
+    wrong: dict[str, tuple[Kind, str]] = {}
+    for name, own in found.items():
+        if own == name:
+            continue
+        if own not in found:
+            wrong[name] = ("renamed", f"it is that of {own}, which is missing under its own name")
+        elif found[own] == own:
+            wrong[name] = ("doubled", f"it is that of {own}, a copy")
+        else:
+            wrong[name] = (
+                "exchanged",
+                f"it is that of {own}, which lies under another name itself",
+            )
+    return wrong
+
+
+def digest_of(values: Any, allow_nan: bool = False) -> str:
+    """sha256 of values, however they are laid out as JSON."""
+    canonical = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=allow_nan)
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def file_sha256(path: Path, what: str) -> str:
+    """sha256 of a regular file, of any size.
+
+    Raises:
+      Unsound: there is none, or it cannot be read.
+    """
+    try:
+        with opened(path, what, DataError, limit=None) as file:
+            return hashlib.file_digest(cast("BufferedReader", file), "sha256").hexdigest()
+    except (DataError, OSError) as error:
+        there = path.is_symlink() or path.exists()
+        raise Unsound(str(error), "unreadable" if there else "missing") from None

@@ -1,0 +1,78 @@
+"""From plain values to a pydantic model, with a message that one can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from flywheel.errors import FlywheelError
+from flywheel.files import shown
+
+M = TypeVar("M", bound=BaseModel)
+MOST_PROBLEMS = 20  # that a message tells of
+LONGEST_PROBLEM = 1000  # characters, of a name or a value in it
+_TYPES = {"model_type": "a mapping", "dict_type": "a mapping", "tuple_type": "a list"}
+
+
+def validated(schema: type[M], values: Any, complaint: str, error: type[FlywheelError]) -> M:
+    """Validate plain values, as from a YAML or JSON file.
+
+    Args:
+      schema: what they must be.
+      values: plain.
+      complaint: what is wrong if they are not: "a.yaml is not a valid configuration".
+      error: that is raised.
+
+    Raises:
+      error: an unknown key or a wrong value; the message lists the problems with their paths, what was
+        got and what is allowed.
+    """
+    try:
+        return schema.model_validate(values)
+    except ValidationError as found:
+        problems = lines(_explained(schema, each) for each in found.errors())
+        raise error(f"{complaint}:\n{problems}") from None
+
+
+def lines(problems: Iterable[str]) -> str:
+    """The first of some problems, one a line, and how many there are besides."""
+    listed = list(problems)
+    if (more := len(listed) - MOST_PROBLEMS) > 0:
+        listed[MOST_PROBLEMS:] = [f"and {more:,} more"]
+    return "\n".join(f"  {each}" for each in listed)
+
+
+def _explained(schema: type[BaseModel], error: Any) -> str:
+    location = error["loc"]
+    where = ".".join(str(part)[:LONGEST_PROBLEM] for part in location) or "(the whole)"
+    if error["type"] == "extra_forbidden":
+        allowed = sorted(_fields_at(schema, location[:-1]))
+        near = get_close_matches(str(location[-1]), allowed, n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        return f"{where}: unknown key.{hint} Allowed: {', '.join(allowed)}."
+    if error["type"] == "missing":
+        return f"{where}: must be given."
+    said = error["msg"].removeprefix("Value error, ")[:LONGEST_PROBLEM].rstrip(".")
+    if error["type"] == "value_error":  # our own words, which say what was got
+        return f"{where}: {said}."
+    if error["type"] in _TYPES:  # pydantic speaks of Python
+        said = f"must be {_TYPES[error['type']]}"
+    return f"{where}: {said}; got {shown(error['input'])}."
+
+
+def _fields_at(schema: type[BaseModel], location: Sequence[str | int]) -> set[str]:
+    found = {schema}
+    for part in location:
+        fields = [m.model_fields[str(part)].annotation for m in found if part in m.model_fields]
+        found = {model for field in fields for model in _models_in(field)} or found
+    return {name for model in found for name in model.model_fields}
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models_in(part)

@@ -1,0 +1,164 @@
+"""Tests of changed sources: in a copy of the tree, in a process of their own, for a limited time.
+
+What takes long to import is imported once; each trial is forked from there and imports only the tree.
+"""
+
+from __future__ import annotations
+
+import compileall
+import contextlib
+import importlib
+import os
+import random
+import resource
+import secrets
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+COPIED = ("flywheel", "pipelines", "configs", "tests", "docs", "README.md", "pyproject.toml")
+HEAVY = (
+    "numpy", "scipy.spatial.transform", "scipy.optimize", "torch", "torch_geometric", "mujoco", "zarr",
+    "pydantic", "hypothesis", "pytest", "xdist", "typer", "rich", "matplotlib", "plotly",
+)  # fmt: skip
+MEMORY = 6 * 2**30  # of address space [bytes]: a mutant may ask for any amount
+# How tests end: as pytest says, as `timeout` says, or not having tested the copy at all.
+PASSED, FAILED, TIMED_OUT, ELSEWHERE = 0, 1, 124, 70
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How tests ended: pytest's exit code or `TIMED_OUT`, how long it took [s], and what they printed."""
+
+    code: int
+    seconds: float
+    printed: str
+
+    @property
+    def caught(self) -> bool:
+        """Something failed, could not even begin, or did not end."""
+        return self.code != PASSED
+
+
+class Bench:
+    """A copy of a tree to change and to test; gone at the end of the `with` block."""
+
+    def __init__(self, root: Path = ROOT) -> None:
+        self._root = root
+
+    def __enter__(self) -> Bench:
+        self._folder = Path(tempfile.mkdtemp(prefix="mutants-"))
+        self.tree = self._folder / "tree"
+        self.tree.mkdir()
+        for whole in (self._root / name for name in COPIED):
+            if whole.is_dir():
+                skipped = shutil.ignore_patterns("__pycache__")
+                shutil.copytree(whole, self.tree / whole.name, ignore=skipped)
+            elif whole.exists():
+                shutil.copy2(whole, self.tree)
+        compileall.compile_dir(self.tree, quiet=1)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def tested(
+        self, tests: Sequence[str], limit: float, path: str = "", source: str = ""
+    ) -> Outcome:
+        """Run tests, with other content of one file where a path is given.
+
+        Args:
+          tests: files, folders or single tests, in their order; up to the first that fails.
+          limit: when they are ended [s].
+          path, source: of the file, and what it says instead.
+        """
+        if not path:
+            return self._run(tests, limit)
+        file = self.tree / path
+        sound = file.read_text()
+        for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
+            compiled.unlink()
+        file.write_text(source)
+        try:
+            return self._run(tests, limit)
+        finally:
+            file.write_text(sound)
+
+    def _run(self, tests: Sequence[str], limit: float) -> Outcome:
+        printed, begun = self._folder / "printed", time.monotonic()
+        child = os.fork()
+        if child == 0:
+            _test_here(self.tree, tests, printed, self._folder / "scratch")
+        code = _waited(child, begun + limit)
+        seconds = time.monotonic() - begun
+        return Outcome(code, seconds, printed.read_text() if printed.exists() else "")
+
+
+def prepare() -> None:
+    """Import what all trials need. From here on, what tests draw is the same in every trial."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # threads do not survive a fork
+    secrets.randbits = random.Random(0).getrandbits  # NumPy's fresh generators draw from here too
+    for name in HEAVY:
+        importlib.import_module(name)
+
+
+def _test_here(tree: Path, tests: Sequence[str], printed: Path, scratch: Path) -> None:
+    """Never returns: ends the process with pytest's exit code."""
+    code = FAILED
+    try:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        out = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(out, 1)
+        os.dup2(out, 2)
+        os.chdir(tree)
+        _look_for_modules_in(tree)
+        import pytest
+
+        options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", f"--basetemp={scratch}"]
+        options += [
+            "-W",
+            "ignore::pytest.PytestAssertRewriteWarning",
+        ]  # its plugins are imported already
+        code = int(pytest.main([*options, *tests]))
+        package = sys.modules.get("flywheel")
+        if package is not None and not str(package.__file__).startswith(str(tree)):
+            code = ELSEWHERE
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _look_for_modules_in(tree: Path) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] in COPIED]:
+        del sys.modules[name]
+    sys.path[:] = [str(tree), *(entry for entry in sys.path if entry not in ("", str(ROOT)))]
+    sys.dont_write_bytecode = True  # sources change too quickly for it
+    os.environ |= {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def _waited(child: int, until: float) -> int:
+    """Exit code of a child; what it has started is ended too."""
+    code: int | None = None
+    while code is None and time.monotonic() < until:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            code = os.waitstatus_to_exitcode(status)
+        else:
+            time.sleep(0.02)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)
+    if code is None:
+        os.waitpid(child, 0)
+        return TIMED_OUT
+    return code

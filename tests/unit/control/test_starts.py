@@ -1,0 +1,136 @@
+"""Where episodes begin is rigid motion: centres, distances and turns say so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from flywheel.control import above_ground, random_drop, standing
+from flywheel.control.starts import HEIGHT
+from flywheel.dynamics.plant import Plant
+from flywheel.errors import RobotError
+from flywheel.records import State
+from flywheel.robots import Robot
+from flywheel.terrain import Terrain
+
+PLACE, TURN = np.array([3.0, -2.0]), 0.7
+
+
+@pytest.fixture(scope="module")
+def plant(robot: Robot) -> Plant:
+    """Of a robot whose rods do not weigh the same."""
+    plant = Plant(robot)
+    masses = [body.mass * factor for body, factor in zip(robot.bodies, (1, 2, 4), strict=True)]
+    bodies = tuple(replace(b, mass=m) for b, m in zip(robot.bodies, masses, strict=True))
+    plant.robot = replace(robot, bodies=bodies)
+    return plant
+
+
+@pytest.fixture(scope="module")
+def lying(plant: Plant) -> State:
+    """The robot somewhere, turned somehow, and moving."""
+    drop = random_drop(plant, np.random.default_rng(1), 1)
+    return replace(drop, qvel=np.ones_like(drop.qvel))
+
+
+def center(plant: Plant, state: State) -> np.ndarray:
+    """(n, 3) centres of mass."""
+    pose = state.qpos.reshape(len(state.qpos), -1, 7)
+    masses = np.array([body.mass for body in plant.robot.bodies])
+    return np.einsum("b,nbi->ni", masses / masses.sum(), pose[..., :3])
+
+
+def test_a_robot_stands_where_it_is_put_and_turned_as_asked(plant: Plant, lying: State) -> None:
+    put = standing(plant, lying, PLACE, TURN)
+    before, after = plant.observe(lying).points[0], plant.observe(put).points[0]
+    was, now = center(plant, lying)[0], center(plant, put)[0]
+    np.testing.assert_allclose(now, [*PLACE, was[2]], atol=1e-12)
+    turned = Rotation.from_euler("z", TURN).apply(before - was)
+    np.testing.assert_allclose(after - now, turned, atol=1e-9)
+    assert not put.qvel.any()
+    np.testing.assert_array_equal(put.act, lying.act)
+    assert put.qpos.shape == lying.qpos.shape
+
+
+def test_a_robot_carried_back_is_where_it_was(plant: Plant, lying: State) -> None:
+    away = standing(plant, lying, PLACE, TURN)
+    back = standing(plant, away, center(plant, lying)[0, :2], -TURN)
+    np.testing.assert_allclose(plant.observe(back).points, plant.observe(lying).points, atol=1e-9)
+
+
+def test_drops_turn_about_the_robots_own_centre_which_stays_above_its_place(plant: Plant) -> None:
+    drops = random_drop(plant, np.random.default_rng(2), 20)
+    here = center(plant, plant.rest())[0, :2]
+    np.testing.assert_allclose(center(plant, drops)[:, :2], np.tile(here, (20, 1)), atol=1e-9)
+
+
+def test_drops_fall_from_all_heights_between_the_bounds(plant: Plant) -> None:
+    drops = random_drop(plant, np.random.default_rng(3), 400)
+    radius = plant.robot.points[0].radius
+    lowest = (plant.observe(drops).points[..., 2] - radius).min(axis=1) / plant.robot.length
+    low, high = HEIGHT
+    assert low <= lowest.min() < low + 0.02 and high - 0.02 < lowest.max() <= high
+    assert lowest.mean() == pytest.approx((low + high) / 2, abs=0.02)
+
+
+def test_drops_are_turned_any_way_alike(plant: Plant) -> None:
+    """A direction that is fixed in the robot points anywhere on the sphere: mean 0, and a third each."""
+    points = plant.observe(random_drop(plant, np.random.default_rng(4), 4000)).points
+    along = points[:, 1] - points[:, 0]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    np.testing.assert_allclose(along.mean(axis=0), 0.0, atol=0.04)
+    np.testing.assert_allclose(along.T @ along / 4000, np.eye(3) / 3, atol=0.03)
+
+
+@dataclass
+class Ground:
+    """Ground of which it is asked how high it is; it remembers where."""
+
+    def __post_init__(self) -> None:
+        self.asked: list[np.ndarray] = []
+
+    def highest(self, low: np.ndarray, high: np.ndarray) -> float:
+        self.asked.append(np.stack([low, high]))
+        return 0.5 * len(self.asked)
+
+
+def test_each_robot_is_lifted_by_the_highest_ground_below_its_caps(plant: Plant) -> None:
+    ground, states = Ground(), random_drop(plant, np.random.default_rng(5), 3)
+    over = SimpleNamespace(robot=plant.robot, observe=plant.observe, terrain=ground)
+    lifted = above_ground(over, states)  # type: ignore[arg-type]
+    before, after = plant.observe(states).points, plant.observe(lifted).points
+    np.testing.assert_allclose(
+        after - before, np.multiply.outer([0.5, 1.0, 1.5], np.tile([0, 0, 1], (6, 1))), atol=1e-9
+    )
+    radius = plant.robot.points[0].radius
+    for points, (low, high) in zip(before, ground.asked, strict=True):
+        np.testing.assert_allclose(low, points[:, :2].min(axis=0) - radius)
+        np.testing.assert_allclose(high, points[:, :2].max(axis=0) + radius)
+    np.testing.assert_array_equal(lifted.qvel, states.qvel)
+
+
+def test_on_the_plane_nothing_is_lifted(plant: Plant, lying: State) -> None:
+    assert above_ground(plant, lying) is lying
+
+
+def test_a_drop_over_a_hill_is_as_high_above_it_as_one_over_the_plane(
+    robot: Robot, plant: Plant
+) -> None:
+    hill = Terrain(np.full((4, 4), 0.8), 10.0, (-15.0, -15.0))
+    flat = random_drop(Plant(robot), np.random.default_rng(6), 2)
+    high = random_drop(Plant(robot, terrain=hill), np.random.default_rng(6), 2)
+    rise = high.qpos.reshape(2, -1, 7) - flat.qpos.reshape(2, -1, 7)
+    np.testing.assert_allclose(rise[..., 2], 0.8)
+    assert not rise[..., [0, 1, 3, 4, 5, 6]].any()
+
+
+def test_a_robot_with_other_joints_than_free_ones_is_not_carried(
+    plant: Plant, lying: State
+) -> None:
+    short = replace(lying, qpos=lying.qpos[:, :-1])
+    with pytest.raises(RobotError, match=r"all bodies free \(21 positions\), its MJCF has 20"):
+        standing(plant, short, PLACE, TURN)

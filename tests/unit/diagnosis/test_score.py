@@ -1,0 +1,402 @@
+"""The projected score test is least squares: a model that is linear in all its unknowns says so exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis.candidates import Candidate, candidates
+from flywheel.diagnosis.fit import Fit, Fitter
+from flywheel.diagnosis.held import Linear
+from flywheel.diagnosis.score import (
+    CRITICAL,
+    LARGE,
+    SHARE,
+    Projection,
+    ScoreTest,
+    score_test,
+    smallest_shown,
+)
+from flywheel.diagnosis.windows import Log, Windows
+from flywheel.effects import EFFECTS, Terms
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+# Windows of two logs, steps after the first, points, what is unknown about each, and winches.
+WINDOWS, STEPS, POINTS, UNKNOWN, WINCHES = 5, 4, 3, 2, 2
+COORDINATES = (STEPS + 1) * POINTS * 3
+PRIOR, SIGMA = np.array([0.5, 2.0]), 0.01
+
+
+@dataclass
+class LinearModel(Fitter):
+    """Every unknown moves the predictions by as much as it is large; one effect bends with its size.
+
+    Attributes:
+      windows, prior, winch_prior: see `Fitter`.
+      by_start, by_winch: sensitivities, see `Linear` [sigma].
+      by_effect: (name, number of the size, shape) -> (K, D) change by a typical size [sigma].
+      bent: name of the effect that moves less and in another way at a whole typical size.
+      bend: (K, D) change by that [sigma].
+    """
+
+    windows: Windows
+    prior: Floats
+    winch_prior: float
+    by_start: Floats
+    by_winch: Floats
+    by_effect: dict[tuple[str, int, tuple[float, ...]], Floats]
+    typical: dict[str, tuple[float, ...]]
+    bent: str = ""
+    bend: Floats | float = 0.0
+
+    def linear(self, fit: Fit, precise: bool = True) -> Linear:
+        return Linear(self.by_start, self.by_winch)
+
+    def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
+        return fit.points + SIGMA * np.stack([self._change(each) for each in terms]).reshape(
+            len(terms), *fit.points.shape
+        )
+
+    def _change(self, terms: Terms) -> Floats:
+        change = np.zeros((WINDOWS, COORDINATES))
+        for term in terms:
+            name, typical = term.effect.name, self.typical[term.effect.name]
+            shape = tuple(term.values[len(typical) :])
+            for number, usual in enumerate(typical):
+                size = term.values[number] / usual
+                change = change + size * self.by_effect[name, number, shape]
+                if name == self.bent:
+                    change = change + size**2 * self.bend
+        return change
+
+    time_steps = at = step_error = stepped = rms = None  # type: ignore[assignment]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model, what it leaves, and what could explain that."""
+
+    model: LinearModel
+    fit: Fit
+    library: tuple[Candidate, ...]
+
+    def test(self, **more: object) -> ScoreTest:
+        return score_test(self.model, self.fit, self.library, **more)  # type: ignore[arg-type]
+
+    def column(self, index: int, number: int = 0, shape: int = 0) -> Floats:
+        """(K, D) change by a typical size of a candidate."""
+        candidate = self.library[index]
+        return self.model.by_effect[candidate.effect.name, number, candidate.shapes[shape]]
+
+
+def windows_of(robot: Robot, rng: np.random.Generator) -> Windows:
+    """Three windows of one log and two of another; some points are missing."""
+    measured = rng.normal(size=(WINDOWS, STEPS + 1, POINTS, 3))
+    measured[rng.random(measured.shape[:3]) < 0.2] = np.nan
+    nothing = np.zeros((0, WINCHES))
+    log = Log(np.zeros((0, POINTS, 3)), nothing, nothing)
+    return Windows(
+        robot, (log, log), 0.01, STEPS, np.array([0, 0, 0, 1, 1]), np.arange(5), measured, SIGMA
+    )
+
+
+@pytest.fixture(scope="module")
+def case(robot: Robot) -> Case:
+    """Everything is drawn; all windows are equally far off."""
+    rng = np.random.default_rng(20)
+    windows = windows_of(robot, rng)
+    seen = np.isfinite(windows.measured).reshape(WINDOWS, -1)
+    library = candidates(
+        robot, {n: EFFECTS[n] for n in ("slope", "creep", "winch_gain", "capstan")}
+    )
+
+    def drawn(*more: int) -> Floats:
+        return rng.normal(size=(WINDOWS, COORDINATES, *more)) * seen.reshape(
+            *seen.shape, *(1,) * len(more)
+        )
+
+    model = LinearModel(
+        windows,
+        PRIOR,
+        0.1,
+        drawn(UNKNOWN),
+        drawn(WINCHES),
+        {
+            (c.effect.name, n, s): drawn()
+            for c in library
+            for n in range(len(c.typical))
+            for s in c.shapes
+        },
+        {c.effect.name: c.typical for c in library},
+    )
+    residual = 3.0 * drawn()
+    residual /= np.sqrt(windows.mean_square(residual))[:, None]
+    points = np.zeros((WINDOWS, STEPS + 1, POINTS, 3))
+    unknown = np.zeros((WINDOWS, UNKNOWN))
+    return Case(model, Fit(None, (), unknown, points, residual, None, 0.0), library)  # type: ignore[arg-type]
+
+
+def stacked(model: LinearModel, weights: Floats, known: Floats | None = None) -> Floats:
+    """(K (D + X), K X + S): all windows' equations below each other, with those of the priors."""
+    shared = model.shared(model.linear(None), known)  # type: ignore[arg-type]
+    rows = COORDINATES + UNKNOWN
+    whole = np.zeros((WINDOWS * rows, WINDOWS * UNKNOWN + shared.shape[2]))
+    for k in range(WINDOWS):
+        here, own = k * rows, slice(k * UNKNOWN, (k + 1) * UNKNOWN)
+        whole[here : here + COORDINATES, own] = weights[k] * model.by_start[k]
+        whole[here + COORDINATES : here + rows, own] = np.diag(1.0 / PRIOR)
+        whole[here : here + COORDINATES, WINDOWS * UNKNOWN :] = weights[k] * shared[k]
+    return whole
+
+
+def below(vectors: Floats, weights: Floats) -> Floats:
+    """(K (D + X), n) of (K, D, n): nothing is asked of the priors."""
+    padded = np.pad(weights[:, None, None] * vectors, ((0, 0), (0, UNKNOWN), (0, 0)))
+    return padded.reshape(-1, vectors.shape[2])
+
+
+def left_by(columns: Floats, vectors: Floats) -> Floats:
+    """What the best combination of columns leaves of vectors."""
+    return vectors - columns @ np.linalg.lstsq(columns, vectors, rcond=None)[0]
+
+
+WEIGHTS = np.array([1.0, 0.5, 0.9, 0.2, 0.7])
+EVERY = np.ones(WINDOWS)
+
+
+@pytest.mark.parametrize("weights", [EVERY, WEIGHTS])
+@pytest.mark.parametrize("sizes", [0, 3])
+def test_a_projection_leaves_what_a_fit_of_all_nuisances_leaves(
+    case: Case, weights: Floats, sizes: int
+) -> None:
+    rng = np.random.default_rng(1)
+    known = rng.normal(size=(WINDOWS, COORDINATES, sizes)) if sizes else None
+    vectors = rng.normal(size=(WINDOWS, COORDINATES, 4))
+    projection = Projection.of(case.model, case.model.linear(case.fit), known, weights)
+    expected = left_by(stacked(case.model, weights, known), below(vectors, weights))
+    np.testing.assert_allclose(projection(vectors), expected, atol=1e-9)
+    only_starts = stacked(case.model, weights)[:, : WINDOWS * UNKNOWN]
+    of_starts = projection.of_starts(vectors).reshape(-1, 4)
+    np.testing.assert_allclose(of_starts, left_by(only_starts, below(vectors, weights)), atol=1e-9)
+
+
+def test_nuisances_that_say_the_same_or_nothing_count_once(case: Case) -> None:
+    rng = np.random.default_rng(2)
+    one = rng.normal(size=(WINDOWS, COORDINATES, 1))
+    linear = case.model.linear(case.fit)
+    thrice = np.concatenate([one, -2.0 * one, 1e-9 * one, 0.0 * one], axis=2)
+    projections = [Projection.of(case.model, linear, known, EVERY) for known in (one, thrice)]
+    offsets = 2 * WINCHES  # two logs
+    assert [p.shared.shape[2] for p in projections] == [offsets + 1, offsets + 1]
+    vectors = rng.normal(size=(WINDOWS, COORDINATES, 2))
+    np.testing.assert_allclose(projections[0](vectors), projections[1](vectors), atol=1e-9)
+
+
+def test_nuisances_in_other_units_are_the_same_nuisances(case: Case) -> None:
+    rng = np.random.default_rng(3)
+    known, vectors = rng.normal(size=(2, WINDOWS, COORDINATES, 2))
+    linear = case.model.linear(case.fit)
+    expected = Projection.of(case.model, linear, known, EVERY)(vectors)
+    for unit in (np.array([1e5, 1.0]), np.array([1e-3, 1e3])):
+        found = Projection.of(case.model, linear, known * unit, EVERY)(vectors)
+        np.testing.assert_allclose(found, expected, atol=1e-8)
+
+
+def test_a_score_is_what_a_fit_with_the_candidate_explains(case: Case) -> None:
+    """Sizes, their errors and the fall of the squares are those of the regression of everything."""
+    test = case.test()
+    np.testing.assert_allclose(test.projection.weights, 1.0)
+    nuisances, target = stacked(case.model, EVERY), below(case.fit.residual[..., None], EVERY)[:, 0]
+    before = np.sum(left_by(nuisances, target) ** 2)
+    for index, score in enumerate(test.scores()):
+        candidate, count = case.library[index], len(case.library[index].typical)
+        falls = []
+        for shape in range(len(candidate.shapes)):
+            own = np.stack([case.column(index, n, shape) for n in range(count)], axis=2)
+            every = np.concatenate([below(own, EVERY), nuisances], axis=1)
+            sizes = np.linalg.lstsq(every, target, rcond=None)[0][:count]
+            fall = before - np.sum(left_by(every, target) ** 2)
+            one_sided = candidate.effect.sizes[0].one_sided
+            falls.append(0.0 if one_sided and sizes[0] < 0 else fall)
+            if shape == score.shape:
+                expected = np.zeros(count) if falls[-1] == 0.0 else sizes
+                inverse = np.linalg.inv(every.T @ every)[:count, :count]
+        assert score.candidate is candidate
+        assert score.power == pytest.approx(max(falls), abs=1e-9)
+        assert score.sizes == pytest.approx(expected, abs=1e-9)
+        assert score.errors == pytest.approx(np.sqrt(max(test.noise, 1.0) * np.diag(inverse)))
+        assert score.score == pytest.approx(score.power / count / max(test.noise, 1.0))
+    assert sum(score.power > 0 for score in test.scores()) >= 2
+
+
+def test_of_several_shapes_the_one_that_explains_most_counts(case: Case) -> None:
+    creep = next(i for i, c in enumerate(case.library) if c.effect.name == "creep")
+    test = case.test()
+    for shape in range(len(case.library[creep].shapes)):
+        planted = test.columns[:, test.slices[creep][shape]] @ [30.0]
+        (found,) = (s for s in test.scores(planted) if s.candidate is case.library[creep])
+        assert (found.shape, found.sizes) == (shape, pytest.approx((30.0,)))
+
+
+@pytest.mark.parametrize("size", [-3.0, -0.2, 0.2])
+def test_a_size_that_cannot_be_negative_explains_nothing_in_its_place(
+    case: Case, size: float
+) -> None:
+    test = case.test()
+    for index, candidate in enumerate(case.library):
+        one_sided = candidate.effect.sizes[0].one_sided
+        if len(candidate.shapes) > 1:  # of which another may go the other way
+            continue
+        planted = test.columns[:, test.slices[index][0]][:, 0] * size
+        found = test.scores(planted)[index]
+        if one_sided and size < 0:
+            assert found.power == 0.0 and set(found.sizes) == {0.0}
+        else:
+            assert found.sizes[0] == pytest.approx(size) and found.power > 0.0
+
+
+def test_a_noisy_recording_makes_scores_smaller_and_errors_larger(case: Case) -> None:
+    """Four times the noise: half as sure, a quarter of the score. Less than was said changes nothing."""
+    quiet, usual, loud = (
+        replace(case.test(), noise=noise).scores()[2] for noise in (0.1, 1.0, 4.0)
+    )
+    assert loud.score == pytest.approx(usual.score / 4)
+    assert loud.errors == pytest.approx(np.multiply(usual.errors, 2))
+    assert loud.smallest == pytest.approx(2 * usual.smallest)
+    assert (loud.power, loud.sizes) == (usual.power, usual.sizes)
+    assert quiet == usual
+
+
+def test_columns_stand_where_their_candidate_says(case: Case) -> None:
+    test = case.test()
+    seen = []
+    for index, candidate in enumerate(case.library):
+        for shape, own in enumerate(test.slices[index]):
+            raw = [case.column(index, n, shape) for n in range(len(candidate.typical))]
+            np.testing.assert_allclose(
+                test.columns[:, own], test.projection(np.stack(raw, axis=2)), atol=1e-6
+            )
+            seen += range(own.start, own.stop)
+    assert sorted(seen) == list(range(test.columns.shape[1]))
+
+
+def test_what_is_in_the_model_already_explains_nothing_more(case: Case) -> None:
+    known = np.stack([case.column(2), case.column(0)], axis=2)
+    scores = case.test(known=known).scores()
+    assert scores[2].power == pytest.approx(0.0, abs=1e-9)
+    assert scores[2].smallest == np.inf
+    assert scores[0].smallest == np.inf  # of two sizes, one is known
+    assert np.isfinite(scores[3].smallest)
+
+
+def test_a_window_that_is_far_off_counts_less(case: Case) -> None:
+    """By the root of how far; what it says is kept beside that."""
+    loud = case.fit.residual.copy()
+    loud[3] *= 3.0
+    test = replace(case, fit=replace(case.fit, residual=loud)).test()
+    np.testing.assert_allclose(test.projection.weights, [1.0, 1.0, 1.0, 1.0 / 3.0, 1.0])
+    np.testing.assert_array_equal(test.whole.weights, 1.0)
+    expected = left_by(stacked(case.model, EVERY), below(loud[..., None], EVERY))[:, 0]
+    np.testing.assert_allclose(test.left, expected, atol=1e-9)
+    weighted = test.projection.weights
+    expected = left_by(stacked(case.model, weighted), below(loud[..., None], weighted))[:, 0]
+    np.testing.assert_allclose(test.residual, expected, atol=1e-9)
+
+
+def test_windows_that_are_all_far_off_count_in_full(case: Case) -> None:
+    far = replace(case, fit=replace(case.fit, residual=7.0 * case.fit.residual)).test()
+    np.testing.assert_allclose(far.projection.weights, 1.0)
+    np.testing.assert_allclose(far.residual, 7.0 * case.test().residual)
+
+
+def test_windows_that_saw_less_than_they_have_unknowns_do_not_say_what_is_usual(case: Case) -> None:
+    """Their starts fit anything: as the usual ones, they would make all others suspect."""
+    windows = case.model.windows
+    measured = windows.measured.copy()
+    measured[:3] = np.nan
+    measured[:3, 0, 0, :UNKNOWN] = 0.0  # as many as there are unknowns
+    model = replace(case.model, windows=replace(windows, measured=measured))
+    residual = case.fit.residual.copy()
+    residual[:3] = 0.0
+    residual[:3, :UNKNOWN] = 1e-3
+    test = replace(case, model=model, fit=replace(case.fit, residual=residual)).test()
+    np.testing.assert_allclose(test.projection.weights, 1.0)
+
+
+def test_where_no_window_saw_enough_all_say_what_is_usual(case: Case) -> None:
+    windows = case.model.windows
+    measured = np.full_like(windows.measured, np.nan)
+    measured[:, 0, 0, 0] = 0.0
+    model = replace(case.model, windows=replace(windows, measured=measured))
+    residual = np.zeros_like(case.fit.residual)
+    residual[:, 0] = [1.0, 1.0, 1.0, 2.0, 0.5]
+    test = replace(case, model=model, fit=replace(case.fit, residual=residual)).test()
+    np.testing.assert_allclose(test.projection.weights, [1.0, 1.0, 1.0, 0.5, 1.0])
+
+
+def test_noise_is_what_is_left_per_degree_of_freedom(case: Case) -> None:
+    """A residual of pure noise has a variance near 1, with every unknown paid for."""
+    test = case.test()
+    measured = int(np.isfinite(case.model.windows.measured).sum())
+    unknowns = WINDOWS * UNKNOWN + 2 * WINCHES
+    assert test.freedom == measured - unknowns
+    assert test.noise == pytest.approx(test.residual @ test.residual / test.freedom)
+    known = np.random.default_rng(4).normal(size=(WINDOWS, COORDINATES, 2))
+    assert case.test(known=known).freedom == measured - unknowns - 2
+
+
+def test_an_exact_fit_divides_by_nothing(case: Case) -> None:
+    exact = replace(case.fit, residual=np.zeros_like(case.fit.residual))
+    test = replace(case, fit=exact).test()
+    assert test.noise == 0.0
+    assert all(score.power == score.score == 0.0 for score in test.scores())
+    assert np.isfinite(test.columns).all()
+
+
+def test_a_knob_that_is_not_connected_shows_and_explains_nothing(case: Case) -> None:
+    zeros = {key: np.zeros_like(column) for key, column in case.model.by_effect.items()}
+    for score in replace(case, model=replace(case.model, by_effect=zeros)).test().scores():
+        assert (score.power, score.score, score.smallest) == (0.0, 0.0, np.inf)
+        assert score.sizes == (0.0,) * len(score.sizes)
+
+
+def test_a_knob_that_hardly_does_anything_shows_in_a_large_size_only() -> None:
+    """Ten thousand times weaker, ten thousand times larger."""
+    strong, weak = smallest_shown(np.array([[4.0]])), smallest_shown(np.array([[4e-8]]))
+    assert weak == pytest.approx(1e4 * strong)
+    assert smallest_shown(np.zeros((1, 1))) == np.inf
+
+
+def test_the_smallest_size_shown_is_found_in_95_of_100_recordings() -> None:
+    rng, size = np.random.default_rng(5), smallest_shown(np.array([[9.0]]), 2.0)
+    explained = (3.0 * size + np.sqrt(2.0) * rng.normal(size=100_000)) ** 2 / 2.0
+    assert np.mean(explained > CRITICAL) == pytest.approx(0.95, abs=0.005)
+
+
+@pytest.mark.parametrize("factor", [0.3, 3.0])
+def test_the_shorter_secant_counts_where_it_promises_more_and_the_whole_one_is_large(
+    case: Case, factor: float
+) -> None:
+    """An effect that bends: what is missing lies along what a share of its typical size changes."""
+    gain = next(i for i, c in enumerate(case.library) if c.effect.name == "winch_gain")
+    bend = -0.9 * case.column(gain) + case.column(gain - 1)
+    raw = case.column(gain) + bend
+    scale = factor * LARGE / np.sqrt(case.model.windows.mean_square(raw)).max()
+    effects = {key: scale * column * 1e-3 for key, column in case.model.by_effect.items()}
+    effects["winch_gain", 0, ()] = scale * case.column(gain)
+    model = replace(case.model, by_effect=effects, bent="winch_gain", bend=scale * bend)
+    share = effects["winch_gain", 0, ()] + SHARE * model.bend
+    off = share / np.sqrt(model.windows.mean_square(share))[:, None]
+    test = replace(case, model=model, fit=replace(case.fit, residual=off)).test()
+    (own,) = test.slices[gain]
+    taken = np.zeros(test.columns.shape[1], bool)
+    taken[own] = factor > 1.0
+    np.testing.assert_array_equal(test.shorter, taken)
+    expected = share if factor > 1.0 else scale * raw
+    np.testing.assert_allclose(
+        test.columns[:, own], test.projection(expected[..., None]), atol=1e-6
+    )
