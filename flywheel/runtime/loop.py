@@ -16,6 +16,7 @@ from flywheel.robots import Robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.conclusion import conclude
 from flywheel.runtime.config import RunConfig, WorkersConfig
+from flywheel.runtime.dashboard import DATABASE, database_uri
 from flywheel.runtime.interrupts import Interrupted, StopRequest
 from flywheel.runtime.inventory import check_sound
 from flywheel.runtime.iteration import run_iteration
@@ -71,6 +72,8 @@ def run(
     check_folder(files.path, "folder of the run", ConfigError)
     if (episodes := local_folder(files.store_url(config))) is not None:
         check_folder(episodes, "store", ConfigError)
+    if tracker is not None and not config.tracking.uri:
+        database_uri(files.path / DATABASE)  # refused before anything is there
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)

@@ -12,6 +12,7 @@ import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
@@ -24,6 +25,7 @@ from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.errors import ModelError
 from flywheel.files import opened, read_json, shown
+from flywheel.outputs import write_output
 from flywheel.robots import Robot
 
 _FORMAT = 2  # 1: cables between nodes
@@ -87,7 +89,7 @@ def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") ->
 
     Args:
       network: to be saved.
-      path: of the .npz file; its folder exists.
+      path: of the .npz file.
       snapshot: digest of the data set they were trained on.
     """
     path = Path(path)
@@ -106,12 +108,10 @@ def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") ->
             if name.startswith("normalisers.") or name.endswith("_scale")
         },
     }
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-    temporary.replace(path)
-    temporary.write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
-    temporary.replace(path.with_suffix(".json"))
+    content = BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
+    write_output(path, content.getvalue())
+    write_output(path.with_suffix(".json"), json.dumps(about, indent=1, sort_keys=True) + "\n")
     return digest
 
 

@@ -23,6 +23,12 @@ def test_a_run_keeps_its_key_when_it_is_resumed(folder):
     assert begun.key.startswith("a-")
 
 
+@pytest.mark.parametrize("name", ["[bold]x[/]<b>&", "a/../b", "ü"])
+def test_whatever_a_run_is_called_its_key_is_one_that_mlflow_takes(folder, name):
+    key = folder.begin(RunConfig(name=name), resume=False).key
+    assert re.fullmatch(r"[A-Za-z0-9._-]{1,100}", key)
+
+
 def test_a_folder_with_a_run_is_not_begun_again(folder):
     folder.begin(RunConfig(), resume=False)
     with pytest.raises(ConfigError, match="--resume"):

@@ -6,7 +6,9 @@ import pytest
 import torch
 
 from flywheel.errors import ConfigError, DataError
+from flywheel.faults import fault_of
 from flywheel.training.checkpoint import CHECKPOINT, Checkpoint, read_checkpoint, write_checkpoint
+from tests.full_disk import files_end_at
 
 
 def _checkpoint(key: str = "a" * 64) -> Checkpoint:
@@ -38,6 +40,16 @@ def test_a_checkpoint_comes_back_as_it_was(tmp_path):
     assert (got.step, got.stale, got.best_step, got.curve) == (7, 2, 5, kept.curve)
     moments = [c.optimiser["state"][0]["exp_avg"] for c in (got, kept)]
     assert torch.equal(*moments)
+
+
+def test_a_disk_without_room_keeps_the_former_checkpoint_and_is_told_as_such(tmp_path):
+    kept, later = _checkpoint(), _checkpoint("b" * 64)
+    write_checkpoint(kept, tmp_path)
+    with files_end_at(500), pytest.raises(OSError) as failed:
+        write_checkpoint(later, tmp_path)
+    assert fault_of(failed.value) is not None
+    assert read_checkpoint(tmp_path, kept.key) is not None
+    assert [p.name for p in tmp_path.iterdir()] == [CHECKPOINT]
 
 
 def test_a_folder_without_a_checkpoint_has_none(tmp_path):
