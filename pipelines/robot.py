@@ -14,6 +14,7 @@ from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.plant import Plant, Settling, settling
 from flywheel.errors import ConfigError, ModelError, RobotError, UnknownNameError
+from flywheel.evaluation.statistics import shows_turn
 from flywheel.records import Floats, State
 from flywheel.robots import COURSES, ROBOTS, Attachment, Robot, load_robot
 from flywheel.robots.mjcf_source import read_mjcf
@@ -125,10 +126,10 @@ def _remarks(robot: Robot, found: Settling, step: float) -> Iterator[str]:
             "It has joints: it can be run as below, and power, design and recordings work; compare and "
             "diagnose, which restart it from what is seen, cannot use it yet."
         )
-    if dark := [body.name for body in robot.bodies if len(body.points) == 1]:
+    if dark := [body.name for body in robot.bodies if not shows_turn(robot, body)]:
         yield (
-            f"How it turns is not seen where a body has one tracked point ({', '.join(dark)}): give such "
-            "bodies more, if that matters."
+            f"How a body turns is not seen where its tracked points are one or in one place "
+            f"({', '.join(dark)}): give it more, if that matters."
         )
 
 

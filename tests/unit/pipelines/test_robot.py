@@ -122,7 +122,7 @@ def test_what_joints_and_single_points_hinder_is_said(tmp_path: Path) -> None:
     assert "compare and diagnose, which restart it from what is seen, cannot use it" in output
     assert "evaluate.floor=false" in output
     output = checked(tmp_path, ('<framepos name="right" objtype="site" objname="right_end"/>', ""))
-    assert "one tracked point (beam)" in output
+    assert "one or in one place (beam)" in output
 
 
 def test_an_mjcf_that_cannot_be_used_fails_with_the_reason(tmp_path: Path) -> None:
