@@ -10,6 +10,7 @@ import torch
 
 from flywheel.dynamics.gnn import load_weights, weights_digest
 from flywheel.errors import ConfigError, DataError, ModelError
+from flywheel.robots import Robot
 from flywheel.training import Schedule, Stage, Trainer
 from flywheel.training.checkpoint import read_checkpoint
 from flywheel.training.objective import Objective
@@ -19,6 +20,7 @@ from flywheel.training.validation import (
     clearly_worse,
     selection_error,
 )
+from tests.unit.robots.test_refusals import GOOD
 
 
 class Killed(Exception):
@@ -275,6 +277,29 @@ def test_a_validation_rollout_that_flies_off_is_never_the_best(
     good = selection_error(measure(simulator, network, "cpu"))
     monkeypatch.setattr(Simulator, "unroll", broken)
     assert selection_error(measure(simulator, network, "cpu")) > 100 * good
+
+
+def test_weights_for_a_robot_that_shows_no_rotation_are_selected_by_positions(
+    cache_of, network_config
+):
+    from flywheel.dynamics.gnn import ChunkNetwork, Simulator
+
+    robot = Robot.from_mjcf(GOOD)
+    assert len(robot.points) == 1
+    measure = Validation(
+        robot,
+        cache_of(robot, 0, 2, 150),
+        history=network_config.history,
+        chunk=network_config.chunk,
+        dt=0.01,
+        seconds=0.2,
+        windows=4,
+        seed=0,
+    )
+    network = ChunkNetwork(robot, network_config)
+    errors = measure(Simulator(robot, network_config), network, "cpu")
+    assert np.isnan(errors.table.e_rot)
+    assert selection_error(errors) > 0 and np.isfinite(selection_error(errors))
 
 
 @pytest.mark.chaos
