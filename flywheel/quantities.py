@@ -108,9 +108,8 @@ THREADS = Bounds(1, 1024)  # of one process; ours gain nothing beyond a few
 Threads = Annotated[int, THREADS]
 
 # Times.
-ControlStep = Annotated[
-    float, Bounds(1e-4, 10, "s")
-]  # the shortest of motors, the longest of cranes
+CONTROL_STEP = Bounds(1e-4, 10, "s")  # the shortest of motors, the longest of cranes
+ControlStep = Annotated[float, CONTROL_STEP]
 EPISODE_SECONDS = Bounds(0, 3600, "s", above=True)  # the longest of ours have two minutes
 EpisodeSeconds = Annotated[float, EPISODE_SECONDS]
 HORIZON_SECONDS = Bounds(0, 600, "s", above=True)  # predicted ahead, or looked at together

@@ -15,6 +15,7 @@ from flywheel.data import TrajectoryStore, WindowCache
 from flywheel.data.zarr_files import decode
 from flywheel.errors import DataError, RunError
 from flywheel.records import Episode, Observation, Trajectory
+from tests import draws
 
 
 def same(one: Episode, other: Episode) -> bool:
@@ -88,7 +89,7 @@ def test_digests_do_not_depend_on_telemetry_or_place(tmp_path, make_episode):
 
 
 def test_plans_come_back_and_telemetry_of_older_stores_is_read(tmp_path, make_episode):
-    store, rng = TrajectoryStore(tmp_path), np.random.default_rng()
+    store, rng = TrajectoryStore(tmp_path), np.random.default_rng(draws.seed())
     begins, paths = np.arange(3) * 0.5, rng.normal(size=(3, 4, 5, 2)).round(3)
     seen = {"plan_begins": begins, "plan_paths": paths}
     store.commit("e", [dataclasses.replace(make_episode("e"), telemetry=seen)])
@@ -106,7 +107,7 @@ def test_a_flipped_bit_anywhere_is_found_and_the_episode_named(tmp_path, make_ep
     for name in ("good", "bad"):
         store.commit(name, [make_episode(name)])
     store.seal("s", ["good", "bad"])
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(draws.seed())
     files = [p for p in tmp_path.glob("s*/**/*") if p.is_file() and "good" not in p.parts]
     assert len(files) > 10
     for path in files:

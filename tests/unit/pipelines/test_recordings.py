@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -22,8 +21,9 @@ from flywheel.runtime.config import RunConfig
 from flywheel.runtime.run_folder import RunFolder
 from pipelines import recordings
 from pipelines.cli import app
+from tests import draws
 
-SEED = int(np.random.default_rng().integers(2**31))  # fresh; shown when a test fails
+SEED = draws.seed()  # fresh; shown when a test fails
 
 
 @pytest.fixture(scope="module")
