@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flywheel.data import Damage, Snapshot, TrajectoryStore
+from flywheel.dynamics.gnn.weights import read_about
 from flywheel.errors import DataError, FlywheelError, RunError
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.dashboard import DATABASE
@@ -87,7 +88,8 @@ class Inventory:
         found = [*self._beginning(), *self._folders()]
         # Without run.json it cannot be told whose the other files are.
         if not any(fault.where == RUN_FILE for fault in found):
-            found += [*self._iterations(), *self._end(), *self._missing(), *self._models()]
+            found += [*self._iterations(), *self._end(), *self._missing()]
+            found += [*self._models(), *self._unsealed_models()]
         self._snapshots = dict(self._sound_snapshots())
         stored = list(self._of_store())
         told = {fault.where for fault in stored}
@@ -226,6 +228,22 @@ class Inventory:
             if turn is None or int(turn[1]) >= self.end or not path.is_dir():
                 what = "it is no model of this run"
                 yield Fault("foreign", f"models/{path.name}", what, idle=True)
+
+    def _unsealed_models(self) -> Iterator[Fault]:
+        """Models of before, which no seal names, that are not those of their iterations."""
+        for name, (result, seal) in self._turns.items():
+            if seal is not None or not result.model:
+                continue
+            path = self.folder.weights(result.iteration, result.arm)
+            where = path.relative_to(self.folder.path.absolute()).as_posix()
+            try:
+                digest = read_about(path)["digest"]
+            except FlywheelError as error:
+                yield self._fault(error, where, _number(name))
+                continue
+            if digest != result.model:
+                what = f"{name} made weights of digest {result.model[:12]}, these are {digest[:12]}"
+                yield Fault("altered", where, what, _number(name))
 
     def _seals(self) -> Iterator[tuple[str, str, int]]:
         """Name and digest of all that something sealed rests on, and the iteration that does."""

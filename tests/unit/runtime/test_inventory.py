@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import shutil
@@ -198,6 +199,30 @@ def test_what_is_said_of_a_fault_travels_between_processes(finished):
     assert (str(back), back.kind) == (str(caught.value), "missing")
 
 
+def without_seals(run: Path) -> None:
+    """Lay a run's own files out as they were before there were seals."""
+    for path in (run / "run.json", run / "result.json", *(run / "iterations").glob("*.json")):
+        values = json.loads(path.read_text())
+        del values["seal"]
+        path.write_text(json.dumps(values, indent=1))
+
+
+@pytest.mark.parametrize("what", ["snapshot", "model"])
+def test_in_a_run_of_before_what_was_exchanged_is_found_by_its_digest(finished, tmp_path, what):
+    run = tmp_path / "run"
+    shutil.copytree(finished, run)
+    without_seals(run)
+    assert look(run) == [] and refused(run) == ""
+    one, other = (run / path for path in SIBLINGS[what])
+    copy(one, tmp_path / "between")
+    copy(other, one)
+    copy(tmp_path / "between", other)
+    found = look(run)
+    for path in (one, other):
+        assert any(inside(path.relative_to(run), fault) for fault in found), found
+    assert refused(run)
+
+
 @pytest.mark.parametrize("what", SIBLINGS)
 def test_a_thing_copied_over_another_is_found(finished, what):
     one, other = (finished / path for path in SIBLINGS[what])
@@ -293,6 +318,7 @@ def test_going_back_sets_what_is_damaged_aside_and_the_run_comes_to_the_same_end
     moved = rewind(RunFolder(run), TrajectoryStore(run / "store"), 1)
     assert {"result.json", "iterations/i0001-mppi.json", "iterations/notes.txt"} <= set(moved)
     assert f"segments/{MINE}" in moved and "segments/i0001-control-collect-0000" not in moved
+    assert "segments/i0001-mppi-evaluate-0000" in moved, "the model that drove it does not stay"
     assert len(contents(run)) == before, "nothing is lost"
     assert look(run) == []
 
