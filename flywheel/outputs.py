@@ -91,8 +91,7 @@ def write_output(path: str | Path, content: str | bytes) -> Path:
     except OSError as error:
         with suppress(OSError):
             temporary.unlink()
-        error.filename, error.filename2 = str(path), None
-        raise
+        raise OSError(error.errno, error.strerror, str(path)) from None
     return path
 
 

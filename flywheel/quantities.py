@@ -91,57 +91,40 @@ class Bounds:
 
 
 # Pure numbers.
-SHARE = Bounds(0, 1)
-Share = Annotated[float, SHARE]
+Share = Annotated[float, Bounds(0, 1)]
 PartialShare = Annotated[float, Bounds(0, 1, below=True)]
-# Beside a typical one of 1. Tests and demonstrations exaggerate by 1e7.
-FACTOR = Bounds(0, 1e9, above=True)
+FACTOR = Bounds(0, 1e9, above=True)  # beside a typical one of 1; demonstrations exaggerate by 1e7
 Factor = Annotated[float, FACTOR]
-# Of a cost or a loss, beside others around 1; 0 leaves it out.
-Weight = Annotated[float, Bounds(0, 1e9)]
-# A shell's random numbers and numpy's generators both take these.
-SEED = Bounds(0, 2**63 - 1)
+Weight = Annotated[float, Bounds(0, 1e9)]  # of a part of a sum, beside others around 1
+SEED = Bounds(0, 2**63 - 1)  # what numpy, torch and a shell all take
 Seed = Annotated[int, SEED]
 
 # Counts of what takes time or memory.
-# Names of episodes count in four digits.
-EPISODES = Bounds(0, 10_000)
-Episodes = Annotated[int, EPISODES]
-# Plans or windows that are rolled out at once, each of some megabytes; and draws of chance.
-SAMPLES = Bounds(1, 10_000)
+Episodes = Annotated[int, Bounds(0, 10_000)]  # of a kind: their names count in four digits
+SAMPLES = Bounds(1, 10_000)  # plans, windows or draws that are predicted at once
 Samples = Annotated[int, SAMPLES]
-# Of an optimiser: at ten a second, a million take a day.
-OptimiserSteps = Annotated[int, Bounds(1, 10_000_000)]
-# Of one process. Ours gain nothing beyond a few.
-THREADS = Bounds(1, 1024)
+OptimiserSteps = Annotated[int, Bounds(1, 10_000_000)]  # at ten a second a million take a day
+THREADS = Bounds(1, 1024)  # of one process; ours gain nothing beyond a few
 Threads = Annotated[int, THREADS]
 
 # Times.
-# Shortest and longest control step of a cable-driven robot.
-CONTROL_STEP = Bounds(1e-4, 10, "s")
+CONTROL_STEP = Bounds(1e-4, 10, "s")  # the shortest of motors, the longest of cranes
 ControlStep = Annotated[float, CONTROL_STEP]
-# Of one episode: the longest of ours have two minutes.
-EPISODE_SECONDS = Bounds(0, 3600, "s", above=True)
+EPISODE_SECONDS = Bounds(0, 3600, "s", above=True)  # the longest of ours have two minutes
 EpisodeSeconds = Annotated[float, EPISODE_SECONDS]
-# That are predicted from what was seen, or looked at together: after seconds, contacts decide.
-HORIZON_SECONDS = Bounds(0, 600, "s", above=True)
+HORIZON_SECONDS = Bounds(0, 600, "s", above=True)  # predicted ahead, or looked at together
 HorizonSeconds = Annotated[float, HORIZON_SECONDS]
-# That one process waits for another: at most a day.
-Patience = Annotated[float, Bounds(0, 86_400, "s", above=True)]
+Patience = Annotated[float, Bounds(0, 86_400, "s", above=True)]  # of one process with another
 WaitingSeconds = Annotated[float, Bounds(0, 86_400, "s")]
 
-# Lengths.
-# In units of the robot's length L.
-PositiveRobotLengths = Annotated[float, Bounds(0, 1000, "L", above=True)]
+# Lengths: in units of the robot's length L, and where something stands.
 RobotLengths = Annotated[float, Bounds(0, 1000, "L")]
-# Where something stands: single precision still tells centimetres apart.
-METRES = Bounds(-1e5, 1e5, "m")
-Metres = Annotated[float, METRES]
-POSITIVE_METRES = Bounds(0, 1e5, "m", above=True)
-PositiveMetres = Annotated[float, POSITIVE_METRES]
+PositiveRobotLengths = Annotated[float, Bounds(0, 1000, "L", above=True)]
+Metres = Annotated[float, Bounds(-1e5, 1e5, "m")]  # single precision still tells centimetres there
+PositiveMetres = Annotated[float, Bounds(0, 1e5, "m", above=True)]
 
 # Texts.
-# Of people, things and places; makes titles, file names and tags.
-Name = Annotated[str, MaxLen(200)]
-# A path or a URL.
-Place = Annotated[str, MaxLen(4000)]
+Name = Annotated[
+    str, MaxLen(200)
+]  # of people, things and places: makes titles, file names and tags
+Place = Annotated[str, MaxLen(4000)]  # a path or a URL

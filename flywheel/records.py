@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.errors import DataError
+from flywheel.quantities import CONTROL_STEP
 from flywheel.terrain import Terrain
 
 Floats = NDArray[np.floating]
@@ -94,8 +95,7 @@ class Trajectory:
             )
         if not np.isfinite(self.controls).all():
             raise DataError("A trajectory's controls must be finite; got NaN or infinity.")
-        if not self.dt > 0:
-            raise DataError(f"dt must be positive seconds, got {self.dt!r}.")
+        CONTROL_STEP.check(self.dt, "A control step, dt,", DataError)
 
 
 Source = Literal["sim", "recording"]

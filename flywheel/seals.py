@@ -84,9 +84,9 @@ def unsealed(text: bytes, what: str) -> tuple[dict[str, Any], Seal | None]:
       DataError: a later version wrote it.
     """
     try:
-        values = parsed_json(text, what, DataError)
+        values = parsed_json(text, "it", DataError)
     except DataError as error:
-        raise Unsound(f"{what} was altered, it cannot be read: {error}") from None
+        raise Unsound(f"{what} was altered: {error}") from None
     if not isinstance(values, dict):
         raise Unsound(f"{what} was altered: it holds {shown(values)}, not named values.")
     if SEAL not in values:

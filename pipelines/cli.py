@@ -301,8 +301,16 @@ def check(
     mjcf: Annotated[
         str, typer.Argument(metavar="MJCF", help="Your .xml, or a shipped robot's name.")
     ],
+    dt: Annotated[
+        float | None,
+        typer.Option(
+            max=1.0,
+            help="Time between commands, in seconds; 0.01 or what is nearest to it by default.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
-    """Say what is read off an MJCF, whether it settles, and what a model of it would hold.
+    """Say what is read off an MJCF, whether it settles, what a model of it would hold, and how to run it.
 
     [bold]Example[/bold]
 
@@ -310,7 +318,7 @@ def check(
     """
     from pipelines.robot import check_robot
 
-    check_robot(mjcf)
+    check_robot(mjcf, dt)
 
 
 if __name__ == "__main__":

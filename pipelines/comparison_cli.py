@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
-from pipelines.options import ThreadsOption, within
+from pipelines.options import DtOption, ThreadsOption, within
 
 app = typer.Typer()
 
@@ -31,6 +31,14 @@ Models = Annotated[
         show_default=False,
     ),
 ]
+HorizonOption = Annotated[
+    float,
+    typer.Option(help="Predicted from each present, in seconds.", callback=within(HORIZON_SECONDS)),
+]
+DrawsOption = Annotated[
+    int,
+    typer.Option(help="Of the noise, for what it makes of the error.", callback=within(SAMPLES)),
+]
 
 
 @app.command()
@@ -38,19 +46,9 @@ def compare(
     recordings: Recordings,
     robot: RobotName,
     model: Models = None,
-    horizon: Annotated[
-        float,
-        typer.Option(
-            help="Predicted from each present, in seconds.", callback=within(HORIZON_SECONDS)
-        ),
-    ] = 1.0,
-    dt: Annotated[float, typer.Option(help="Control step of the models, in seconds.")] = 0.01,
-    draws: Annotated[
-        int,
-        typer.Option(
-            help="Of the noise, for what it makes of the error.", callback=within(SAMPLES)
-        ),
-    ] = 100,
+    horizon: HorizonOption = 1.0,
+    dt: DtOption = 0.01,
+    draws: DrawsOption = 100,
     seed: Annotated[int, typer.Option(help="Of the draws.", callback=within(SEED))] = 0,
     fit_starts: Annotated[
         bool, typer.Option(help="Also what plants leave where starts are fitted; slow.")
@@ -76,8 +74,10 @@ def compare(
 
     flywheel compare monday.csv --robot my_robot.xml --model before=plant --model after=plants/my_robot-1
     """
+    from flywheel.runtime.demand import check_predictions
     from pipelines.compare import put_beside
 
+    check_predictions(draws, horizon, dt, "--draws, --horizon, --dt")
     code = put_beside(
         recordings,
         robot,

@@ -9,7 +9,7 @@ import typer
 
 from flywheel.data import Snapshot, TrajectoryStore
 from flywheel.errors import DataError, FlywheelError
-from flywheel.runtime.inventory import Fault, Inventory, remedy
+from flywheel.runtime.inventory import Fault, Inventory
 from flywheel.runtime.rewinding import rewind
 from flywheel.runtime.run_folder import RunFolder
 from pipelines.exits import FAILED
@@ -20,8 +20,7 @@ def verify_store(run: Path, snapshot: str) -> None:
     """Print what is damaged, and what to do; exit with 1 if anything is."""
     folder, store = RunFolder(run), _store_to_verify(run)
     chosen = store.snapshot(snapshot) if snapshot else None
-    begun = folder.config_file.exists() or (run / "run.json").exists()
-    look = Inventory(folder, store) if begun and chosen is None else None
+    look = Inventory(folder, store) if folder.there and chosen is None else None
     faults = look.faults() if look else _in_store(store, chosen)
     out = console()
     for name in look.strangers() if look else ():
@@ -30,8 +29,9 @@ def verify_store(run: Path, snapshot: str) -> None:
         line = f"{fault.kind} {fault}"
         out.print(line, style="red", markup=False, soft_wrap=True, highlight=False)
     if faults:
-        out.print(f"{len(faults)} faults; the rest is as it was committed.", highlight=False)
-        words = f"{_idle(faults)} {remedy(folder, faults) if look else ''}"
+        many = "1 fault" if len(faults) == 1 else f"{len(faults)} faults"
+        out.print(f"{many}; the rest is as it was committed.", highlight=False)
+        words = f"{_idle(faults)} {look.remedy(faults) if look else ''}"
         out.print(words.strip(), markup=False, soft_wrap=True, highlight=False)
         raise typer.Exit(FAILED)
     count = len(chosen.episodes) if chosen else len(store.committed())
@@ -94,7 +94,12 @@ def show_store(run: Path, snapshot: str) -> None:
             )
         )
         return
-    sealed = {name: store.snapshot(name) for name in store.snapshots()}
+    sealed, damaged = {}, []
+    for name in store.snapshots():
+        try:
+            sealed[name] = store.snapshot(name)
+        except DataError as error:
+            damaged.append(str(error))
     names = {one.digest: name for name, one in sealed.items()}
     rows = []
     for name, one in sealed.items():
@@ -104,6 +109,10 @@ def show_store(run: Path, snapshot: str) -> None:
     columns = ["snapshot", "digest", "parent", "#episodes", "#train", "#validation", "#test"]
     out.print(table(f"Snapshots of {run}", columns, rows))
     out.print(f"{len(store.committed())} segments are committed.", highlight=False)
+    for words in damaged:
+        out.print(words, style="red", markup=False, soft_wrap=True, highlight=False)
+    if damaged:
+        raise typer.Exit(FAILED)
 
 
 def _reached(success: bool | None) -> str | None:
@@ -117,9 +126,10 @@ def open_store(run: Path) -> TrajectoryStore:
       DataError: there is neither.
     """
     folder = RunFolder(run)
-    if folder.config_file.exists():
+    if folder.there:
         return TrajectoryStore(folder.store_url(folder.config()))
-    if not run.is_dir():
+    names = {path.name for path in run.iterdir()} if run.is_dir() else {""}
+    if names and not names & {"segments", "snapshots", "store.json"}:
         raise DataError(f"There is no run and no store at {run}.")
     return TrajectoryStore(str(run))
 
@@ -129,6 +139,6 @@ def _store_to_verify(run: Path) -> TrajectoryStore:
     try:
         return open_store(run)
     except FlywheelError:
-        if not (run / "store").is_dir():
+        if not RunFolder(run).there:
             raise
         return TrajectoryStore(str(run / "store"))

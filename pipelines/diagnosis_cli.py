@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flywheel.quantities import SAMPLES, Bounds
-from pipelines.options import ThreadsOption, WindowOption, within
+from pipelines.options import DtOption, ThreadsOption, WindowOption, within
 
 ANSWERS = Bounds(1, 1000)
 app = typer.Typer()
@@ -58,7 +58,7 @@ def diagnose(
     unsure: UnsureOption = None,
     window: WindowOption = None,
     model: TrainedSpec = None,
-    dt: Annotated[float, typer.Option(help="Control step of the plant, in seconds.")] = 0.01,
+    dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
     json: Annotated[

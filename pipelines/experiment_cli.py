@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
-from pipelines.options import TYPICAL_SIZES, ThreadsOption, WindowOption, within
+from pipelines.options import TYPICAL_SIZES, DtOption, ThreadsOption, WindowOption, within
 
 app = typer.Typer()
 
@@ -22,7 +22,6 @@ NoiseOption = Annotated[
     str,
     typer.Option(help="Of each coordinate: a share of the robot's length, or a length (9mm)."),
 ]
-DtOption = Annotated[float, typer.Option(help="Control step of the plant, in seconds.")]
 PageOption = Annotated[
     Path | None, typer.Option(help="Where an HTML page goes.", show_default=False)
 ]
@@ -105,6 +104,9 @@ def design(
 
     flywheel design cable_friction capstan --robot prism3 --out to_tell.csv
     """
+    from flywheel.runtime.demand import check_predictions
     from pipelines.design import propose
 
+    predictions = candidates * (1 + len(rivals))  # of each script, and with each rival
+    check_predictions(predictions, seconds, dt, "--candidates, rivals, --seconds, --dt")
     propose(rivals, robot, noise, size, seconds, candidates, seed, dt, threads, out, page, json)

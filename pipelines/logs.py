@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from flywheel.data.recordings import read_recording
+from flywheel.outputs import printable
 from flywheel.records import Trajectory
 from flywheel.robots import Robot
+from pipelines.show import Out
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Recorded:
     trajectory: Trajectory
 
 
-def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Console) -> list[Recorded]:
+def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Recorded]:
     """Read CSV logs, and say what was found and done in each.
 
     Raises:
@@ -37,9 +37,10 @@ def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Console) -> l
         imported = read_recording(path, robot, dt=dt)
         for f in imported.report.findings:
             when = f"{f.kind} {f.subject}: {f.count} {f.action} at {f.when or 'all times'} s"
-            out.print(f"{path.name}: {when}. {f.words}", soft_wrap=True, markup=False)
+            out.say(f"{imported.report.file}: {when}. {f.words}")
+        stem = printable(path.stem)
         several = len(imported.episodes) > 1
         for number, episode in enumerate(imported.episodes):
-            name = f"{path.stem} ({number})" if several else path.stem
+            name = f"{stem} ({number})" if several else stem
             recordings.append(Recorded(name, episode.trajectory))
     return recordings

@@ -18,7 +18,6 @@ from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError, FlywheelError
-from flywheel.faults import told
 from flywheel.files import file_name
 from flywheel.outputs import check_folder, check_outputs
 from flywheel.records import Episode
@@ -221,8 +220,6 @@ def navigate(wish: Wish) -> None:
                 out.say(f"Video: {driver.film(seed, episode)}")
             except FlywheelError as error:
                 out.say(f"No video: {error}")
-            except OSError as error:
-                out.say(f"No video: {told(error)}")
     if len(there) > 1:
         out.print(drive_table(there))
     if wish.picture:

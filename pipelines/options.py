@@ -8,7 +8,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from flywheel.quantities import HORIZON_SECONDS, THREADS, Bounds
+from flywheel.quantities import CONTROL_STEP, HORIZON_SECONDS, THREADS, Bounds
 
 N = TypeVar("N", int, float, None)
 TYPICAL_SIZES = Bounds(0.01, 1000)  # of an effect
@@ -58,6 +58,9 @@ WindowOption = Annotated[
 ]
 ThreadsOption = Annotated[
     int, typer.Option(help="Simulations at the same time.", callback=within(THREADS))
+]
+DtOption = Annotated[
+    float, typer.Option(help="Control step, in seconds.", callback=within(CONTROL_STEP))
 ]
 Overrides = Annotated[
     list[str] | None,

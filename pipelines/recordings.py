@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from flywheel.data import TrajectoryStore
 from flywheel.data.recordings import (
     Imported,
     ImportReport,
+    Told,
     counted,
     read_map,
     read_recording,
@@ -22,12 +26,31 @@ from flywheel.data.recordings import (
     write_recording,
 )
 from flywheel.errors import DataError, FlywheelError
-from flywheel.outputs import check_folder
+from flywheel.files import MB
+from flywheel.outputs import check_folder, printable
 from flywheel.records import Split
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.run_folder import RunFolder
-from pipelines.data import open_store
-from pipelines.show import console, table
+from flywheel.runtime.progress import Bars, Progress, Quiet, Stage
+from pipelines.show import Out, console, table
+
+ROOM = 3_000_000  # coordinates that are kept until all logs are read; the others are read again
+
+
+@dataclass(frozen=True)
+class Read:
+    """A log that was read and found good.
+
+    Attributes:
+      path: of the file.
+      report: what was done to it.
+      split: of its episodes.
+      imported: the episodes, unless they would take too much memory beside those of the other logs.
+    """
+
+    path: Path
+    report: ImportReport
+    split: Split
+    imported: Imported | None
 
 
 def import_logs(
@@ -48,27 +71,23 @@ def import_logs(
     robot = _robot(place, robot_name)
     store = None if dry_run else _store(place)
     how = read_map(mapping) if mapping else None
-    read, wrong = [], []
-    for log in logs:
-        try:
-            read.append(
-                read_recording(log, robot, how=how, dt=dt, split=cast("Split | None", split))
+
+    def read(log: Path) -> Imported:
+        with _progress().stage(escape(printable(log.name)), 1.0) as stage:
+            return read_recording(
+                log, robot, how=how, dt=dt, split=cast("Split | None", split), told=_told(stage)
             )
-        except FlywheelError as error:
-            wrong.append(str(error))
-    if wrong:
-        others = f"\nNothing was stored of the {len(logs)} logs." if len(logs) > 1 else ""
-        raise DataError("\n".join(wrong) + others)
-    _refuse_twice(read)
-    outcomes = [("not stored (dry run)", "") for _ in read]
+
+    found = _read_all(logs, read, keep=not dry_run)
+    outcomes = [("not stored (dry run)", "") for _ in found]
     if store is not None:
-        outcomes = [_stored(store, one) for one in read]
+        outcomes = [_stored(store, one, read) for one in found]
     if as_json:
-        shown = [_as_json(one, *outcome) for one, outcome in zip(read, outcomes, strict=True)]
+        shown = [_as_json(one, *outcome) for one, outcome in zip(found, outcomes, strict=True)]
         typer.echo(json.dumps(shown, indent=1))
         return
     out = console()
-    for one, (state, _) in zip(read, outcomes, strict=True):
+    for one, (state, _) in zip(found, outcomes, strict=True):
         _show(out, one, state)
     segments = [segment for _, segment in outcomes if segment]
     if segments:
@@ -77,6 +96,8 @@ def import_logs(
 
 def show_stored(place: Path, as_json: bool) -> None:
     """Print the recordings in a store."""
+    from pipelines.data import open_store
+
     store = open_store(place)
     rows = []
     for segment, summaries in stored_recordings(store).items():
@@ -99,7 +120,7 @@ def show_stored(place: Path, as_json: bool) -> None:
         return
     out = console()
     if not rows:
-        out.print(f"There is no recording in {store.url}.", highlight=False, soft_wrap=True)
+        out.say(f"There is no recording in {store.url}.")
         return
     columns = [
         "episode",
@@ -128,62 +149,114 @@ def show_stored(place: Path, as_json: bool) -> None:
 
 def export_episode(place: Path, episode: str, output: Path, robot_name: str | None) -> None:
     """Write an episode as CSV, and say what a CSV has no place for."""
+    from pipelines.data import open_store
+
     robot = _robot(place, robot_name)
     found = open_store(place).read(episode)
     left = write_recording(found, output, robot)
     out = console()
     steps = found.trajectory.steps
-    out.print(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.", highlight=False)
+    out.say(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.")
     if left:
-        out.print(
-            f"A log has no place for: {', '.join(left)}; the CSV does not have it.", highlight=False
-        )
+        out.say(f"A log has no place for: {', '.join(left)}; the CSV does not have it.")
 
 
 def _robot(place: Path, name: str | None) -> Robot:
     """The robot that was named, else that of the run."""
     if name is not None:
         return load_robot(name)
-    folder = RunFolder(place)
-    if not folder.config_file.exists():
+    if not _is_run(place):
         raise DataError(
             f"{place} is not a run's folder: say with --robot whose episodes these are."
         )
+    from flywheel.runtime.run_folder import RunFolder
+
+    folder = RunFolder(place)
     return folder.robot(folder.config())
 
 
 def _store(place: Path) -> TrajectoryStore:
     """The store of a run, or the one at a path; a new one where there is nothing."""
     check_folder(place, "store")
-    if RunFolder(place).config_file.exists():
+    if _is_run(place):
+        from pipelines.data import open_store
+
         return open_store(place)
     return TrajectoryStore(str(place))
 
 
-def _refuse_twice(read: Sequence[Imported]) -> None:
+def _is_run(place: Path) -> bool:
+    """Whether it is a run's folder, asked without its classes, which load the network's engine."""
+    return (place / "config.yaml").exists()
+
+
+def _progress() -> Progress:
+    """Bars on a terminal; nothing in logs and pipes."""
+    errors = Console(stderr=True)
+    return Bars(errors) if errors.is_terminal else Quiet()
+
+
+def _told(stage: Stage) -> Told:
+    """Shows which share of a file is read, and how fast."""
+    began = time.monotonic()
+
+    def told(read: int, total: int) -> None:
+        rate = read / MB / max(time.monotonic() - began, 1e-3)
+        stage.update(read / max(total, 1), f"{rate:.0f} MB/s" if read < total else "now checked")
+
+    return told
+
+
+def _read_all(logs: Sequence[Path], read: Callable[[Path], Imported], keep: bool) -> list[Read]:
+    """Read all logs.
+
+    Args:
+      logs: their files.
+      read: how one is read.
+      keep: the episodes, as far as there is room.
+
+    Raises:
+      DataError: with the faults of all that cannot be used; or one log is there twice.
+    """
+    found, wrong, room = [], [], ROOM
+    for path in logs:
+        try:
+            one = read(path)
+        except FlywheelError as error:
+            wrong.append(str(error))
+            continue
+        room -= sum(episode.trajectory.observations.points.size for episode in one.episodes)
+        kept = keep and (room >= 0 or len(logs) == 1)
+        found.append(Read(path, one.report, one.episodes[0].split, one if kept else None))
+    if wrong:
+        others = f"\nNothing was stored of the {len(logs)} logs." if len(logs) > 1 else ""
+        raise DataError("\n".join(wrong) + others)
     files: dict[str, str] = {}
-    for one in read:
-        other = files.setdefault(one.report.digest, one.report.file)
-        if other != one.report.file:
-            raise DataError(f"{other} and {one.report.file} are the same log; name it once.")
+    for report in (one.report for one in found):
+        other = files.setdefault(report.digest, report.file)
+        if other != report.file:
+            raise DataError(f"{other} and {report.file} are the same log; name it once.")
+    return found
 
 
-def _stored(store: TrajectoryStore, one: Imported) -> tuple[str, str]:
+def _stored(store: TrajectoryStore, log: Read, read: Callable[[Path], Imported]) -> tuple[str, str]:
+    one = log.imported or read(log.path)
+    if one.report.digest != log.report.digest:
+        raise DataError(f"{log.report.file} changed since it was read; it was not stored.")
     segment, new = store_recording(store, one)
     return ("stored" if new else f"there already, as {segment}"), segment
 
 
-def _as_json(one: Imported, state: str, segment: str) -> dict[str, Any]:
-    split = one.episodes[0].split
-    return {"state": state, "segment": segment, "split": split, **one.report.as_dict()}
+def _as_json(log: Read, state: str, segment: str) -> dict[str, Any]:
+    return {"state": state, "segment": segment, "split": log.split, **log.report.as_dict()}
 
 
-def _show(out: Console, one: Imported, state: str) -> None:
-    report: ImportReport = one.report
+def _show(out: Out, log: Read, state: str) -> None:
+    report = log.report
     out.print(
-        f"[bold]{report.file}[/bold]: {report.rows} rows, {report.seconds:.4g} s at "
+        f"[bold]{escape(report.file)}[/bold]: {report.rows} rows, {report.seconds:.4g} s at "
         f"{1 / report.period:.4g} Hz; {100 * report.seen:.4g} % of the points' samples can be used; "
-        f"{counted(len(report.episodes), 'episode')} for {one.episodes[0].split}; {state}",
+        f"{counted(len(report.episodes), 'episode')} for {log.split}; {state}",
         highlight=False,
         soft_wrap=True,
     )
@@ -202,12 +275,7 @@ def _show(out: Console, one: Imported, state: str) -> None:
     )
 
 
-def _show_setting(out: Console, segments: Sequence[str]) -> None:
+def _show_setting(out: Out, segments: Sequence[str]) -> None:
     """What makes a run learn from segments."""
-    out.print(
-        f"A run on this store learns from them with 'collect.recordings=[{','.join(segments)}]'".replace(
-            "[", r"\["
-        ),
-        highlight=False,
-        soft_wrap=True,
-    )
+    setting = f"collect.recordings=[{','.join(segments)}]"
+    out.say(f"A run on this store learns from them with '{setting}'")

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from pipelines.options import DtOption
+
 app = typer.Typer(no_args_is_help=True, help="Bring logs of a real robot in, and out.")
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
@@ -43,7 +45,7 @@ def import_(
     split: Annotated[
         SplitChoice, typer.Option(help="What the episodes are for, for ever.")
     ] = SplitChoice.auto,
-    dt: Annotated[float, typer.Option(help="Control step of the episodes, in seconds.")] = 0.01,
+    dt: DtOption = 0.01,
     mapping: Annotated[
         Path | None,
         typer.Option(

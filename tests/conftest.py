@@ -3,6 +3,7 @@
 import contextlib
 import ctypes.util
 import os
+import secrets
 import shlex
 import subprocess
 import sys
@@ -20,17 +21,38 @@ from hypothesis import settings
 from typer.testing import CliRunner
 from xdist.scheduler import LoadScopeScheduling
 
+from tests import draws
 from tests.readme_commands import the_two_commands
 
 ROOT = Path(__file__).parents[1]
 BIN = Path(sys.executable).parent
 STARTING_RAY = ("tests/integration/", "tests/test_readme.py", "tests/test_docker.py")
-# The same examples every time; fresh ones with --hypothesis-profile fresh.
+NO_EGL = "libEGL is not installed: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+
+
+# The same examples and draws every time; others with --draws.
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("fresh", deadline=None)
-settings.load_profile("fixed")
 
-NO_EGL = "libEGL is not installed: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--draws`: which random inputs the tests get."""
+    parser.addoption(
+        "--draws", default="0", help='what tests draw depends on this number; "fresh" for a new one'
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose what is drawn, before any test is imported."""
+    if config.option.draws == "fresh":
+        config.option.draws = str(secrets.randbits(32))  # xdist hands it to its processes
+    draws.choose(int(config.option.draws))
+    settings.load_profile("fixed" if config.option.draws == "0" else "fresh")
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    """Say what brings the same draws back."""
+    return f"draws: {config.option.draws}"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

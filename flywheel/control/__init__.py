@@ -6,7 +6,7 @@ from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
 from flywheel.control.open_loop import Hold, OpenLoop, RandomConfig, RandomControls
 from flywheel.control.protocol import Command, Controller
-from flywheel.control.starts import above_ground, random_drop, standing
+from flywheel.control.starts import above_ground, random_drop, refuse_fixed, standing
 
 CONTROLLERS = {
     "hold": Hold,
@@ -30,5 +30,6 @@ __all__ = [
     "random_drop",
     "record_batch",
     "record_episode",
+    "refuse_fixed",
     "standing",
 ]

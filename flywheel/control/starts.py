@@ -40,9 +40,14 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
 
 
 def above_ground(plant: Plant, state: State) -> State:
-    """Robots (n,) that stand or hang over the plane, as far above the highest ground below them."""
+    """Robots (n,) that stand or hang over the plane, as far above the highest ground below them.
+
+    Raises:
+      RobotError: they have joints, and the ground is not level.
+    """
     if plant.terrain is None:
         return state
+    plant.robot.require_free("put on ground that is not level")
     robot, points = plant.robot, plant.observe(state).points
     reach = max(point.radius for point in robot.points)
     pose = state.qpos.reshape(len(points), len(robot.bodies), FREE_JOINT).copy()
@@ -63,6 +68,19 @@ def standing(plant: Plant, state: State, place: Floats, turn: float) -> State:
     return State(pose.reshape(1, -1), np.zeros_like(state.qvel), state.act)
 
 
+def refuse_fixed(robot: Robot) -> None:
+    """Refuse a robot that cannot be anywhere else than where it is.
+
+    Raises:
+      RobotError: it is tied to something fixed, or has joints.
+    """
+    if robot.tethered:
+        raise RobotError(
+            f"{robot.name} cannot be dropped or carried: it hangs on cables from fixed points."
+        )
+    robot.require_free("dropped or carried")
+
+
 def _turned(robot: Robot, state: State, turn: Rotation) -> tuple[Floats, Floats]:
     """Poses (n, bodies, 7) turned (n,) about their centres of mass, relative to these, and the centres.
 
@@ -70,15 +88,7 @@ def _turned(robot: Robot, state: State, turn: Rotation) -> tuple[Floats, Floats]
       The poses, and the centres (n, 1, 3) [m].
     """
     n, bodies = len(state.qpos), len(robot.bodies)
-    if any(end.body < 0 for cable in robot.cables for end in cable.ends):
-        raise RobotError(
-            f"{robot.name} cannot be dropped or carried: it hangs on cables from fixed points."
-        )
-    if state.qpos.shape[1] != FREE_JOINT * bodies:
-        raise RobotError(
-            f"{robot.name} cannot be dropped or carried: that needs all bodies free ({FREE_JOINT * bodies} "
-            f"positions), its MJCF has {state.qpos.shape[1]}."
-        )
+    refuse_fixed(robot)
     pose = state.qpos.reshape(n, bodies, FREE_JOINT).copy()
     masses = np.array([body.mass for body in robot.bodies])
     center = np.average(pose[..., :3], axis=1, weights=masses)[:, None]

@@ -51,9 +51,7 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
         columns |= {name: [getattr(t.states, name) for t in tracks] for name in _STATE}
     arrays: Arrays = {"lengths": np.array([t.steps for t in tracks], "<i8")}
     for name, parts in columns.items():
-        values = np.concatenate(parts).astype("<f8")
-        values[np.isnan(values)] = np.nan  # there are many NaNs
-        arrays[name] = values
+        arrays[name] = _end_to_end(parts)
     schema = SCHEMA
     if any(e.terrain is not None for e in episodes):
         arrays |= packed_terrains([e.terrain for e in episodes])
@@ -121,6 +119,15 @@ def unpacked_terrains(arrays: Arrays) -> list[Terrain | None]:
         for shape, end, (cell, x, y) in zip(shapes, ends, grids[:, 2:], strict=True)
     ]
     return [None if i < 0 else distinct[i] for i in arrays["terrain"].tolist()]
+
+
+def _end_to_end(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays as one, whose NaNs are one and the same; a single one that is so already, as it is."""
+    long = np.concatenate(parts, dtype="<f8") if len(parts) > 1 else np.asarray(parts[0], "<f8")
+    missing = np.isnan(long)
+    if (long[missing].view("u8") != np.array(np.nan).view("u8")).any():
+        long = np.where(missing, np.nan, long)
+    return np.ascontiguousarray(long)
 
 
 def _describe(episode: Episode) -> dict[str, Any]:

@@ -213,6 +213,8 @@ class TrajectoryStore:
                 receipt = self.committed().get(segment) or self._receipt(segment)
                 return [] if sha256 in (None, receipt.sha256) else [replaced(receipt, str(sha256))]
             found = self._found(segment)
+            if not found.sizes and sha256 is None:  # nobody misses it
+                return [Damage(segment, (), "it is no segment: it holds nothing", "foreign")]
             return self._damages(found, sha256, ids) or telemetry_damages(found)
         except DataError as error:
             return [Damage.of(error, segment, ids)]
@@ -324,5 +326,5 @@ class TrajectoryStore:
         self._ownership.check(receipt.owner, f"Segment {segment}")
         return receipt
 
-    def _no_segment(self, segment: str) -> DataError:
-        return DataError(f"There is no segment {segment!r} in {self.url}.")
+    def _no_segment(self, segment: str) -> Unsound:
+        return Unsound(f"There is no segment {segment!r} in {self.url}.", "missing")

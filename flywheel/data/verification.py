@@ -72,7 +72,10 @@ def _identity(ownership: Ownership) -> Iterator[Damage]:
             what = "it is missing; it is written again with the next episode that is stored"
             yield Damage(f"file {STORE_FILE}", (), what, "missing")
     except Unsound as error:
-        yield Damage.of(error, f"file {STORE_FILE}")
+        yield replace(
+            Damage.of(error, f"file {STORE_FILE}"),
+            what=f"{error} Moved away, it is written again from what lies there",
+        )
 
 
 def _names(folder: str, names: Callable[[], list[str]]) -> list[str] | Damage:

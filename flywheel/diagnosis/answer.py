@@ -20,6 +20,7 @@ from flywheel.validation import validated
 CLEAR = (Verdict.EFFECT, Verdict.PARTIAL)
 EVIDENCE = ("verdict", "error", "held_out", "residual", "recordings", "held_out_recordings")
 MOST_ANSWERS = 1000  # also of the effects of one
+MOST_NAMED = 20  # alternatives, in a message
 LARGEST_EVIDENCE = 200_000  # characters, as JSON: a plant's file must stay one that is read
 
 
@@ -122,7 +123,7 @@ class Answer(_Part):
         if number is None and self.verdict not in set(CLEAR):
             named = "; ".join(
                 f"{number}: {' with '.join(each.effect for each in alternative)}"
-                for number, alternative in enumerate(alternatives, 1)
+                for number, alternative in enumerate(alternatives[:MOST_NAMED], 1)
             )
             raise DataError(
                 f"The verdict is {self.verdict}: say which answer to adopt. There are {named}."

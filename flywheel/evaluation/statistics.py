@@ -51,6 +51,11 @@ def rotation_error(robot: Robot, truth: Floats, predicted: Floats) -> Floats:
     return np.degrees(np.stack(columns, axis=-1))
 
 
+def shows_turn(robot: Robot, body: Body) -> bool:
+    """Whether a body has a rotation error: its tracked points are several, and not in one place."""
+    return _rank(robot, body) > 0
+
+
 def squared_point_error(robot: Robot, truth: Floats, predicted: Floats) -> Floats:
     """Squared distance between each measured and predicted point: (..., P) [m^2]."""
     del robot

@@ -20,8 +20,9 @@ def error_by_lead_time(run: RunResult) -> Figure | None:
     turns = [(i, e) for i in run.of_arm("mppi") if (e := run.test_errors(i)) and e.by_lead_time]
     if not turns:
         return None
-    figure = Figure(figsize=(9.2, 3.6))
-    for axes, (measure, label) in zip(figure.subplots(1, 2), MEASURES, strict=True):
+    figure, measures = Figure(figsize=(9.2, 3.6)), _measures(run)
+    (row,) = figure.subplots(1, len(measures), squeeze=False)
+    for axes, (measure, label) in zip(row, measures, strict=True):
         for place, (turn, errors) in enumerate(turns):
             colour = style.iteration_colour(place, len(turns))
             name = f"iteration {turn.iteration}"
@@ -44,10 +45,10 @@ def error_over_iterations(run: RunResult) -> Figure | None:
     """Short-horizon and full-trajectory errors of both arms, with the floors."""
     if not any(run.test_errors(i) for i in run.iterations):
         return None
-    figure = Figure(figsize=(9.2, 6.2))
-    grid = figure.subplots(2, 2)
+    figure, measures = Figure(figsize=(9.2, 6.2)), _measures(run)
+    grid = figure.subplots(2, len(measures), squeeze=False)
     for row, kind in zip(grid, ("short", "full"), strict=True):
-        for axes, (measure, label) in zip(row, MEASURES, strict=True):
+        for axes, (measure, label) in zip(row, measures, strict=True):
             _error_lines(axes, run, kind, measure)
             axes.set_ylabel(label)
             axes.set_ylim(0, 1.08 * axes.get_ylim()[1])
@@ -58,12 +59,16 @@ def error_over_iterations(run: RunResult) -> Figure | None:
 
 
 def training_curves(run: RunResult) -> Figure | None:
-    """Training loss and validation rotation error of each iteration of the MPPI arm."""
+    """Training loss and validation error of each iteration of the MPPI arm.
+
+    The error is that of rotations, or of positions where bodies show no rotation.
+    """
     turns = [i for i in run.of_arm("mppi") if i.curve]
     if not turns:
         return None
     figure = Figure(figsize=(9.2, 3.4))
     loss, validation = figure.subplots(1, 2)
+    measure, label = _measures(run)[-1]
     for place, turn in enumerate(turns):
         look = {
             "color": style.iteration_colour(place, len(turns)),
@@ -72,14 +77,13 @@ def training_curves(run: RunResult) -> Figure | None:
         few = "." if len(turn.curve) < 12 else ""
         losses = [point.loss for point in turn.curve]
         loss.plot([p.step for p in turn.curve], losses, marker=few, linewidth=1.5, **look)
-        points = [
-            (p.step, p.validation_e_rot) for p in turn.curve if p.validation_e_rot is not None
-        ]
+        errors = [(p.step, getattr(p, f"validation_{measure}")) for p in turn.curve]
+        points = [(step, error) for step, error in errors if error is not None]
         validation.plot([s for s, _ in points], [e for _, e in points], marker="o", **look)
     if all(p.loss > 0 for turn in turns for p in turn.curve):
         style.logarithmic(loss.yaxis)
     loss.set_ylabel("training loss")
-    validation.set_ylabel("validation rotation error [deg]")
+    validation.set_ylabel(f"validation {label}")
     validation.set_ylim(0, 1.08 * validation.get_ylim()[1])
     for axes in (loss, validation):
         axes.set_xlabel("optimiser step")
@@ -100,6 +104,12 @@ def overlay(run: RunResult) -> Figure | None:
     above.set_title(f"iteration {turn.iteration}, from above")
     _distances(distance, turn, run.length)
     return figure
+
+
+def _measures(run: RunResult) -> tuple[tuple[str, str], ...]:
+    """What is drawn: no rotations where bodies show none."""
+    errors = [found for turn in run.iterations if (found := run.test_errors(turn))]
+    return MEASURES[:1] if any(each.short.turnless for each in errors) else MEASURES
 
 
 def _by_lead_time(axes: Axes, errors: Errors, measure: str, **look: Any) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from flywheel.runtime.results import ErrorNumbers, IterationResult, RunResult, Success
 
@@ -26,6 +26,29 @@ class Verdict:
 
     answer: Answer
     text: str
+
+
+class _Pair(NamedTuple):
+    """One error of two models.
+
+    Attributes:
+      name: of the error, in a word.
+      error: the same at length.
+      unit: of it.
+      goal: that it may be times the floor's.
+      first, second: what it is.
+    """
+
+    name: str
+    error: str
+    unit: str
+    goal: float
+    first: float
+    second: float
+
+    @property
+    def ratio(self) -> float:
+        return _ratio(self.first, self.second)
 
 
 def headline(run: RunResult) -> str:
@@ -80,23 +103,21 @@ def _error_verdict(run: RunResult, turns: tuple[IterationResult, ...]) -> Verdic
     first, last = run.test_errors(turns[0]), run.test_errors(turns[-1])
     if first is None or last is None:
         return Verdict("open", "The models were not scored on test episodes.")
-    pairs = [
-        (first.short.e_rot, last.short.e_rot),
-        (first.short.e_pos_rmse, last.short.e_pos_rmse),
-    ]
-    if not all(math.isfinite(value) for pair in pairs for value in pair):
+    pairs = _pairs(first.short, last.short)
+    if not all(math.isfinite(each.first) and math.isfinite(each.second) for each in pairs):
         return Verdict("no", "A prediction error on test episodes is not finite.")
-    fell = [_lower(after, before) for before, after in pairs]
+    fell = [_lower(each.second, each.first) for each in pairs]
     answer: Answer = "yes" if all(fell) else "open" if any(fell) else "no"
-    (rot, pos), where = pairs, "all test episodes of the run"
+    where = "all test episodes of the run"
     if run.pooled_errors(turns[0]) is None or run.pooled_errors(turns[-1]) is None:
         where = "the test episodes that each iteration had (not the same ones)"
         answer = "open" if all(fell) else answer
-    return Verdict(
-        answer,
-        f"Short-horizon errors on {where}: rotation {rot[0]:.2f} to {rot[1]:.2f} deg "
-        f"({_change(*rot)}), position {pos[0]:.2f} to {pos[1]:.2f} % RMSE/L ({_change(*pos)}).",
-    )
+    words = [
+        f"{each.name} {each.first:.2f} to {each.second:.2f} {each.unit} "
+        f"({_change(each.first, each.second)})"
+        for each in pairs
+    ]
+    return Verdict(answer, f"Short-horizon errors on {where}: {', '.join(words)}.")
 
 
 def _success_verdict(turns: tuple[IterationResult, ...]) -> Verdict:
@@ -116,15 +137,12 @@ def _control_verdict(run: RunResult, last: IterationResult) -> Verdict:
     ours, theirs = run.test_errors(last), run.test_errors(control)
     if control.iteration != last.iteration or ours is None or theirs is None:
         return Verdict("open", "The control arm has not come as far as the MPPI arm.")
-    better = [
-        _lower(ours.short.e_rot, theirs.short.e_rot),
-        _lower(ours.short.e_pos_rmse, theirs.short.e_pos_rmse),
+    pairs = _pairs(ours.short, theirs.short)
+    better = [_lower(each.first, each.second) for each in pairs]
+    words = [
+        f"{each.name} {each.first:.2f} against {each.second:.2f} {each.unit}" for each in pairs
     ]
-    text = (
-        f"Against random controls instead of MPPI: rotation {ours.short.e_rot:.2f} against "
-        f"{theirs.short.e_rot:.2f} deg, position {ours.short.e_pos_rmse:.2f} against "
-        f"{theirs.short.e_pos_rmse:.2f} % RMSE/L"
-    )
+    text = f"Against random controls instead of MPPI: {', '.join(words)}"
     if last.navigation is not None and control.navigation is not None:
         mine, other = last.navigation.success, control.navigation.success
         better.append(mine.rate > other.rate)
@@ -134,22 +152,23 @@ def _control_verdict(run: RunResult, last: IterationResult) -> Verdict:
 
 
 def _floor_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
-    rot, pos = _ratio(ours.e_rot, floor.e_rot), _ratio(ours.e_pos_rmse, floor.e_pos_rmse)
-    reached: Answer = "yes" if rot <= GOAL_ROTATION and pos <= GOAL_POSITION else "no"
+    pairs = _pairs(ours, floor)
+    words = [f"{each.error} {each.ratio:.2f} times" for each in pairs]
     return Verdict(
-        reached,
-        f"Against the floor: rotation error {rot:.2f} times, position error (RMSE/L) {pos:.2f} "
-        f"times that of the restarted plant (goals: {GOAL_ROTATION} and {GOAL_POSITION}).",
+        "yes" if all(each.ratio <= each.goal for each in pairs) else "no",
+        f"Against the floor: {', '.join(words)} that of the restarted plant (goals: "
+        f"{' and '.join(str(each.goal) for each in pairs)}).",
     )
 
 
 def _informed_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
     """Whether anything is left to be learnt: not a goal, but what the goals must not hide."""
-    rot, pos = _ratio(ours.e_rot, floor.e_rot), _ratio(ours.e_pos_rmse, floor.e_pos_rmse)
+    pairs = _pairs(ours, floor)
+    words = [f"{each.error} {each.ratio:.1f} times" for each in pairs]
     return Verdict(
-        "yes" if max(rot, pos) <= 1.0 else "no",
-        "Against exact physics that also computes the unseen twist (the informed floor): rotation "
-        f"error {rot:.1f} times, position error (RMSE/L) {pos:.1f} times its error.",
+        "yes" if all(each.ratio <= 1.0 for each in pairs) else "no",
+        "Against exact physics that also computes the unseen twist (the informed floor): "
+        f"{', '.join(words)} its error.",
     )
 
 
@@ -162,6 +181,20 @@ def _oracle_verdict(ours: Success, oracle: Success) -> Verdict:
         f"Against the oracle, which reached {rate(oracle)}: {share:.0%} of its rate "
         f"(goal: {GOAL_SUCCESS:.0%}).",
     )
+
+
+def _pairs(first: ErrorNumbers, second: ErrorNumbers) -> list[_Pair]:
+    """Both errors of both; without rotations where bodies show none."""
+    rotation = _Pair("rotation", "rotation error", "deg", GOAL_ROTATION, first.e_rot, second.e_rot)
+    position = _Pair(
+        "position",
+        "position error (RMSE/L)",
+        "% RMSE/L",
+        GOAL_POSITION,
+        first.e_pos_rmse,
+        second.e_pos_rmse,
+    )
+    return [position] if first.turnless and second.turnless else [rotation, position]
 
 
 def _lower(error: float, reference: float) -> bool:

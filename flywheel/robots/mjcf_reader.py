@@ -80,6 +80,7 @@ def read_robot(source: str | Path) -> Robot:
         timestep=float(model.opt.timestep),
         length=_characteristic_length(bodies, points, cables),
         grounded=ground_of(model) is not None,
+        free=bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).all()),
     )
 
 
@@ -124,8 +125,6 @@ def _refuse_disabled(model: mujoco.MjModel) -> None:
     for bit, flag in NEEDED.items():
         if model.opt.disableflags & bit:
             raise RobotError(f'The MJCF switches off what it needs: <flag {flag}="disable">.')
-    if model.opt.disableactuator:
-        raise RobotError("The MJCF switches off actuators (actuatorgroupdisable); leave them out.")
 
 
 def _refuse_memories(model: mujoco.MjModel) -> None:

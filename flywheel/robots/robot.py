@@ -5,6 +5,7 @@ Everything here is read off one MJCF (`Robot.from_mjcf`); no number stands anywh
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from flywheel.errors import RobotError
 from flywheel.records import Episode, Floats, State
 
 
@@ -161,6 +163,7 @@ class Robot:
       length: characteristic length L, for errors and noise: the longest distance between two tracked
         points of one body [m].
       grounded: the MJCF has a plane that takes part in contacts.
+      free: every body moves on a free joint of its own, so that its points tell where it is.
     """
 
     name: str
@@ -174,6 +177,7 @@ class Robot:
     timestep: float
     length: float
     grounded: bool
+    free: bool
 
     @classmethod
     def from_mjcf(cls, source: str | Path) -> Robot:
@@ -185,6 +189,39 @@ class Robot:
         from flywheel.robots.mjcf_reader import read_robot  # the reader imports this module
 
         return read_robot(source)
+
+    @cached_property
+    def tethered(self) -> bool:
+        """Whether a cable ends on something that cannot move."""
+        return any(end.body < 0 for cable in self.cables for end in cable.ends)
+
+    def require_free(self, to_be: str) -> None:
+        """Refuse a robot with joints: the one place that says what it cannot do yet.
+
+        Args:
+          to_be: what it cannot be, for the message: "dropped".
+
+        Raises:
+          RobotError: not all bodies are free.
+        """
+        if not self.free:
+            raise RobotError(
+                f"{self.name} cannot be {to_be}: it has joints, and that needs bodies that are all free "
+                "(a <freejoint/> each)."
+            )
+
+    def control_steps(self, near: float) -> tuple[float, ...]:
+        """Control steps [s] that are possible around a wanted one, the nearest first.
+
+        They are the multiples of MuJoCo's step; the wanted one alone if it is one.
+        """
+        if not 0.0 < near < math.inf:
+            return (self.timestep,)
+        count = near / self.timestep
+        if round(count) >= 1 and math.isclose(round(count) * self.timestep, near, rel_tol=1e-9):
+            return (near,)
+        around = (n * self.timestep for n in (math.floor(count), math.ceil(count)) if n)
+        return tuple(sorted(around, key=lambda step: abs(step - near)))
 
     @cached_property
     def control_low(self) -> Floats:

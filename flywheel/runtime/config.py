@@ -18,6 +18,7 @@ from flywheel.control import MppiConfig
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
 from flywheel.effects import AdoptedPlant, WrittenTerm
+from flywheel.effects.adopted import MOST_EFFECTS
 from flywheel.errors import ConfigError, FlywheelError, UnknownNameError
 from flywheel.files import shown
 from flywheel.quantities import Bounds, Name, Place, Seed, Threads
@@ -36,10 +37,9 @@ from flywheel.runtime.demand import problems
 from flywheel.runtime.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
+from flywheel.training.config import MOST_DATASETS
 
 NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
-MOST_EFFECTS = 1000  # a robot of 100 cables with ten effects on each
-MOST_DATASETS = 1000  # as many inputs as that has the network's one-hot
 # What may differ between a run and its continuation: it changes who computes where, not a number.
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 from flywheel.diagnosis.calibration import unsure_terms
 from flywheel.effects import NAMED
@@ -28,6 +28,8 @@ from flywheel.robots import load_course
 
 MOST_RECORDINGS = 5_000  # that are named in one file
 MOST_COURSES = 100
+# As the store names them.
+SegmentName = Annotated[Name, StringConstraints(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
 # Of a cluster: a hundred machines of a hundred cores.
 Workers = Annotated[int, Bounds(1, 10_000)]
 Processors = Annotated[float, Bounds(0, 1000)]
@@ -68,7 +70,7 @@ class CollectConfig(Part):
     mppi_samples: Samples | None = None
     validation: PartialShare = 0.2
     test: PartialShare = 0.2
-    recordings: tuple[Name, ...] = Field(default=(), max_length=MOST_RECORDINGS)
+    recordings: tuple[SegmentName, ...] = Field(default=(), max_length=MOST_RECORDINGS)
 
 
 class EvaluateConfig(Part):

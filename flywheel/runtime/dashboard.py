@@ -8,6 +8,8 @@ from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
+from flywheel.errors import ConfigError
+
 DATABASE = "mlflow.db"
 HOST = "127.0.0.1"
 PORT = 5000
@@ -37,11 +39,27 @@ def ui_command(folder: str | Path, port: int = PORT) -> tuple[list[str], dict[st
     Returns:
       The command, the environment variables to add, and the URL to open.
     """
-    uri = f"sqlite:///{Path(folder).absolute() / DATABASE}"
-    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", uri]
+    command = [sys.executable, "-m", "mlflow", "server"]
+    command += ["--backend-store-uri", database_uri(Path(folder) / DATABASE)]
     command += ["--host", HOST, "--port", str(port), "--workers", "1"]
     quiet = {"MLFLOW_LOGGING_LEVEL": "WARNING", "PYTHONWARNINGS": "ignore"}
     return command, SETTINGS | quiet, chart_url(port=port)
+
+
+def database_uri(database: Path) -> str:
+    """The URI of an SQLite file, as MLflow takes it.
+
+    Raises:
+      ConfigError: its path holds a character that MLflow reads as another one, written out or not: the
+        file would be elsewhere.
+    """
+    path = str(database.absolute())
+    if odd := [character for character in "?%" if character in path]:
+        raise ConfigError(
+            f"MLflow can have no database in {database.parent}: its path holds a {odd[0]!r}. Name another "
+            "folder, or track on a server (tracking.uri)."
+        )
+    return f"sqlite:///{path}"
 
 
 def damage(database: Path) -> str:

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from flywheel.errors import ConfigError
+
 if TYPE_CHECKING:
     from flywheel.runtime.config import RunConfig
 
@@ -48,6 +50,24 @@ class Demand:
             f"{self.what} take about {self.bytes / GB:,.0f} GB; at most {self.most / GB:,.0f} GB are "
             "allowed"
         )
+
+
+def check_predictions(number: int, seconds: float, dt: float, options: str) -> None:
+    """Refuse more predictions at a time than fit into the memory.
+
+    Args:
+      number: of them.
+      seconds: that each is long [s].
+      dt: control step [s].
+      options: that say so: "--draws, --horizon and --dt".
+
+    Raises:
+      ConfigError: see above.
+    """
+    what = f"{number:,} predictions of {seconds:g} s in control steps of {dt:g} s ({options})"
+    demand = Demand(what, PREDICTED * number * seconds / dt)
+    if demand.bytes > demand.most:
+        raise ConfigError(f"{demand}.")
 
 
 def problems(config: RunConfig) -> list[str]:

@@ -30,10 +30,10 @@ from flywheel.runtime.run_folder import (
     RunFolder,
     name_of,
 )
-from flywheel.runtime.run_identity import RUN_FILE
+from flywheel.runtime.run_identity import HOW, RUN_FILE
 from flywheel.seals import Kind, Seal, Unsound, file_sha256, misplaced
 
-TOLD = 8  # faults that one message names
+TOLD = 8  # faults, and episodes of one, that a message names
 OURS = re.compile(
     r"config\.yaml|robot\.xml|run\.json|store|cache|models|iterations|videos|figures|aside|result\.json|"
     rf"report\.html|{re.escape(DATABASE)}.*|mlflow-artifacts|outbox\..*"
@@ -62,7 +62,7 @@ class Fault:
     idle: bool = False
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.what.rstrip('.')}."
+        return f"{self.where}: {self.what.removesuffix('.')}."
 
 
 class Inventory:
@@ -84,15 +84,36 @@ class Inventory:
 
     def faults(self) -> list[Fault]:
         """All that is wrong, in the order in which a run comes about."""
-        found = list(self._beginning())
+        found = [*self._beginning(), *self._folders()]
         # Without run.json it cannot be told whose the other files are.
         if not any(fault.where == RUN_FILE for fault in found):
             found += [*self._iterations(), *self._end(), *self._missing(), *self._models()]
         self._snapshots = dict(self._sound_snapshots())
         stored = list(self._of_store())
-        there = {fault.where for fault in stored}
-        found += [*self._named(), *(f for f in self._compared() if f.where not in there)]
+        told = {fault.where for fault in stored}
+        found += self._named()
+        if "segments" not in told:
+            found += [fault for fault in self._compared() if fault.where not in told]
         return found + stored
+
+    def remedy(self, faults: Iterable[Fault]) -> str:
+        """What can be done about faults that the run rests on."""
+        resting = [fault for fault in faults if not fault.idle]
+        since = [fault.since for fault in resting if fault.since is not None]
+        if any(fault.since is None for fault in resting):
+            return (
+                f"{HOW} With store={self.folder.path / 'store'} that takes over the episodes, if it has the "
+                "same configuration."
+            )
+        if not since:
+            return ""
+        first = min(since)
+        what = "the end of the run" if first == self.end else f"all from iteration {first} on"
+        command = f"`flywheel data rewind {self.folder.path} {first}`"
+        return (
+            f"Put back copies, and names that were exchanged. Or {command} sets {what} aside, and --resume "
+            "does it again."
+        )
 
     def strangers(self) -> list[str]:
         """Names in the folder that no run gives; they do no harm."""
@@ -106,20 +127,38 @@ class Inventory:
             return self._config.iterations + 1
         return 1 + max(map(_number, self._turns), default=0)
 
+    def _fault(
+        self, error: FlywheelError, where: str, since: int | None = None, idle: bool = False
+    ) -> Fault:
+        other: Kind = "unreadable" if isinstance(error, DataError) else "altered"
+        kind = error.kind if isinstance(error, Unsound) else other
+        what = str(error).replace(f"The file {self.folder.path / where} ", "it ")
+        return Fault(kind, where, what, since, idle)
+
+    def _rested_on(self, since: int) -> str:
+        return "the end of the run" if since == self.end else f"iteration {since}"
+
     def _beginning(self) -> Iterator[Fault]:
         try:
             begun = self.folder.begun()
         except DataError as error:
-            yield _fault(error, RUN_FILE)
+            yield self._fault(error, RUN_FILE)
             return
         try:
             self._config = self.folder.config()
         except FlywheelError as error:
-            yield _fault(error, self.folder.config_file.name)
+            yield self._fault(error, self.folder.config_file.name)
         try:
             begun.check(self.folder.path, self.folder.robot_file.name)
         except FlywheelError as error:
-            yield _fault(error, self.folder.robot_file.name)
+            yield self._fault(error, self.folder.robot_file.name)
+
+    def _folders(self) -> Iterator[Fault]:
+        """Folders that are none, or cannot be read."""
+        for part in ("iterations", "models"):
+            path = self.folder.path / part
+            if os.path.lexists(path) and not (path.is_dir() and os.access(path, os.R_OK | os.X_OK)):
+                yield Fault("unreadable", part, "it is no folder that can be read", 0)
 
     def _iterations(self) -> Iterator[Fault]:
         """What is wrong with the files of iterations and diagnoses themselves."""
@@ -137,7 +176,7 @@ class Inventory:
                 self._read(name)
             except DataError as error:
                 own[name] = (isinstance(error, Unsound) and error.instead) or name
-                found.append(_fault(error, where, min(_number(name), self.end)))
+                found.append(self._fault(error, where, min(_number(name), self.end)))
         yield from _told_apart(found, own, lambda where: Path(where).stem)
 
     def _read(self, name: str) -> None:
@@ -156,7 +195,7 @@ class Inventory:
         try:
             self._result = RunResult.read(self.folder.path)
         except DataError as error:
-            yield _fault(error, RESULT_FILE, self.end)
+            yield self._fault(error, RESULT_FILE, self.end)
             return
         result = self._result[0]
         if result.key != self.folder.begun().identity.key:
@@ -207,12 +246,11 @@ class Inventory:
                 continue
             where = f"{name}.json" if name.startswith(SNAPSHOT) else name
             if name in there:
-                what = f"iteration {since} has its digest {digest[:12]}, but it is {there[name][:12]} now"
-                yield Fault("altered", where, what, since)
+                what = f"rests on its digest {digest[:12]}, but it has {there[name][:12]} now"
+                yield Fault("altered", where, f"{self._rested_on(since)} {what}", since)
             else:
-                yield Fault(
-                    "missing", where, f"it is missing; iteration {since} rests on it", since
-                )
+                what = f"it is missing; {self._rested_on(since)} rests on it"
+                yield Fault("missing", where, what, since)
 
     def _named(self) -> Iterator[Fault]:
         """What is wrong with files of the folder that something rests on."""
@@ -230,7 +268,7 @@ class Inventory:
             try:
                 there = file_sha256(self.folder.path / name, "file")
             except Unsound as error:
-                found.append(_fault(error, name, since, idle))
+                found.append(self._fault(error, name, since, idle))
                 continue
             if there != digest:
                 own[name] = names.get((there, _role(name)), name)
@@ -258,8 +296,11 @@ class Inventory:
             segment = name.removeprefix(SEGMENT)
             listed[segment] = min(since, listed.get(segment, since))
         for damage in self.store.verify(arrays=self.thorough):
-            episodes = f" Episodes: {', '.join(damage.episodes)}" if damage.episodes else ""
-            what = f"{damage.what.rstrip('.')}.{episodes}"
+            what = damage.what
+            if damage.episodes:
+                told = damage.episodes if self.thorough else damage.episodes[:TOLD]
+                more = " ..." if len(told) < len(damage.episodes) else ""
+                what = f"{what.rstrip('.')}. Episodes: {', '.join(told)}{more}"
             yield Fault(damage.kind, damage.path, what, *self._rests(damage, listed))
 
     def _rests(self, damage: Damage, listed: Mapping[str, int]) -> tuple[int | None, bool]:
@@ -279,7 +320,8 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
     Raises:
       RunError: it names what is wrong, and what can be done.
     """
-    found = [f for f in Inventory(folder, store, thorough=False).faults() if not f.idle]
+    look = Inventory(folder, store, thorough=False)
+    found = [fault for fault in look.faults() if not fault.idle]
     if not found:
         return
     lines = [f"  {fault.kind}: {fault}" for fault in found[:TOLD]]
@@ -288,35 +330,7 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
     text = "\n".join(lines)
     raise RunError(
         f"The run in {folder.path} cannot go on, it is not what it was left as:\n{text}\n"
-        f"{remedy(folder, found)} `flywheel data verify {folder.path}` looks at every byte."
-    )
-
-
-def remedy(folder: RunFolder, faults: Iterable[Fault]) -> str:
-    """What can be done about faults that a run rests on."""
-    resting = [fault for fault in faults if not fault.idle]
-    since = [fault.since for fault in resting if fault.since is not None]
-    if any(fault.since is None for fault in resting):
-        return (
-            "Put back copies of what the run was begun with. Or begin it anew in another folder: with "
-            f"store={folder.path / 'store'} it takes over the episodes that are sound."
-        )
-    if not since:
-        return ""
-    return (
-        f"Put back copies; or `flywheel data rewind {folder.path} {min(since)}` sets aside "
-        f"{_what_since(min(since))}, and the run does it again with --resume."
-    )
-
-
-def _what_since(iteration: int) -> str:
-    return f"iteration {iteration} and all that came after it" if iteration else "all iterations"
-
-
-def _fault(error: FlywheelError, where: str, since: int | None = None, idle: bool = False) -> Fault:
-    other: Kind = "unreadable" if isinstance(error, DataError) else "altered"
-    return Fault(
-        error.kind if isinstance(error, Unsound) else other, where, str(error), since, idle
+        f"{look.remedy(found)} `flywheel data verify {folder.path}` looks at every byte."
     )
 
 
@@ -331,8 +345,11 @@ def _told_apart(
 
 
 def _entries(folder: Path) -> list[Path]:
-    """What is in a folder, but what is being written; nothing if there is no folder."""
-    found = sorted(folder.iterdir()) if folder.is_dir() else []
+    """What is in a folder, but what is being written; nothing where it cannot be read."""
+    try:
+        found = sorted(folder.iterdir())
+    except OSError:  # which is told apart
+        return []
     return [path for path in found if not UNFINISHED.fullmatch(path.name)]
 
 

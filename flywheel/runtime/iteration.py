@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from flywheel.runtime.filming import filmed
 from flywheel.runtime.keeping import keep
+from flywheel.runtime.measures import ErrorNumbers
 from flywheel.runtime.publishing import publish_iteration_start
 from flywheel.runtime.results import IterationResult
 from flywheel.runtime.run_state import Run
@@ -47,11 +48,9 @@ def summary(result: IterationResult) -> str:
         words[0] += f" ({result.arm} arm)"
     words.append(f"{result.episodes} episodes")
     if result.test is not None:
-        short = result.test.short
-        words.append(f"test e_pos {short.e_pos_rmse:.2f} %, e_rot {short.e_rot:.2f} deg")
+        words.append(f"test {_errors(result.test.short)}")
     if result.recordings is not None:
-        short = result.recordings.short
-        words.append(f"recordings e_pos {short.e_pos_rmse:.2f} %, e_rot {short.e_rot:.2f} deg")
+        words.append(f"recordings {_errors(result.recordings.short)}")
     if result.diagnosis is not None:
         words.append(f"diagnosis: {result.diagnosis.reason}")
     if result.navigation is not None:
@@ -60,3 +59,8 @@ def summary(result: IterationResult) -> str:
     if result.gate is not None:
         words.append(result.gate.reason)
     return "; ".join(words)
+
+
+def _errors(numbers: ErrorNumbers) -> str:
+    rotation = "" if numbers.turnless else f", e_rot {numbers.e_rot:.2f} deg"
+    return f"e_pos {numbers.e_pos_rmse:.2f} %{rotation}"

@@ -12,10 +12,11 @@ from flywheel.data.places import local_folder
 from flywheel.errors import ConfigError
 from flywheel.outputs import check_folder
 from flywheel.reports import write_report
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
 from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.conclusion import conclude
 from flywheel.runtime.config import RunConfig, WorkersConfig
+from flywheel.runtime.dashboard import DATABASE, database_uri
 from flywheel.runtime.interrupts import Interrupted, StopRequest
 from flywheel.runtime.inventory import check_sound
 from flywheel.runtime.iteration import run_iteration
@@ -30,6 +31,7 @@ from flywheel.runtime.results import RESULT_FILE, RunResult
 from flywheel.runtime.run_folder import RunFolder
 from flywheel.runtime.run_identity import Identity
 from flywheel.runtime.run_state import HELPERS, Run
+from flywheel.runtime.suitability import check_suits
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 from flywheel.runtime.tracking import open_tracker
 from flywheel.runtime.training_worker import TrainerWorker
@@ -61,7 +63,8 @@ def run(
 
     Raises:
       ConfigError: the folder is in use, cannot be written, holds a run and `resume` is false, holds a run
-        of another configuration, or the cluster is too small.
+        of another configuration; the robot cannot do what is asked for; or the cluster is too small.
+      RobotError: the MJCF cannot be used.
       RunError: the run cannot go on, or what it would go on from is not what it left there; the message
         says why. What is finished is kept.
       Interrupted: the user asked to stop.
@@ -71,6 +74,10 @@ def run(
     check_folder(files.path, "folder of the run", ConfigError)
     if (episodes := local_folder(files.store_url(config))) is not None:
         check_folder(episodes, "store", ConfigError)
+    if tracker is not None and not config.tracking.uri:
+        database_uri(files.path / DATABASE)  # refused before anything is there
+    if not files.config_file.exists():  # a run that is refused leaves nothing
+        check_suits(config, load_robot(config.robot))
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)

@@ -110,6 +110,11 @@ class ErrorNumbers(ResultRecord):
         """Whether a rollout was not finite, so that there is no error to speak of."""
         return math.isnan(self.e_pos_rmse)
 
+    @property
+    def turnless(self) -> bool:
+        """Whether nothing tells how bodies are turned, where each has one tracked point: no `e_rot`."""
+        return math.isnan(self.e_rot) and not self.diverged
+
 
 class LeadTimes(ResultRecord):
     """Short-horizon errors by lead time; all tuples are equally long."""

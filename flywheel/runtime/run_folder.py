@@ -38,7 +38,7 @@ from flywheel.runtime.results import (
     read,
     save,
 )
-from flywheel.runtime.run_identity import Begun, Identity, read_begun, write_identity
+from flywheel.runtime.run_identity import HOW, RUN_FILE, Begun, Identity, read_begun, write_identity
 from flywheel.runtime.served import WEIGHTS
 from flywheel.seals import Seal, file_sha256
 from flywheel.validation import lines
@@ -64,6 +64,11 @@ class RunFolder:
     def lock(self) -> Path:
         """Held by the driver."""
         return self.path / "run.lock"
+
+    @property
+    def there(self) -> bool:
+        """A run was begun here, whatever is left of it."""
+        return self.config_file.exists() or os.path.lexists(self.path / RUN_FILE)
 
     @property
     def config_file(self) -> Path:
@@ -223,7 +228,7 @@ class RunFolder:
         if left:
             raise ConfigError(
                 f"{self.path} has no {self.config_file.name}, but is the folder of a run: it has "
-                f"{' and '.join(left)}. Put back a copy of that file, or begin a new run in another folder."
+                f"{' and '.join(left)}. {HOW}"
             )
 
     def _check_robot(self, config: RunConfig) -> None:

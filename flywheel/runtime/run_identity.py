@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from flywheel.seals import Seal, Unsound, check_seal, file_sha256, sealed, unsea
 
 RUN_FILE = "run.json"
 RUN = "run"
+HOW = "Put a copy of it back, or begin a new run in another folder."
 
 
 class Identity(BaseModel):
@@ -56,13 +58,13 @@ class Begun:
         Raises:
           Unsound: it is not, or is missing.
         """
-        if name not in self.files:
-            return
-        if file_sha256(folder / name, "file") != self.files[name]:
-            raise Unsound(
-                f"{folder / name} was altered since the run was begun: {RUN_FILE} has another sha256. "
-                "Put a copy of it back."
-            )
+        path = folder / name
+        try:
+            same = name not in self.files or file_sha256(path, "file") == self.files[name]
+        except Unsound as error:
+            raise Unsound(f"{error} {HOW}", error.kind) from None
+        if not same:
+            raise Unsound(f"The file {path} was altered since the run was begun with it. {HOW}")
 
 
 def write_identity(folder: Path, identity: Identity, files: dict[str, str]) -> None:
@@ -77,11 +79,17 @@ def read_begun(folder: Path) -> Begun:
     Raises:
       Unsound: there is none, or it was altered.
     """
-    path = folder / RUN_FILE
+    try:
+        return _read(folder / RUN_FILE)
+    except Unsound as error:
+        raise Unsound(f"{error} {HOW}", error.kind) from None
+
+
+def _read(path: Path) -> Begun:
     try:
         text = read_bytes(path, "file", DataError)
     except DataError as error:
-        raise Unsound(str(error), "unreadable" if path.exists() else "missing") from None
+        raise Unsound(str(error), "unreadable" if os.path.lexists(path) else "missing") from None
     values, seal = unsealed(text, f"The file {path}")
     try:
         identity = Identity.model_validate(values)

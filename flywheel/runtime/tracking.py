@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flywheel.errors import DataError
-from flywheel.runtime.dashboard import DATABASE, SETTINGS, chart_url, damage
+from flywheel.runtime.dashboard import DATABASE, SETTINGS, chart_url, damage, database_uri
 from flywheel.runtime.outbox import Record, forget_delivery
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 
@@ -48,10 +48,15 @@ def open_tracker(
       robot: its name, for the model registry.
       config: where to track.
       retry_seconds: first and longest pause after a failed delivery [s].
+
+    Raises:
+      ConfigError: MLflow can have no database in a folder of this name.
     """
-    config = config or TrackingConfig()
-    if not config.uri and _missing(Path(folder) / DATABASE):
-        forget_delivery(Path(folder))  # a new database is told everything
+    config, database = config or TrackingConfig(), Path(folder) / DATABASE
+    if not config.uri:
+        database_uri(database)
+        if _missing(database):
+            forget_delivery(database.parent)  # a new one is told everything
     receiver = MlflowReceiver(Path(folder).absolute(), config, robot)
     return Tracker(folder, key, receiver, config.close_seconds, retry_seconds)
 
@@ -103,7 +108,7 @@ class MlflowReceiver:
             _configure(self._config.request_seconds)
             from mlflow import MlflowClient
 
-            uri = self._config.uri or f"sqlite:///{_database(self._folder / DATABASE)}"
+            uri = self._config.uri or database_uri(_database(self._folder / DATABASE))
             client = MlflowClient(tracking_uri=uri, registry_uri=uri)
             self._experiment = self._find_experiment(client)
             self._client = client
@@ -277,7 +282,7 @@ def _database(path: Path) -> Path:
 
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".mlflow-") as folder:
             fresh = Path(folder) / path.name
-            MlflowClient(tracking_uri=f"sqlite:///{fresh}").search_experiments(max_results=1)
+            MlflowClient(tracking_uri=database_uri(fresh)).search_experiments(max_results=1)
             with contextlib.suppress(FileExistsError):  # another process was faster
                 os.link(fresh, path)
     return path

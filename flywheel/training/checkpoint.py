@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import pickle
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import ZipFile
@@ -19,6 +20,7 @@ from torch import Tensor
 
 from flywheel.errors import ConfigError, DataError
 from flywheel.files import opened, shown
+from flywheel.outputs import write_output
 
 CHECKPOINT = "checkpoint.pt"
 _TYPES = {
@@ -66,15 +68,9 @@ class Checkpoint:
 
 def write_checkpoint(checkpoint: Checkpoint, folder: Path) -> Path:
     """Write `<folder>/checkpoint.pt` in one atomic and durable step."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / CHECKPOINT
-    temporary = folder / f".{CHECKPOINT}.{os.getpid()}"
-    with temporary.open("wb") as file:
-        torch.save(dict(vars(checkpoint)), file)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
-    return path
+    content = BytesIO()  # written by torch itself, a full disk would be an error of its archives
+    torch.save(dict(vars(checkpoint)), content)
+    return write_output(folder / CHECKPOINT, content.getvalue())
 
 
 def read_checkpoint(folder: Path, key: str, device: str = "cpu") -> Checkpoint | None:

@@ -21,7 +21,7 @@ from flywheel.quantities import (
 )
 
 MOST_STAGES = 100
-MOST_DATASETS = 1000
+MOST_DATASETS = 1000  # of a run: as many inputs has the network's one-hot at most
 Chunks = Annotated[int, Bounds(1, 100_000)]
 
 
@@ -58,7 +58,7 @@ class Schedule(_Frozen):
 
     steps: OptimiserSteps
     stages: tuple[Stage, ...] = Field(min_length=1, max_length=MOST_STAGES)
-    learning_rate: Annotated[float, Bounds(0, 1e3, above=True)]
+    learning_rate: Factor
     warmup_steps: Annotated[int, Bounds(0, 10_000_000)]
     final_rate: Annotated[float, Bounds(0, 1, above=True)] = 0.01
 

@@ -16,7 +16,7 @@ from flywheel.data import WindowCache
 from flywheel.dynamics.gnn import ChunkNetwork, Simulator
 from flywheel.errors import DataError
 from flywheel.evaluation import ErrorTable
-from flywheel.evaluation.statistics import rotation_error, squared_position_error
+from flywheel.evaluation.statistics import rotation_error, shows_turn, squared_position_error
 from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.training.batches import generator, to_batch
@@ -42,6 +42,8 @@ class ValidationErrors:
 
 def selection_error(errors: ValidationErrors) -> float:
     """What the best weights have least of: rotation error [deg] plus a window's RMSE/L in the mean [%].
+
+    Of a robot whose bodies have one tracked point each it is the latter alone.
 
     Both are of the same size for a good model, and neither can be bought with the other. The root
     over all windows together will not do: the few in which a robot tips over the other way decide it.
@@ -116,9 +118,14 @@ class Validation:
             table = table + ErrorTable.between(self._robot, self._dt, truth, predicted)
             squares = squared_position_error(self._robot, truth, predicted)
             place = 100.0 * np.sqrt(np.nanmean(squares, axis=(1, 2))) / self._robot.length
-            turn = np.nanmean(rotation_error(self._robot, truth, predicted), axis=(1, 2))
-            by_window.append(place + turn)
+            by_window.append(place + self._turn(truth, predicted))
         return ValidationErrors(table, np.concatenate(by_window))
+
+    def _turn(self, truth: Floats, predicted: Floats) -> Floats | float:
+        """(B,) rotation errors in the mean [deg]; 0 for a robot whose points tell of none."""
+        if not any(shows_turn(self._robot, body) for body in self._robot.bodies):
+            return 0.0
+        return np.asarray(np.nanmean(rotation_error(self._robot, truth, predicted), axis=(1, 2)))
 
     def _block(
         self, simulator: Simulator, network: ChunkNetwork, device: str, rows: slice

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +12,7 @@ from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.records import Past
 from flywheel.robots import load_robot
 from flywheel.tasks import Task, TaskConfig, sample_task
+from tests import draws
 
 PLANT = Plant(load_robot("prism3"))
 ROBOT, DT = PLANT.robot, PLANT.dt
@@ -65,7 +65,7 @@ def test_it_says_what_it_is(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(BUILD))
 def test_its_commands_are_finite_and_keep_to_the_ranges(name: str, task: Task) -> None:
-    commands = driven(BUILD[name](), task, seed := secrets.randbits(32))
+    commands = driven(BUILD[name](), task, seed := draws.seed())
     assert commands.ndim == 2 and commands.shape[1] == len(ROBOT.winches)
     assert np.isfinite(commands).all(), seed
     assert (commands >= ROBOT.control_low - 1e-9).all(), seed
@@ -74,7 +74,7 @@ def test_its_commands_are_finite_and_keep_to_the_ranges(name: str, task: Task) -
 
 @pytest.mark.parametrize("name", sorted(BUILD))
 def test_a_reset_with_the_same_seed_repeats_it_exactly(name: str, task: Task) -> None:
-    controller, seed = BUILD[name](), secrets.randbits(32)
+    controller, seed = BUILD[name](), draws.seed()
     first = driven(controller, task, seed)
     np.testing.assert_array_equal(driven(controller, task, seed), first)
     np.testing.assert_array_equal(driven(BUILD[name](), task, seed), first)

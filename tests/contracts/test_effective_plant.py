@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import secrets
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from flywheel.effects import EFFECTS, Scales, Term, Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats
 from flywheel.robots import load_robot
+from tests import draws
 
 PRISM = load_robot("prism3")
 NAMES = ("creep", "command_delay", "winch_backlash", "torque_speed", "payload", "marker_offset")
@@ -36,7 +36,7 @@ def controls_of(rng: np.random.Generator, plant: Plant, count: int = 1) -> Float
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_is_the_augmented_plant_with_the_same_effects_everywhere(name: str) -> None:
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     plain, terms = Plant(PRISM), terms_of(name)
     plant = with_effects(plain, terms)
     controls = controls_of(rng, plain, 3)
@@ -52,7 +52,7 @@ def test_it_is_the_augmented_plant_with_the_same_effects_everywhere(name: str) -
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_episode_in_pieces_is_the_episode(name: str) -> None:
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     plant = with_effects(Plant(PRISM), terms_of(name))
     controls = controls_of(rng, plant)
     whole = plant.simulate(plant.rest(), controls)
@@ -74,7 +74,7 @@ def test_markers_are_seen_where_they_were_put() -> None:
 
 def test_it_can_be_sent_to_a_worker() -> None:
     plant = with_effects(Plant(PRISM), terms_of("creep"))
-    controls = controls_of(np.random.default_rng(secrets.randbits(32)), plant)
+    controls = controls_of(np.random.default_rng(draws.seed()), plant)
     sent = pickle.loads(pickle.dumps(plant))
     assert isinstance(sent, EffectivePlant)
     one, other = (p.simulate(p.rest(), controls).observations.points for p in (plant, sent))

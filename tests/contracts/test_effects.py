@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from flywheel.dynamics.plant import AugmentedPlant, Plant
 from flywheel.effects import EFFECTS, Effect, Scales, Term
 from flywheel.records import State
 from flywheel.robots import Robot, load_robot
+from tests import draws
 
 STEPS = 40
 ROBOTS = ("prism3", "platform4")
@@ -55,7 +54,7 @@ def simulated(augmented: AugmentedPlant, start: State, controls: np.ndarray, ter
 def test_an_effect_of_size_zero_changes_nothing_to_the_bit(
     name: str, augmented: AugmentedPlant
 ) -> None:
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 1)
     want = augmented.plant.simulate(start, controls).observations.points
     term = some_term(EFFECTS[name], augmented.robot, rng, 0.0)
@@ -67,7 +66,7 @@ def test_an_effect_of_size_zero_changes_nothing_to_the_bit(
 def test_an_effect_changes_what_it_is_part_of_and_not_its_neighbours(
     name: str, augmented: AugmentedPlant
 ) -> None:
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 3)
     effect = EFFECTS[name]
     terms = [(), (some_term(effect, augmented.robot, rng, 2.0),), ()]
@@ -82,7 +81,7 @@ def test_an_effect_changes_what_it_is_part_of_and_not_its_neighbours(
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_time_can_be_cut_anywhere(name: str, augmented: AugmentedPlant) -> None:
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 1)
     terms = [(some_term(EFFECTS[name], augmented.robot, rng, 1.0),)]
     told = augmented.commands(controls, terms)
@@ -95,7 +94,7 @@ def test_time_can_be_cut_anywhere(name: str, augmented: AugmentedPlant) -> None:
 
 def test_what_was_simulated_before_changes_nothing(augmented: AugmentedPlant) -> None:
     # batches, their states and the models with effects are kept from call to call
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     for count in rng.integers(1, 60, 4).tolist():
         start, controls = driven(augmented, rng, count)
         effects = [EFFECTS[name] for name in rng.choice(list(EFFECTS), (count, 2)).ravel()]
@@ -139,7 +138,7 @@ def test_a_faster_winch_is_faster_at_full_command_too() -> None:
 
 def test_simulations_that_diverge_say_so_from_the_first_step_on(augmented: AugmentedPlant) -> None:
     """Whether all steps are MuJoCo's own or a law acts between them, and the next ones are sound again."""
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 4)
     law = some_term(EFFECTS["cable_friction"], augmented.robot, rng, 1.0)
     for terms in ([()] * 4, [(law,)] * 4):

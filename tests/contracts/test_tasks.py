@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import secrets
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ import pytest
 from flywheel.dynamics.plant import Plant
 from flywheel.robots import ROBOTS, load_robot
 from flywheel.tasks import TASKS, Task, TaskConfig, sample_task
+from tests import draws
 
 GROUNDED = [name for name in sorted(ROBOTS) if load_robot(name).grounded]
 
@@ -20,7 +20,7 @@ def drawn(request: pytest.FixtureRequest) -> tuple[Task, np.ndarray, int]:
     name, robot = request.param[0], load_robot(request.param[1])
     plant = Plant(robot)
     start = plant.observe(plant.rest()).points[0]
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     task = sample_task(name, robot, start, np.random.default_rng(seed), TaskConfig())
     return task, start, seed
 

@@ -9,9 +9,7 @@ import compileall
 import contextlib
 import importlib
 import os
-import random
 import resource
-import secrets
 import shutil
 import signal
 import sys
@@ -102,9 +100,8 @@ class Bench:
 
 
 def prepare() -> None:
-    """Import what all trials need. From here on, what tests draw is the same in every trial."""
+    """Import what all trials need."""
     os.environ["OMP_NUM_THREADS"] = "1"  # threads do not survive a fork
-    secrets.randbits = random.Random(0).getrandbits  # NumPy's fresh generators draw from here too
     for name in HEAVY:
         importlib.import_module(name)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
-
 import numpy as np
 import pytest
 
@@ -15,6 +13,7 @@ from flywheel.hidden.scripts import script
 from flywheel.hidden.simulator import TruthSimulator
 from flywheel.records import Floats, State
 from flywheel.robots import Robot, load_robot
+from tests import draws
 
 DT = 0.01
 WINCH = ("winch_backlash", "command_delay", "actuator_lag", "winch_gain", "torque_speed")
@@ -38,7 +37,7 @@ def hidden_winch(robot: Robot, controls: Floats, *effects) -> Floats:
 @pytest.mark.parametrize("robot_name", ["prism3", "platform4"])
 @pytest.mark.parametrize("name", WINCH)
 def test_winches_wind_as_in_another_simulator(name: str, robot_name: str) -> None:
-    robot, seed = load_robot(robot_name), secrets.randbits(32)
+    robot, seed = load_robot(robot_name), draws.seed()
     controls = script("pretension", robot, 2.0, DT, np.random.default_rng(seed))
     effect = hidden_effect(name).typical(robot, np.random.default_rng(seed)).scaled(2.0)
     values = effect.truth(robot).values
@@ -54,7 +53,7 @@ def test_winches_wind_as_in_another_simulator(name: str, robot_name: str) -> Non
 
 @pytest.mark.parametrize("name", ["weak_cable", "creep"])
 def test_no_winch_pulls_with_more_than_it_has(name: str) -> None:
-    robot, seed = load_robot("platform4"), secrets.randbits(32)
+    robot, seed = load_robot("platform4"), draws.seed()
     controls = np.tile(np.where(robot.rate_driven, robot.control_low, 1.2), (150, 1))
     effect = hidden_effect(name).typical(robot, np.random.default_rng(seed))
     truth = effect.truth(robot)

@@ -13,6 +13,7 @@ from flywheel import outputs
 from flywheel.errors import ConfigError, DataError, RunError
 from flywheel.faults import FAULTS, told
 from flywheel.outputs import check_folder, check_output, check_outputs, printable, write_output
+from tests.full_disk import files_end_at
 
 
 def refusing(number: int):
@@ -116,13 +117,9 @@ def test_no_output_is_written_over_what_is_read_or_over_another(tmp_path, file):
         check_outputs({"page": tmp_path / "a", "JSON": tmp_path / "." / "a"})
 
 
-def test_a_file_that_cannot_be_written_to_its_end_leaves_the_former_one(file, monkeypatch):
-    def full(handle: int) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(outputs.os, "fsync", full)
-    with pytest.raises(OSError, match="No space") as failed:
-        write_output(file, "new")
+def test_a_file_that_cannot_be_written_to_its_end_leaves_the_former_one(file):
+    with files_end_at(1000), pytest.raises(OSError) as failed:
+        write_output(file, bytes(5000))
     assert failed.value.filename == str(file)
     assert file.read_text() == "kept"
     assert list(file.parent.iterdir()) == [file]

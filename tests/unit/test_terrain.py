@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import secrets
 
 import mujoco
 import numpy as np
@@ -16,12 +15,13 @@ from flywheel.errors import DataError, ModelError
 from flywheel.records import State
 from flywheel.robots import Robot, load_robot
 from flywheel.terrain import BRINK, Terrain
+from tests import draws
 from tests.physics.small_robots import hanging
 
 
 @pytest.fixture
 def seed() -> int:
-    return secrets.randbits(32)
+    return draws.seed()
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from flywheel.data.recordings.mapping import RecordingMap, Units, read_map
 from flywheel.data.recordings.reading import Imported, read_recording
 from flywheel.data.recordings.report import Finding, ImportReport, counted
 from flywheel.data.recordings.storing import store_recording, stored_recordings
+from flywheel.data.recordings.table import Told
 from flywheel.data.recordings.writing import write_recording
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "ImportReport",
     "Imported",
     "RecordingMap",
+    "Told",
     "Units",
     "counted",
     "read_map",

@@ -5,15 +5,19 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.report import Finding, counted
 from flywheel.errors import DataError
-from flywheel.records import Floats
 
-SLOWEST = 0.5  # no row for longer than this on average: the time is in another unit [s]
+# Rows are usually this far apart, or else the time is in another unit:
+SLOWEST = 0.5  # at most [s],
+SLOWEST_STEPS = 2.5  # or, if that is more, so many control steps: half their rate may be meant,
+FASTEST = 1e-6  # and at least [s]
 LOST_ROWS = 1.5  # periods without a row: one is missing
 GAP = 2.5  # periods without a row: nobody knows what was commanded
+MOST_GAPS = 1000  # an episode begins after each: a log of more is no longer one
 
 
 def without_duplicates(log: Log) -> tuple[Log, list[Finding]]:
@@ -32,36 +36,53 @@ def without_duplicates(log: Log) -> tuple[Log, list[Finding]]:
             "recordings in one file? Give each a file of its own."
         )
     again = np.concatenate([[False], steps == 0])
-    for row in np.flatnonzero(again).tolist():
-        before, now = _contents(log, row - 1), _contents(log, row)
-        if not np.array_equal(before, now, equal_nan=True):
-            raise DataError(
-                f"line {log.lines[row]}: the time {log.time[row]:.6g} s stands in two rows that say "
-                f"different things; {counted(int(again.sum()), 'duplicated stamp')} in all. Is the clock too "
-                "coarse, or in whole seconds?"
-            )
-    if not again.any():
+    rows = np.flatnonzero(again)
+    if len(rows) == 0:
         return log, []
+    other = rows[~_alike(log, rows - 1, rows)]
+    if len(other):
+        raise DataError(
+            f"line {log.lines[other[0]]}: the time {log.time[other[0]]:.6g} s stands in two rows that say "
+            f"different things; {counted(len(rows), 'duplicated stamp')} in all. Is the clock too coarse, "
+            "or in whole seconds?"
+        )
     words = "rows that repeat the one before them"
     found = Finding.over("duplicate stamp", "left out", "", again, log.time, words)
     return log[~again], [found]
 
 
-def _contents(log: Log, row: int) -> Floats:
-    return np.concatenate([log.controls[row], log.points[row].ravel(), log.winch[row]])
+def _alike(log: Log, some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether rows say the same as others, their times and lines aside."""
+    same = np.ones(len(some), bool)
+    for values in (log.controls, log.points, log.winch):
+        a, b = values[some], values[others]
+        equal = (a == b) | (np.isnan(a) & np.isnan(b))
+        same &= equal.all(axis=tuple(range(1, equal.ndim)))
+    return same
 
 
-def usual_period(log: Log) -> float:
+def usual_period(log: Log, dt: float) -> float:
     """The usual time between two rows [s].
 
+    Args:
+      log: at least two rows.
+      dt: control step that is wanted [s].
+
     Raises:
-      DataError: rows are so far apart that the time must be in another unit.
+      DataError: rows are so far apart, or so close, that the time must be in another unit.
     """
     period = float(np.median(np.diff(log.time)))
-    if period > SLOWEST:
+    most = max(SLOWEST, SLOWEST_STEPS * dt)
+    if period > most:
         raise DataError(
-            f"rows are {period:g} s apart, at most {SLOWEST:g} s are expected. If the time is in "
-            "milliseconds, write units: {time: ms} in the map."
+            f"rows are {period:g} s apart, at most {most:g} s are expected for steps of {dt:g} s. If the "
+            "time is in milliseconds, write units: {time: ms} in the map; if it is right, give a longer "
+            "step (--dt)."
+        )
+    if period < FASTEST:
+        raise DataError(
+            f"rows are {period:g} s apart, at least {FASTEST:g} s are expected. Is units.time in the map "
+            "that of the log?"
         )
     return period
 
@@ -72,6 +93,9 @@ def stretches(log: Log, period: float) -> tuple[list[Log], list[Finding]]:
     A single row that is missing is bridged: its command is taken to be the one before, its
     measurements are missing. Over a longer gap nobody knows what was commanded, so that what comes
     after it is an episode of its own.
+
+    Raises:
+      DataError: it has too many gaps.
     """
     steps = np.diff(log.time)
     lost = (steps > LOST_ROWS * period) & (steps <= GAP * period)
@@ -81,6 +105,11 @@ def stretches(log: Log, period: float) -> tuple[list[Log], list[Finding]]:
         where = np.append(lost, False)
         words = "single rows are missing: the command before is held, the points are masked"
         findings.append(Finding.over("gap", "masked", "", where, log.time, words))
+    if len(gaps) > MOST_GAPS:
+        raise DataError(
+            f"{len(gaps):,} gaps: so often, nothing was written for more than {GAP:g} times the usual "
+            f"{period:.4g} s between two rows; at most {MOST_GAPS:,} are possible. Does the log miss rows?"
+        )
     if len(gaps):
         spans = tuple((float(log.time[g]), float(log.time[g + 1])) for g in gaps)
         missing = round(float((steps[gaps] / period - 1).sum()))

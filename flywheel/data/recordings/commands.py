@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import csv
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
-from flywheel.data.recordings.columns import (
-    TIME,
-    Log,
-    control_names,
-    pick,
-    point_names,
-    without_infinities,
-)
+from flywheel.data.recordings.columns import TIME, Log, control_names, matched, pick
 from flywheel.data.recordings.geometry import check_commands
-from flywheel.data.recordings.grid import on_grid
+from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap
 from flywheel.data.recordings.reading import beside
-from flywheel.data.recordings.table import Table, read_table
+from flywheel.data.recordings.table import open_table
+from flywheel.data.recordings.values import check_commanded
+from flywheel.data.recordings.writing import new_csv
 from flywheel.errors import DataError
+from flywheel.outputs import printable
+from flywheel.quantities import CONTROL_STEP
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -42,16 +37,17 @@ def read_commands(path: str | Path, robot: Robot, dt: float = 0.01) -> Floats:
       DataError: not a script of this robot; the message says where and why.
       ConfigError: the YAML beside it is wrong.
     """
-    if not dt > 0:
-        raise DataError(f"dt must be positive seconds, got {dt!r}.")
+    CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
-    how = beside(path)
-    table = _without_points(read_table(path), robot, how)
-    log, _ = pick(table, robot, how)
+    with open_table(path) as sheet:
+        how = beside(path)
+        columns = matched(sheet, robot, how, commands_only=True)
+        table = sheet.read(list(columns.theirs.values()), most_rows(robot))
+    log, _ = pick(table, columns, robot, how)
     try:
         return _commands(log, robot, how, dt)
     except DataError as error:
-        raise DataError(f"{path.name}: {error}") from None
+        raise DataError(f"{printable(path.name)}: {error}") from None
 
 
 def write_commands(controls: Floats, dt: float, path: str | Path, robot: Robot) -> Path:
@@ -61,37 +57,20 @@ def write_commands(controls: Floats, dt: float, path: str | Path, robot: Robot) 
       DataError: there is a file already, or it cannot be written.
     """
     time = np.round(dt * np.arange(len(controls) + 1), 9)
-    try:
-        with Path(path).open("x", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow([TIME, *control_names(robot)])
-            for now, row in zip(time, controls, strict=False):
-                writer.writerow([repr(float(now)), *(repr(float(value)) for value in row)])
-            writer.writerow([repr(float(time[-1])), *[""] * controls.shape[1]])
-    except FileExistsError:
-        raise DataError(f"There is a file {path} already; it is not written over.") from None
-    except OSError as error:
-        raise DataError(f"{path} cannot be written: {error.strerror}.") from None
+    with new_csv(path) as writer:
+        writer.writerow([TIME, *control_names(robot)])
+        for now, row in zip(time.tolist(), controls.tolist(), strict=False):
+            writer.writerow(map(repr, [now, *row]))
+        writer.writerow([repr(float(time[-1])), *[""] * controls.shape[1]])
     return Path(path)
 
 
-def _without_points(table: Table, robot: Robot, how: RecordingMap) -> Table:
-    """The table with every column of points there, and nothing in it."""
-    names = {how.columns.get(name, name) for name in point_names(robot)}
-    kept = [i for i, name in enumerate(table.header) if name not in names]
-    empty = np.full((len(table.values), len(names)), np.nan)
-    header = (*(table.header[i] for i in kept), *sorted(names))
-    return replace(
-        table, header=header, values=np.concatenate([table.values[:, kept], empty], axis=1)
-    )
-
-
 def _commands(log: Log, robot: Robot, how: RecordingMap, dt: float) -> Floats:
-    log, _ = without_infinities(log, robot)
+    check_commanded(log, robot)
     log, _ = without_duplicates(log)
     if len(log.time) < 2:
         raise DataError("all rows have one time; a script needs at least 2.")
-    period = usual_period(log)
+    period = usual_period(log, dt)
     check_commands(log, robot)
     parts, _ = stretches(log, period)
     if len(parts) > 1:
@@ -99,5 +78,6 @@ def _commands(log: Log, robot: Robot, how: RecordingMap, dt: float) -> Floats:
             f"a gap: nothing is commanded from {parts[0].time[-1]:.6g} to {parts[1].time[0]:.6g} s. Rows "
             f"are {period:.4g} s apart; a script has one for every step, also where nothing changes."
         )
+    check_steps(parts, robot, dt)
     track, _ = on_grid(log, period, dt, how.jitter)
     return np.asarray(np.clip(track.controls, robot.control_low, robot.control_high))

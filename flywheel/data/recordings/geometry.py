@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flywheel.data.recordings.columns import Log, control_names, winch_names
 from flywheel.data.recordings.mapping import LENGTHS
+from flywheel.data.recordings.pieces import distance
 from flywheel.data.recordings.report import Finding, counted, listed
 from flywheel.errors import DataError
 from flywheel.records import Floats
@@ -53,20 +54,25 @@ def pairs(robot: Robot) -> list[Pair]:
 def distances(points: Floats, rods: list[Pair]) -> Floats:
     """(..., rods) measured distances of points (..., P, 3) [m]; NaN where one is missing."""
     a, b = [rod.a for rod in rods], [rod.b for rod in rods]
-    return np.asarray(np.linalg.norm(points[..., a, :] - points[..., b, :], axis=-1))
+    return distance(points[..., a, :], points[..., b, :])
 
 
-def medians(values: Floats) -> Floats:
-    """(columns,) median over the rows of each column that are not NaN; NaN where all are."""
-    return np.array(
-        [np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else np.nan for c in values.T]
-    )
+def median(values: Floats) -> float:
+    """Of the values (N,) that are not NaN; NaN where all are."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def usual_distances(points: Floats, rods: list[Pair]) -> Floats:
+    """(rods,) medians over time of the distances of points (N, P, 3) [m]; NaN where never seen."""
+    # One after the other: together they would be larger than the log.
+    return np.array([median(distances(points, [rod])[:, 0]) for rod in rods])
 
 
 def check_units(points: Floats, robot: Robot) -> None:
     """Raises DataError where all distances are off by the ratio of two units."""
     rods = pairs(robot)
-    ratio = medians(distances(points, rods)) / [rod.distance for rod in rods]
+    ratio = usual_distances(points, rods) / [rod.distance for rod in rods]
     ratio = ratio[np.isfinite(ratio)]
     if len(ratio) == 0:
         return
@@ -90,7 +96,7 @@ def check_units(points: Floats, robot: Robot) -> None:
 def check_robot(points: Floats, robot: Robot) -> None:
     """Raises DataError where distances on bodies are usually not the MJCF's."""
     rods = pairs(robot)
-    usual = medians(distances(points, rods))
+    usual = usual_distances(points, rods)
     wrong = [
         f"{robot.points[rod.a].name} to {robot.points[rod.b].name} is {got:.4g} m instead of "
         f"{rod.distance:.4g} m"
@@ -107,14 +113,19 @@ def check_robot(points: Floats, robot: Robot) -> None:
 
 def _exchange(points: Floats, robot: Robot, rods: list[Pair]) -> str:
     """Which two columns, exchanged from the beginning, would make all distances right."""
+    count = range(len(robot.points))
+    every = [Pair(a, b, 0.0) for a in count for b in count[a + 1 :]]
+    usual = np.full((len(count), len(count)), np.nan)
+    for pair, apart in zip(every, usual_distances(points, every), strict=True):
+        usual[[pair.a, pair.b], [pair.b, pair.a]] = apart
     fits = []
-    for a in range(len(robot.points)):
-        for b in range(a + 1, len(robot.points)):
-            order = list(range(len(robot.points)))
-            order[a], order[b] = b, a
-            got = medians(distances(points[:, order], rods))
-            if np.nanmax(np.abs(got / [rod.distance for rod in rods] - 1)) <= SAME:
-                fits.append(f"{robot.points[a].name} with {robot.points[b].name}")
+    for pair in every:
+        order = list(count)
+        order[pair.a], order[pair.b] = pair.b, pair.a
+        off = [abs(usual[order[rod.a], order[rod.b]] / rod.distance - 1) for rod in rods]
+        known = [each for each in off if np.isfinite(each)]
+        if known and max(known) <= SAME:
+            fits.append(f"{robot.points[pair.a].name} with {robot.points[pair.b].name}")
     if not fits:
         return ""
     return (

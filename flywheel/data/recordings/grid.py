@@ -8,6 +8,8 @@ has their mean over time, which moves a winch as far.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +17,11 @@ from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.report import Finding
 from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Trajectory
+from flywheel.robots import Robot
 
 CLOSE = 0.1  # relative: the log's rate is meant to be the grid's
 PHASE_ROWS = 100  # whose stamps say where the grid begins
+MOST_NUMBERS = 27_000_000  # of one log's episodes: storing them takes 1 GB of memory
 LEAST_ON_GRID = 0.75  # share of the samples that one could hope for; by chance it is 2 jitter
 
 
@@ -40,16 +44,29 @@ def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajecto
     steps = int(nearest[-1]) if fits[-1] else int(time[-1] / dt)
     chosen = _closest(nearest, off, fits, steps)
     _check_regular(log, chosen, period, dt, jitter)
-    points = np.full((steps + 1, *log.points.shape[1:]), np.nan)
-    winch = np.full((steps + 1, log.winch.shape[1]), np.nan)
     there = chosen >= 0
-    points[there], winch[there] = log.points[chosen[there]], log.winch[chosen[there]]
+    points, winch = _taken(log.points, chosen), _taken(log.winch, chosen)
     begins = np.where(fits, nearest * dt, time)  # of each command
     controls = _held(begins, log.controls, steps, dt)
     used = np.zeros(len(time), bool)
     used[chosen[there]] = True
     findings = _findings(log, used, fits, off, period, dt)
     return Trajectory(Observation(points, winch), controls, dt), findings
+
+
+def most_rows(robot: Robot) -> int:
+    """How many rows or control steps of a robot are taken at once."""
+    return MOST_NUMBERS // (3 * len(robot.points) + 2 * len(robot.winches))
+
+
+def check_steps(parts: Sequence[Log], robot: Robot, dt: float) -> None:
+    """Raises DataError where the parts of a log have too many control steps of dt [s]."""
+    seconds, most = sum(float(part.time[-1] - part.time[0]) for part in parts), most_rows(robot)
+    if seconds / dt > most:
+        raise DataError(
+            f"{seconds:.6g} s are {seconds / dt:,.0f} control steps of {dt:g} s; of this robot, at most "
+            f"{most:,} are taken from one log. Give a longer step (--dt), or cut the log into several."
+        )
 
 
 def _phase(time: Floats, period: float, dt: float) -> float:
@@ -72,6 +89,13 @@ def _closest(
     rows = rows[np.argsort(-off[rows], kind="stable")]
     chosen[nearest[rows]] = rows
     return chosen
+
+
+def _taken(values: Floats, chosen: NDArray[np.int64]) -> Floats:
+    """(steps + 1, ...) rows of the values (N, ...), NaN where none was chosen."""
+    found = values.take(np.maximum(chosen, 0), axis=0)
+    found[chosen < 0] = np.nan
+    return found
 
 
 def _held(begins: Floats, controls: Floats, steps: int, dt: float) -> Floats:

@@ -14,20 +14,36 @@ from __future__ import annotations
 import math
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from flywheel.data.recordings.table import LONGEST_NAME, is_plain
 from flywheel.errors import ConfigError
+from flywheel.files import read_yaml, shown
+from flywheel.quantities import Bounds, ControlStep
 from flywheel.records import Floats
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}  # of a winch's drum
+LONGEST_WORDS = 1000  # characters of what was special about a day
+MOST_PROBLEMS = 8  # of a map that are told
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Repair = Literal["swaps"]
+
+
+def _plain(text: str) -> str:
+    if not is_plain(text):
+        raise ValueError("control characters are not allowed")
+    return text
+
+
+Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_plain)]
+Coordinate = Annotated[float, Bounds(-1e8, 1e8, "m")]  # those of the whole Earth are smaller
+Radius = Annotated[float, Bounds(1e-4, 100, "m")]  # of a drum
+Jitter = Annotated[float, Bounds(0, 0.5, below=True)]
 
 
 class _Frozen(BaseModel):
@@ -59,7 +75,9 @@ class Axes(_Frozen):
         axes = (self.x, self.y, self.z)
         signs = [-1.0 if axis.startswith("-") else 1.0 for axis in axes]
         # No matrix product: it would make a NaN of the axes beside one that is infinite.
-        return np.asarray(points[..., ["xyz".index(axis[-1]) for axis in axes]] * signs)
+        turned = points[..., ["xyz".index(axis[-1]) for axis in axes]]
+        turned *= signs
+        return turned
 
 
 class Units(_Frozen):
@@ -79,7 +97,7 @@ class Units(_Frozen):
     points: Literal["m", "cm", "mm", "in", "ft"] = "m"
     control: str = "m/s"
     winch: str = "m"
-    drum: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    drum: Radius | None = None
 
     @model_validator(mode="after")
     def _are_known(self) -> Self:
@@ -99,7 +117,7 @@ class Units(_Frozen):
         if base not in ANGLES:
             allowed = ", ".join([*LENGTHS, *ANGLES])
             per = ", each also per second (mm/s)" if name == "control" else ""
-            raise ValueError(f"units.{name} is one of {allowed}{per}; got {unit!r}")
+            raise ValueError(f"units.{name} is one of {allowed}{per}; got {shown(unit)}")
         if self.drum is None:
             raise ValueError(f"units.{name} {unit!r} is an angle: give units.drum, its radius [m]")
         return sign * ANGLES[base] * self.drum
@@ -120,43 +138,49 @@ class RecordingMap(_Frozen):
       jitter: how far a stamp may be off the grid and still count as on it, as a share of dt.
     """
 
-    columns: dict[str, str] = {}
+    columns: dict[Name, Name] = {}
     units: Units = Units()
     axes: Axes = Axes()
-    origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat] = (0.0, 0.0, 0.0)
-    dt: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    conditions: str = ""
-    ignore: tuple[str, ...] = ()
+    origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    dt: ControlStep | None = None
+    conditions: Annotated[str, Field(max_length=LONGEST_WORDS), AfterValidator(_plain)] = ""
+    ignore: tuple[Name, ...] = ()
     repair: tuple[Repair, ...] = ("swaps",)
-    jitter: float = Field(default=0.25, ge=0.0, lt=0.5)
+    jitter: Jitter = 0.25
 
 
 def read_map(path: Path) -> RecordingMap:
     """Read a map from a YAML file.
 
     Raises:
-      ConfigError: no such file, not YAML, an unknown key (the nearest is named) or a wrong value.
+      ConfigError: it is no file that can be read, not YAML, has an unknown key (the nearest is named)
+        or a wrong value.
     """
-    try:
-        values = yaml.safe_load(path.read_text())
-    except FileNotFoundError:
-        raise ConfigError(f"There is no map {path}.") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path} is not a YAML file: {error}") from None
+    values = read_yaml(path, "map", ConfigError)
     try:
         return RecordingMap.model_validate({} if values is None else values)
     except ValidationError as error:
-        problems = "\n".join(f"  {_explained(e)}" for e in error.errors())
-        raise ConfigError(f"{path} is not a map of a recording:\n{problems}") from None
+        problems = [f"\n  {_explained(each)}" for each in error.errors()[:MOST_PROBLEMS]]
+        more = error.error_count() - len(problems)
+        raise ConfigError(
+            f"{path} is not a map of a recording:{''.join(problems)}"
+            + (f"\n  and {more} more." if more else "")
+        ) from None
 
 
 def _explained(error: Any) -> str:
-    where = ".".join(str(part) for part in error["loc"]) or "(the whole)"
+    where = ".".join(_key(part) for part in error["loc"]) or "(the whole)"
     if error["type"] != "extra_forbidden":
-        return f"{where}: {error['msg']}; got {error['input']!r}."
+        return f"{where}: {error['msg']}; got {shown(error['input'])}."
     parts: dict[str, type[BaseModel]] = {"units": Units, "axes": Axes}
     owner = parts.get(str(error["loc"][0]), RecordingMap) if len(error["loc"]) > 1 else RecordingMap
     allowed = list(owner.model_fields)
-    near = get_close_matches(str(error["loc"][-1]), allowed, n=1)
+    near = get_close_matches(str(error["loc"][-1])[:LONGEST_NAME], allowed, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
     return f"{where}: unknown key.{hint} Allowed: {', '.join(allowed)}."
+
+
+def _key(part: int | str) -> str:
+    """A part of a setting's path: as it is where it is short and plain."""
+    text = str(part)
+    return text if len(text) <= LONGEST_NAME and text.isprintable() else shown(text)

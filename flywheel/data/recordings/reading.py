@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flywheel import __version__
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
-from flywheel.data.recordings.columns import Log, pick, without_infinities
+from flywheel.data.recordings.columns import Log, matched, pick
 from flywheel.data.recordings.geometry import (
     check_commands,
     check_robot,
@@ -19,19 +21,24 @@ from flywheel.data.recordings.geometry import (
     check_winches,
     floating,
 )
-from flywheel.data.recordings.grid import on_grid
+from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap, read_map
 from flywheel.data.recordings.markers import judged, track
-from flywheel.data.recordings.report import Finding, ImportReport
-from flywheel.data.recordings.table import Table, read_table
+from flywheel.data.recordings.report import Finding, ImportReport, listed
+from flywheel.data.recordings.table import Told, open_table
+from flywheel.data.recordings.values import check_commanded, mask_impossible
 from flywheel.data.splits import assign_split
 from flywheel.errors import DataError
+from flywheel.outputs import printable
+from flywheel.quantities import CONTROL_STEP
 from flywheel.records import Episode, Floats, Provenance, Split, Trajectory
 from flywheel.robots import Robot
 
 DATASET = "recording"  # the data set in the network's one-hot
 SHARES: dict[Split, float] = {"train": 0.6, "validation": 0.2, "test": 0.2}
 DIGITS = 16  # of the content's digest, in names
+LEAST_KEPT = 0.1  # share of the measured points; where more are wrong, what seems right may be too
+LEAST_SEEN = 0.02  # share of all points and times; cameras of 10 Hz in a log of 100 Hz give 10 %
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,7 @@ def read_recording(
     how: RecordingMap | None = None,
     dt: float = 0.01,
     split: Split | None = None,
+    told: Told | None = None,
 ) -> Imported:
     """Read a log of a robot.
 
@@ -69,21 +77,39 @@ def read_recording(
       how: what its columns are; by default the YAML of the same name beside it, if there is one.
       dt: control step of the episodes [s].
       split: of the episodes; by default by the hash of the content.
+      told: is called as the file is read, with the bytes so far and those of the file.
 
     Raises:
       DataError: the log cannot be used as it is; the message says where and why.
       ConfigError: the YAML beside it is wrong.
     """
-    if not dt > 0:
-        raise DataError(f"dt must be positive seconds, got {dt!r}.")
+    CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
-    how = beside(path) if how is None else how
-    table = read_table(path)
-    log, findings = pick(table, robot, how)
+    how, digest, log, findings = _read(path, robot, how, told)
+    rows = len(log.time)
     try:
-        return _imported(table, log, findings, robot, how, dt, split)
+        log, period, found = _checked(log, robot, dt, "swaps" in how.repair)
+        findings += found
+        tracks, found = _trajectories(log, robot, period, dt, how.jitter)
+        findings += found
+        seen = _seen(tracks, period, dt)
     except DataError as error:
-        raise DataError(f"{path.name}: {error}") from None
+        raise DataError(f"{printable(path.name)}: {error}") from None
+    name = f"{DATASET}-{_slug(path.name)}-{digest[:DIGITS]}"
+    episodes = _episodes(name, tracks, robot, how, split or assign_split(digest, SHARES))
+    report = ImportReport(
+        file=printable(path.name),
+        digest=digest,
+        rows=rows,
+        seconds=float(log.time[-1] - log.time[0]),
+        period=period,
+        dt=dt,
+        episodes=tuple(episode.id for episode in episodes),
+        steps=tuple(track.steps for track in tracks),
+        seen=seen,
+        findings=tuple(findings),
+    )
+    return Imported(episodes, report, name, split is not None)
 
 
 def beside(path: Path) -> RecordingMap:
@@ -96,21 +122,20 @@ def beside(path: Path) -> RecordingMap:
     return read_map(found[0]) if found else RecordingMap()
 
 
-def _imported(
-    table: Table,
-    log: Log,
-    findings: list[Finding],
-    robot: Robot,
-    how: RecordingMap,
-    dt: float,
-    split: Split | None,
-) -> Imported:
-    log, period, found = _checked(log, robot, repair="swaps" in how.repair)
-    findings = findings + found
-    tracks, found = _trajectories(log, period, dt, how.jitter)
-    findings += found
-    name = f"{DATASET}-{_slug(table.file)}-{table.digest[:DIGITS]}"
-    chosen = split or assign_split(table.digest, SHARES)
+def _read(
+    path: Path, robot: Robot, how: RecordingMap | None, told: Told | None
+) -> tuple[RecordingMap, str, Log, list[Finding]]:
+    """The map, the digest, and what the log says of the robot."""
+    with open_table(path, told) as sheet:
+        how = beside(path) if how is None else how
+        columns = matched(sheet, robot, how)
+        table = sheet.read(list(columns.theirs.values()), most_rows(robot))
+    return how, table.digest, *pick(table, columns, robot, how)
+
+
+def _episodes(
+    name: str, tracks: Sequence[Trajectory], robot: Robot, how: RecordingMap, split: Split
+) -> tuple[Episode, ...]:
     origin = Provenance(
         robot=robot.digest,
         source="recording",
@@ -120,30 +145,18 @@ def _imported(
         conditions=how.conditions,
     )
     ids = [name] if len(tracks) == 1 else [f"{name}-p{i:02d}" for i in range(len(tracks))]
-    episodes = [Episode(i, t, origin, chosen) for i, t in zip(ids, tracks, strict=True)]
-    report = ImportReport(
-        file=table.file,
-        digest=table.digest,
-        rows=len(table.values),
-        seconds=float(log.time[-1] - log.time[0]),
-        period=period,
-        dt=dt,
-        episodes=tuple(ids),
-        steps=tuple(t.steps for t in tracks),
-        seen=_seen(tracks, period, dt),
-        findings=tuple(findings),
-    )
-    return Imported(tuple(episodes), report, name, split is not None)
+    return tuple(Episode(i, track, origin, split) for i, track in zip(ids, tracks, strict=True))
 
 
-def _checked(log: Log, robot: Robot, repair: bool) -> tuple[Log, float, list[Finding]]:
+def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, float, list[Finding]]:
     """The log with doubtful samples masked, and its usual period [s]."""
-    log, findings = without_infinities(log, robot)
+    check_commanded(log, robot)
+    findings = mask_impossible(log, robot)
     log, found = without_duplicates(log)
     findings += found
     if len(log.time) < 2:
         raise DataError("all rows have one time; a recording needs at least 2.")
-    period = usual_period(log)
+    period = usual_period(log, dt)
     check_units(log.points, robot)
     check_commands(log, robot)
     check_winches(log, robot)
@@ -152,17 +165,32 @@ def _checked(log: Log, robot: Robot, repair: bool) -> tuple[Log, float, list[Fin
     check_up(tracked.ordered, robot)
     findings += floating(tracked.ordered, robot)
     points, found = judged(tracked, robot, log.time, repair)
-    if not np.isfinite(points).any():
-        raise DataError("no marker was ever measured in a way that can be used.")
+    _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only
     return Log(log.time, controls, points, log.winch, log.lines), period, findings + found
 
 
+def _check_kept(before: Floats, after: Floats, findings: list[Finding]) -> None:
+    """Raises DataError where hardly any of the measured points (N, P, 3) is left."""
+    measured, kept = (np.count_nonzero(np.isfinite(points[..., 0])) for points in (before, after))
+    if measured == 0:
+        raise DataError("no marker was ever measured: all its cells are empty, or no position.")
+    if kept < LEAST_KEPT * measured:
+        masked = [f for f in findings if f.action == "masked" and f.subject]
+        masked.sort(key=lambda finding: -finding.count)
+        reasons = listed([f"{f.subject} {f.kind} ({f.count} times)" for f in masked], 4)
+        raise DataError(
+            f"only {kept} of {measured} measured points can be used, at least {LEAST_KEPT:.0%} are needed. "
+            f"Found: {reasons}. Is it this robot, in these units and axes?"
+        )
+
+
 def _trajectories(
-    log: Log, period: float, dt: float, jitter: float
+    log: Log, robot: Robot, period: float, dt: float, jitter: float
 ) -> tuple[list[Trajectory], list[Finding]]:
     """The stretches of a log that are long enough, on a regular grid."""
     parts, findings = stretches(log, period)
+    check_steps(parts, robot, dt)
     tracks, short = [], []
     for part in parts:
         if len(part.time) < 2 or part.time[-1] - part.time[0] < dt - period / 2:
@@ -182,9 +210,18 @@ def _trajectories(
 
 
 def _seen(tracks: list[Trajectory], period: float, dt: float) -> float:
-    """Share of the samples, at the log's own rate or the grid's, that are there."""
-    valid: Floats = np.concatenate([t.observations.valid for t in tracks])
-    return float(min(1.0, valid.mean() * max(1.0, period / dt)))
+    """Share of the samples, at the log's own rate or the grid's, that are there.
+
+    Raises:
+      DataError: it is next to nothing.
+    """
+    valid: NDArray[np.bool_] = np.concatenate([t.observations.valid for t in tracks])
+    seen = float(min(1.0, valid.mean() * max(1.0, period / dt)))
+    if seen < LEAST_SEEN:
+        raise DataError(
+            f"only {seen:.2%} of the points' samples are there; at least {LEAST_SEEN:.0%} are needed."
+        )
+    return seen
 
 
 def _slug(file: str) -> str:

@@ -20,7 +20,7 @@ class Finding:
     """One kind of thing that was found in a log.
 
     Attributes:
-      kind: "missing", "infinite", "duplicate stamp", "irregular stamp", "gap", "swap", "leap",
+      kind: "missing", "infinite", "far", "duplicate stamp", "irregular stamp", "gap", "swap", "leap",
         "rod length", "rate", "height", "column" or "channel".
       action: what was done about it.
       subject: the marker, pair or column that it is about; "" for the whole log.
@@ -49,9 +49,7 @@ class Finding:
         words: str = "",
     ) -> Finding:
         """A finding about the rows where a mask (N,) is true, at times (N,) [s]."""
-        runs = spans_of(where, time)
-        kept, more = tuple(runs[:SPANS_KEPT]), max(0, len(runs) - SPANS_KEPT)
-        return cls(kind, action, subject, int(where.sum()), kept, more, words)
+        return cls(kind, action, subject, int(where.sum()), *spans_of(where, time), words)
 
     @property
     def when(self) -> str:
@@ -98,11 +96,14 @@ class ImportReport:
         return asdict(self)
 
 
-def spans_of(where: NDArray[np.bool_], time: Floats) -> list[tuple[float, float]]:
-    """First and last time [s] of each run of true values."""
-    edges = np.diff(np.concatenate([[0], where.astype(np.int8), [0]]))
+def spans_of(
+    where: NDArray[np.bool_], time: Floats, most: int = SPANS_KEPT
+) -> tuple[tuple[tuple[float, float], ...], int]:
+    """First and last time [s] of the first runs of true values, and how many more runs there are."""
+    edges = np.diff(where.astype(np.int8), prepend=0, append=0)
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    return [(float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True)]
+    kept = zip(time[begins[:most]].tolist(), time[ends[:most]].tolist(), strict=True)
+    return tuple(kept), len(begins[most:])
 
 
 def counted(number: int, what: str) -> str:

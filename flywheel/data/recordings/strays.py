@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
+from flywheel.data.recordings.pieces import distance, pieces
 from flywheel.records import Floats
 
 SIGHT = 2.5  # usual times between rows: neighbours further apart say nothing
@@ -28,8 +27,10 @@ def spikes(points: Floats, time: Floats, kick: float, noise: float) -> NDArray[n
     before, after = np.diff(time)[:-1], np.diff(time)[1:]
     share = (before / (before + after))[:, None, None]
     off = np.zeros(points.shape[:2])
-    line = points[:-2] + share * (points[2:] - points[:-2])
-    off[1:-1] = np.nan_to_num(np.linalg.norm(points[1:-1] - line, axis=-1))
+    for some in pieces(len(share), points[0].size):
+        first, now, then = (points[some.start + i : some.stop + i] for i in range(3))
+        line = first + share[some] * (then - first)
+        off[1:-1][some] = np.nan_to_num(distance(now, line))
     close = (before + after) <= 2 * SIGHT * np.median(np.diff(time))
     # A velocity that changes by `kick` in a row leaves the line by so much.
     allowed = (kick * before * after / (before + after) + noise)[:, None]
@@ -55,8 +56,10 @@ def islands(
     found = np.zeros_like(wrong)
     for marker in np.flatnonzero(wrong.any(axis=0)):
         rows = np.flatnonzero(wrong[:, marker])
-        for a, b in pairwise(rows.tolist()):
-            joined = steady[a, marker] or steady[b - 1, marker]
-            if b - a > 1 and joined and time[b] - time[a] < ISLAND_SECONDS:
-                found[a + 1 : b, marker] = seen[a + 1 : b, marker]
+        a, b = rows[:-1], rows[1:]
+        joined = steady[a, marker] | steady[b - 1, marker]
+        short = (b - a > 1) & joined & (time[b] - time[a] < ISLAND_SECONDS)
+        edges = np.zeros(len(wrong), np.int8)
+        edges[a[short] + 1], edges[b[short]] = 1, -1
+        found[:, marker] = seen[:, marker] & (np.cumsum(edges, dtype=np.int8) > 0)
     return found

@@ -3,14 +3,44 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flywheel.data.recordings.columns import TIME, control_names, point_names, winch_names
-from flywheel.errors import DataError
+from flywheel.errors import DataError, RunError
+from flywheel.faults import fault_of, told
 from flywheel.records import Episode
 from flywheel.robots import Robot
+
+
+@contextmanager
+def new_csv(path: str | Path) -> Iterator[Any]:
+    """A `csv.writer` into a new file, which is removed where it could not be written to its end.
+
+    Raises:
+      DataError: there is a file already, or nothing can be written there.
+      RunError: the disk is full.
+    """
+    path, begun = Path(path), False
+    try:
+        with path.open("x", newline="") as file:
+            begun = True
+            yield csv.writer(file, lineterminator="\n")
+    except FileExistsError:
+        raise DataError(f"There is a file {path} already; it is not written over.") from None
+    except BaseException as error:
+        if begun:
+            path.unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
+        fault, error.filename = fault_of(error), str(path)
+        kind = DataError if fault is None or fault.by_input else RunError
+        raise kind(f"The log cannot be written: {told(error)}") from None
 
 
 def write_recording(episode: Episode, path: str | Path, robot: Robot) -> tuple[str, ...]:
@@ -39,16 +69,10 @@ def write_recording(episode: Episode, path: str | Path, robot: Robot) -> tuple[s
         seen.points.reshape(track.steps + 1, -1),
         seen.winch[:, list(sensors.values())],
     ]
-    try:
-        with Path(path).open("x", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow([TIME, *control_names(robot), *point_names(robot), *sensors])
-            for row in np.concatenate(columns, axis=1):
-                writer.writerow(repr(float(x)) if np.isfinite(x) else "" for x in row)
-    except FileExistsError:
-        raise DataError(f"There is a file {path} already; it is not written over.") from None
-    except OSError as error:
-        raise DataError(f"{path} cannot be written: {error.strerror}.") from None
+    with new_csv(path) as writer:
+        writer.writerow([TIME, *control_names(robot), *point_names(robot), *sensors])
+        for row in np.concatenate(columns, axis=1):
+            writer.writerow([repr(x) if isfinite(x) else "" for x in row.tolist()])
     known = np.asarray(np.isfinite(seen.winch).any(axis=0))
     left = [w.name for i, w in enumerate(robot.winches) if known[i] and not w.sensor]
     return (*(["state"] if track.states is not None else []), *left)

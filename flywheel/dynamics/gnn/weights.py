@@ -1,14 +1,18 @@
 """Weights in a file: arrays without pickle, and a readable side file that says what they are.
 
 The side file says which network it is, and that network how large the file may be, and the names, shapes
-and types of the arrays in it: all of that is looked at before an array is read.
+and types of the arrays in it: that is looked at before an array is read, and the digest before one is kept.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
@@ -21,12 +25,15 @@ from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.errors import ModelError
 from flywheel.files import opened, read_json, shown
+from flywheel.outputs import write_output
 from flywheel.robots import Robot
 
 _FORMAT = 2  # 1: cables between nodes
 _ABOUT = {"digest": str, "robot": str, "config": dict}
 _LARGEST_HEADER = 1000  # of an array in an .npz, and its entries in the archive's lists [bytes]
 _LARGEST_DIRECTORY = 1000  # what an .npz has besides [bytes]
+_DEEPEST = 1000  # layers, or rounds
+_NARROW = (4, 5)  # widths
 _DAMAGED = (  # what an archive that is none, or that lies about itself, raises
     ValueError,
     OSError,
@@ -70,7 +77,8 @@ def network_from_arrays(
 
 def weights_digest(network: ChunkNetwork) -> str:
     """Sha256 of robot, configuration and every array; the same for the same weights whenever saved."""
-    return _digest(network.robot_digest, network.config, weights_arrays(network))
+    arrays = weights_arrays(network)
+    return _digest(network.robot_digest, network.config, sorted(arrays.items()))
 
 
 def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") -> str:
@@ -81,12 +89,12 @@ def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") ->
 
     Args:
       network: to be saved.
-      path: of the .npz file; its folder exists.
+      path: of the .npz file.
       snapshot: digest of the data set they were trained on.
     """
     path = Path(path)
     arrays = weights_arrays(network)
-    digest = _digest(network.robot_digest, network.config, arrays)
+    digest = _digest(network.robot_digest, network.config, sorted(arrays.items()))
     about = {
         "format": _FORMAT,
         "digest": digest,
@@ -100,12 +108,10 @@ def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") ->
             if name.startswith("normalisers.") or name.endswith("_scale")
         },
     }
-    temporary = path.with_name(path.name + ".part")
-    with temporary.open("wb") as file:
-        np.savez(file, **arrays)  # type: ignore[arg-type]
-    temporary.replace(path)
-    temporary.write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
-    temporary.replace(path.with_suffix(".json"))
+    content = BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
+    write_output(path, content.getvalue())
+    write_output(path.with_suffix(".json"), json.dumps(about, indent=1, sort_keys=True) + "\n")
     return digest
 
 
@@ -150,10 +156,7 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
         raise ModelError(f"There are no weights at {path}.")
     try:
         config = NetworkConfig.model_validate(about["config"])
-        wanted = _state_of(robot, config, path.stat().st_size)
-        largest = _LARGEST_DIRECTORY + sum(v.nbytes + _LARGEST_HEADER for v in wanted.values())
-        with opened(path, "file of weights", ModelError, largest) as raw, ZipFile(raw) as archive:
-            arrays = _read_arrays(archive, wanted)
+        arrays = _read_arrays(path, robot, config, about["digest"])
     except ValidationError as problem:
         first = problem.errors()[0]
         where = ".".join(map(str, first["loc"]))
@@ -163,62 +166,95 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
         ) from None
     except _DAMAGED as problem:
         raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
-    digest = _digest(robot.digest, config, arrays)
-    if digest != about["digest"]:
-        raise ModelError(
-            f"The weights {path} are damaged: their digest is {digest[:12]}, their side file says "
-            f"{about['digest'][:12]}."
-        )
     return network_from_arrays(robot, config, arrays)
 
 
-def _state_of(robot: Robot, config: NetworkConfig, size: int) -> dict[str, torch.Tensor]:
-    """Every weight and buffer of a network by name: shape and type alone, without memory.
+@dataclass(frozen=True)
+class Wanted:
+    """An array as it has to be."""
 
-    Args:
-      robot: it is for.
-      config: of the network.
-      size: of the file that its weights are said to be in [bytes].
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    @property
+    def nbytes(self) -> int:
+        return math.prod(self.shape) * self.dtype.itemsize
+
+
+def wanted_arrays(robot: Robot, config: NetworkConfig) -> dict[str, Wanted]:
+    """Every weight and buffer of a network by name, without making it: it may claim to be huge.
+
+    Each of its sizes is a multiple of the width and a constant, which two narrow networks tell.
 
     Raises:
-      ValueError: the file is too small for so large a network.
+      ValueError: it is deeper than any of ours.
     """
-    least = 4 * config.width**2 * max(config.rounds, config.mlp_layers - 1)
-    if least > size:
-        raise ValueError(
-            f"{size} bytes are too few for a width of {config.width}, {config.rounds} rounds and "
-            f"{config.mlp_layers} layers"
+    if max(config.rounds, config.mlp_layers) > _DEEPEST:
+        raise ValueError(f"their network has more than {_DEEPEST} layers")
+    with torch.random.fork_rng(devices=[]):
+        narrow, wider = (
+            ChunkNetwork(robot, config.model_copy(update={"width": width})).state_dict()
+            for width in _NARROW
         )
-    with torch.device("meta"):
-        return ChunkNetwork(robot, config).state_dict()
+    steps = config.width - _NARROW[0]
+    return {
+        name: Wanted(
+            tuple(a + (b - a) * steps for a, b in zip(one.shape, wider[name].shape, strict=True)),
+            np.dtype(str(one.dtype).removeprefix("torch.")),
+        )
+        for name, one in narrow.items()
+    }
 
 
-def _read_arrays(archive: ZipFile, wanted: dict[str, torch.Tensor]) -> dict[str, np.ndarray]:
-    there = sorted(archive.namelist())
-    if there != sorted(f"{name}.npy" for name in wanted):
-        raise ValueError(f"they are not the {len(wanted)} arrays of such a network: {shown(there)}")
-    return {name: _read_array(archive, name, value) for name, value in wanted.items()}
+def _read_arrays(
+    path: Path, robot: Robot, config: NetworkConfig, digest: str
+) -> dict[str, np.ndarray]:
+    """The arrays of a file, if they are those of a network and have their digest.
+
+    Raises:
+      ModelError, ValueError, and what an archive raises: they are not.
+    """
+    wanted = wanted_arrays(robot, config)
+    largest = _LARGEST_DIRECTORY + sum(w.nbytes + _LARGEST_HEADER for w in wanted.values())
+    with opened(path, "file of weights", ModelError, largest) as raw, ZipFile(raw) as archive:
+        there = sorted(archive.namelist())
+        if there != sorted(f"{name}.npy" for name in wanted):
+            raise ValueError(
+                f"they are not the {len(wanted)} arrays of their network: {shown(there)}"
+            )
+        # Twice: not all of them are held before they are known to be right.
+        found = _digest(robot.digest, config, _arrays_in(archive, wanted))
+        if found != digest:
+            raise ValueError(
+                f"their digest is {found[:12]}, their side file says {shown(digest[:12])}"
+            )
+        return dict(_arrays_in(archive, wanted))
 
 
-def _read_array(archive: ZipFile, name: str, wanted: torch.Tensor) -> np.ndarray:
-    dtype, shape = np.dtype(str(wanted.dtype).removeprefix("torch.")), tuple(wanted.shape)
-    with archive.open(f"{name}.npy") as file:
-        if (version := np.lib.format.read_magic(file)) != (1, 0):
-            raise ValueError(f"{name} has the version {version} of NumPy's format, not (1, 0)")
-        claimed, fortran, kind = np.lib.format.read_array_header_1_0(file)
-        if (claimed, kind) != (shape, dtype) or fortran:
-            raise ValueError(f"{name} is {kind} {claimed}, and should be {dtype} {shape}")
-        content = file.read(wanted.nbytes + 1)
-    if len(content) != wanted.nbytes:
-        raise ValueError(f"{name} does not have {wanted.nbytes} bytes")
-    return np.frombuffer(content, dtype).reshape(shape)
+def _arrays_in(archive: ZipFile, wanted: Mapping[str, Wanted]) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and arrays by name; none is read whose header says that it is another."""
+    for name in sorted(wanted):
+        one = wanted[name]
+        with archive.open(f"{name}.npy") as file:
+            if (version := np.lib.format.read_magic(file)) != (1, 0):
+                raise ValueError(f"{name} has the version {version} of NumPy's format, not (1, 0)")
+            shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+            if (shape, dtype) != (one.shape, one.dtype) or fortran:
+                raise ValueError(
+                    f"{name} is {dtype} {shape}, and should be {one.dtype} {one.shape}"
+                )
+            content = file.read(one.nbytes + 1)
+        if len(content) != one.nbytes:
+            raise ValueError(f"{name} does not have {one.nbytes} bytes")
+        yield name, np.frombuffer(content, one.dtype).reshape(one.shape)
 
 
-def _digest(robot: str, config: NetworkConfig, arrays: dict[str, np.ndarray]) -> str:
+def _digest(robot: str, config: NetworkConfig, arrays: Iterable[tuple[str, np.ndarray]]) -> str:
+    """Of arrays in the order of their names."""
     head = {"robot": robot, "config": config.model_dump(mode="json")}
     found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
+    for name, array in arrays:
+        array = np.ascontiguousarray(array)
         found.update(f"{name} {array.dtype.str} {array.shape}".encode())
         found.update(array.tobytes())
     return found.hexdigest()

@@ -13,6 +13,7 @@ from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import hasty, refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
+from flywheel.dynamics.plant.resting import Settling, settling
 from flywheel.dynamics.plant.tangent import between, moved, turning
 from flywheel.dynamics.plant.twist import unseen_axes
 
@@ -29,6 +30,7 @@ __all__ = [
     "Reckoning",
     "RestartedPlant",
     "Scenery",
+    "Settling",
     "Shot",
     "between",
     "hasty",
@@ -36,6 +38,7 @@ __all__ = [
     "refined",
     "render_episode",
     "render_frames",
+    "settling",
     "turning",
     "unseen_axes",
     "with_effects",

@@ -64,11 +64,12 @@ class Plant:
         self.robot, self.dt, self.threads = robot, dt, threads
         self.parameters = parameters
         self.obstacles, self.terrain = tuple(obstacles), terrain
-        self.substeps = round(dt / robot.timestep)
-        if self.substeps < 1 or not np.isclose(self.substeps * robot.timestep, dt, rtol=1e-9):
+        if (steps := robot.control_steps(dt)) != (dt,):
             raise ModelError(
-                f"dt {dt:g} s must be a multiple of the timestep of {robot.name}, {robot.timestep:g} s."
+                f"dt {dt:g} s must be a multiple of the timestep of {robot.name}, {robot.timestep:g} s: "
+                f"{' or '.join(f'{step:.12g}' for step in steps)} s would be."
             )
+        self.substeps = round(dt / robot.timestep)
         self._compile()
 
     def __reduce__(self) -> tuple[Any, ...]:

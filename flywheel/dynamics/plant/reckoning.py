@@ -12,10 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from flywheel.dynamics.plant.laws import grouped
-from flywheel.dynamics.plant.poses import FREE_POSITIONS, cable_lengths, seen_poses
+from flywheel.dynamics.plant.poses import cable_lengths, seen_poses
 from flywheel.dynamics.plant.twist import relaxed, rest_lengths, unseen_axes
 from flywheel.effects import CommandEffect, Terms, WinchEffect
-from flywheel.errors import ModelError
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
 
@@ -135,13 +134,9 @@ class Reckoning:
         sight go straight on; cables of bodies with one that was never seen are taken to be slack.
 
         Raises:
-          ModelError: not all bodies are free, so that points do not tell where they are.
+          RobotError: not all bodies are free, so that points do not tell where they are.
         """
-        if len(self.robot.keyframe.qpos) != FREE_POSITIONS * len(self.robot.bodies):
-            raise ModelError(
-                f"The load of the winches of {self.robot.name} cannot be told from its points: not all "
-                "its bodies have free joints."
-            )
+        self.robot.require_free("reckoned with winches whose load matters")
         steps = len(points) - 1 if last is None else last
         recent = points[-(steps + 1 + round(LOOK_BACK / self.dt)) :]
         unseen = np.asarray(~np.isfinite(recent).all(axis=2).any(axis=0))

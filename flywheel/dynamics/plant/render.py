@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from flywheel.records import Floats, Plans, State
 from flywheel.robots import Robot
 
 TRAIL_SECONDS = 0.25  # between the marks of the way gone
+MP4_INDEX = b"moov"  # what an mp4 has last; without it, it cannot be played
 SMOOTH_SECONDS = 0.8  # the camera follows this much behind
 
 
@@ -85,19 +87,22 @@ def render_episode(
       The path.
 
     Raises:
-      DataError: states, goal or ghosts do not fit.
+      DataError: states, goal or ghosts do not fit, or the video cannot be written.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     shot = shot or usual_shot(scenery)
     frames = render_frames(robot, states, scenery, fps, ghosts, dt=dt, shot=shot, plans=plans)
-    writer = imageio_ffmpeg.write_frames(str(path), shot.size, fps=fps, quality=8)
+    writer = imageio_ffmpeg.write_frames(
+        str(path), shot.size, fps=fps, quality=8, ffmpeg_log_level="quiet"
+    )
     writer.send(None)
-    try:
+    with suppress(OSError), closing(writer):  # its message is ffmpeg's command line
         for frame in frames:
             writer.send(np.ascontiguousarray(frame))
-    finally:
-        writer.close()
+    if not path.exists() or MP4_INDEX not in path.read_bytes():  # ffmpeg says nothing about it
+        path.unlink(missing_ok=True)
+        raise DataError(f"The video {path} could not be written. Is the disk full?")
     return path
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from flywheel.dynamics.plant.grounds import observed_on
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.poses import FREE_POSITIONS, offsets_of, seen_poses
+from flywheel.dynamics.plant.poses import offsets_of, seen_poses
 from flywheel.dynamics.plant.twist import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
@@ -52,18 +52,11 @@ class RestartedPlant:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        robot = self.robot
         if self.window < 1 or self.degree not in (1, 2):
             raise ModelError(
                 f"window must be at least 1 and degree 1 or 2, got {self.window}, {self.degree}."
             )
-        sizes = len(robot.keyframe.qpos), len(robot.keyframe.qvel)
-        bodies = len(robot.bodies)
-        if sizes != (FREE_POSITIONS * bodies, FREE_VELOCITIES * bodies):
-            raise ModelError(
-                f"{robot.name} cannot be restarted from its points: all its bodies must have free "
-                f"joints, but {bodies} bodies have {sizes[0]} positions and {sizes[1]} velocities."
-            )
+        self.robot.require_free("restarted from its points")
 
     @property
     def robot(self) -> Robot:

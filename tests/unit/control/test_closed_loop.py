@@ -1,5 +1,4 @@
 import dataclasses
-import secrets
 
 import numpy as np
 import pytest
@@ -28,6 +27,7 @@ from flywheel.errors import ConfigError, ModelError, RobotError
 from flywheel.records import Observation, Past, Provenance
 from flywheel.robots import Robot, load_robot
 from flywheel.tasks import TaskConfig, sample_task
+from tests import draws
 
 DT = 0.01
 EXACT = MeasurementModel()
@@ -80,7 +80,7 @@ def test_an_episode_is_what_the_plant_does_under_its_controls(plant: Plant) -> N
 
 def test_the_controller_is_shown_all_that_was_measured_so_far(plant: Plant) -> None:
     spy = Spy(plant.robot, DT)
-    episode = recorded(plant, spy, measurement=NOISY, seed=secrets.randbits(32))
+    episode = recorded(plant, spy, measurement=NOISY, seed=draws.seed())
     seen = episode.trajectory.observations
     assert np.isnan(seen.points).any() and np.isnan(seen.winch).all()
     assert [past.history for past in spy.pasts] == [0, 40, 80]
@@ -95,7 +95,7 @@ def test_the_controller_is_shown_all_that_was_measured_so_far(plant: Plant) -> N
 
 def test_unmeasured_winches_are_reckoned_from_the_commands(plant: Plant) -> None:
     spy = Spy(plant.robot, DT)
-    episode = recorded(plant, spy, seed=secrets.randbits(32))
+    episode = recorded(plant, spy, seed=draws.seed())
     truth = plant.winch(episode.trajectory.states)
     for past in spy.pasts:
         assert np.isfinite(past.winch).all()
@@ -112,7 +112,7 @@ def test_unmeasured_winches_of_a_known_plant_are_where_its_effects_say(plant: Pl
         def act(self, past: Past) -> Command:
             return Command(super().act(past).controls[:steps])
 
-    spy, seed = Often(plant.robot, DT), secrets.randbits(32)
+    spy, seed = Often(plant.robot, DT), draws.seed()
     slower = EffectivePlant(plant.robot, slow)
     reckoning = Reckoning(plant.robot, DT, slow)
     episode = recorded(slower, spy, seconds=3.0, seed=seed, reckoning=reckoning)
@@ -289,7 +289,7 @@ def test_no_time_for_a_step_is_refused(plant: Plant) -> None:
 
 def test_a_batch_gives_the_same_episodes_as_one_by_one(plant: Plant) -> None:
     random, hold = RandomControls(plant.robot, DT), Hold(plant.robot, DT)
-    seeds = [secrets.randbits(32) for _ in range(4)]
+    seeds = [draws.seed() for _ in range(4)]
 
     def batch(chosen: list[int]) -> list:
         return record_batch(
@@ -332,7 +332,7 @@ def test_a_batch_with_something_missing_is_refused(plant: Plant) -> None:
 
 
 def test_dropped_robots_are_whole_above_the_ground_and_turned_any_way(plant: Plant) -> None:
-    robot, rng = plant.robot, np.random.default_rng(seed := secrets.randbits(32))
+    robot, rng = plant.robot, np.random.default_rng(seed := draws.seed())
     drops = random_drop(plant, rng, 40)
     points, rest = plant.observe(drops).points, plant.observe(plant.rest()).points
 
@@ -387,7 +387,7 @@ class Told(RandomControls):
 
 
 def test_a_tour_goes_on_to_the_next_goal_and_ends_at_the_last(plant: Plant) -> None:
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     points = plant.observe(plant.rest()).points[0]
     rng = np.random.default_rng(seed)
     tour = sample_task("tour", plant.robot, points, rng, TaskConfig(stops=2))

@@ -1,10 +1,9 @@
-import secrets
-
 import numpy as np
 import pytest
 
 from flywheel.control.knots import Knots
 from flywheel.robots import Robot
+from tests import draws
 
 DT = 0.01
 
@@ -21,20 +20,20 @@ def drawn(knots: Knots, batch: int, rng: np.random.Generator) -> tuple[np.ndarra
 
 
 def test_plan_to_commands_and_back_is_the_plan_that_can_be_followed(knots: Knots) -> None:
-    winch, plan = drawn(knots, 7, np.random.default_rng(seed := secrets.randbits(32)))
+    winch, plan = drawn(knots, 7, np.random.default_rng(seed := draws.seed()))
     followed = knots.plan(winch, knots.controls(winch, plan))
     expected = knots.reachable(winch, plan)
     np.testing.assert_allclose(followed, expected, atol=1e-9, err_msg=f"seed {seed}")
 
 
 def test_a_plan_that_can_be_followed_stays_as_it_is(knots: Knots) -> None:
-    winch, plan = drawn(knots, 7, np.random.default_rng(seed := secrets.randbits(32)))
+    winch, plan = drawn(knots, 7, np.random.default_rng(seed := draws.seed()))
     once = knots.reachable(winch, plan)
     np.testing.assert_allclose(knots.reachable(winch, once), once, err_msg=f"seed {seed}")
 
 
 def test_commands_keep_to_the_ranges(knots: Knots) -> None:
-    winch, plan = drawn(knots, 20, np.random.default_rng(secrets.randbits(32)))
+    winch, plan = drawn(knots, 20, np.random.default_rng(draws.seed()))
     robot, controls = knots.robot, knots.controls(winch, plan)
     assert controls.shape == (20, 200, len(robot.winches))
     assert (controls >= robot.control_low).all() and (controls <= robot.control_high).all()
@@ -43,7 +42,7 @@ def test_commands_keep_to_the_ranges(knots: Knots) -> None:
 
 
 def test_commands_of_one_plan_do_not_depend_on_the_others(knots: Knots) -> None:
-    winch, plan = drawn(knots, 9, np.random.default_rng(secrets.randbits(32)))
+    winch, plan = drawn(knots, 9, np.random.default_rng(draws.seed()))
     together = knots.controls(winch, plan)
     for one in (0, 4):
         np.testing.assert_array_equal(knots.controls(winch, plan[one]), together[one])
@@ -58,7 +57,7 @@ def test_a_winch_that_cannot_keep_up_goes_on_at_full_speed(knots: Knots) -> None
 
 def test_a_position_winch_is_commanded_the_positions_themselves(servo: Robot) -> None:
     knots = Knots(servo, DT, steps=50, count=4)
-    rng = np.random.default_rng(secrets.randbits(32))
+    rng = np.random.default_rng(draws.seed())
     winch = rng.uniform(servo.rest_low, servo.rest_high)
     plan = rng.uniform(servo.rest_low, servo.rest_high, (4, len(winch)))
     controls = knots.controls(winch, plan)

@@ -1,5 +1,4 @@
 import dataclasses
-import secrets
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from flywheel.errors import ConfigError, ModelError
 from flywheel.records import Observation, Past, Rollout
 from flywheel.robots import Robot
 from flywheel.tasks import Task
+from tests import draws
 
 SMALL = {"samples": 16, "horizon_seconds": 2.0}
 
@@ -30,7 +30,7 @@ def followed(past: Past, gantry, controls: np.ndarray) -> Past:
 
 
 def test_weights_sum_to_one_and_fall_with_cost() -> None:
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     costs = rng.normal(size=40)
     weights = softmin(costs, 0.7)
     assert weights.sum() == pytest.approx(1.0), seed
@@ -40,18 +40,18 @@ def test_weights_sum_to_one_and_fall_with_cost() -> None:
 
 
 def test_weights_do_not_change_when_all_costs_rise_alike() -> None:
-    costs = np.random.default_rng(secrets.randbits(32)).normal(size=40)
+    costs = np.random.default_rng(draws.seed()).normal(size=40)
     np.testing.assert_allclose(softmin(costs + 1e3, 0.2), softmin(costs, 0.2), rtol=1e-9)
 
 
 def test_relative_weights_do_not_change_with_the_scale_of_the_costs() -> None:
-    costs = np.random.default_rng(secrets.randbits(32)).normal(size=40)
+    costs = np.random.default_rng(draws.seed()).normal(size=40)
     np.testing.assert_allclose(softmin(1e4 * costs, 0.2, True), softmin(costs, 0.2, True))
     assert not np.allclose(softmin(1e4 * costs, 0.2), softmin(costs, 0.2))
 
 
 def test_a_cold_planner_takes_the_best_and_a_hot_one_the_mean() -> None:
-    costs = np.random.default_rng(secrets.randbits(32)).normal(size=40)
+    costs = np.random.default_rng(draws.seed()).normal(size=40)
     np.testing.assert_allclose(softmin(costs, 1e-9), np.eye(40)[costs.argmin()])
     np.testing.assert_allclose(softmin(costs, 1e12), np.full(40, 1 / 40), rtol=1e-6)
 
@@ -65,7 +65,7 @@ def test_equal_costs_weigh_equally_and_infinite_ones_nothing(relative: bool) -> 
 
 
 def test_smooth_noise_has_unit_variance_and_the_correlation_asked_for() -> None:
-    noise = smooth_noise((20000, 4, 2), 0.6, np.random.default_rng(secrets.randbits(32)))
+    noise = smooth_noise((20000, 4, 2), 0.6, np.random.default_rng(draws.seed()))
     np.testing.assert_allclose(noise.var(axis=0), 1.0, atol=0.06)
     for lag in (1, 2, 3):
         both = (noise[:, lag] * noise[:, 0]).mean(axis=0)
@@ -73,7 +73,7 @@ def test_smooth_noise_has_unit_variance_and_the_correlation_asked_for() -> None:
 
 
 def test_strokes_stay_for_as_long_as_they_are_held() -> None:
-    drawn = strokes((500, 8, 3), 3, np.random.default_rng(secrets.randbits(32)))
+    drawn = strokes((500, 8, 3), 3, np.random.default_rng(draws.seed()))
     assert drawn.shape == (500, 8, 3)
     assert set(np.unique(drawn)) == {0.0, 0.5, 1.0}
     changes = (np.diff(drawn, axis=1) != 0).any(axis=2)
@@ -83,7 +83,7 @@ def test_strokes_stay_for_as_long_as_they_are_held() -> None:
 
 
 def test_it_brings_the_gantry_to_its_goal(gantry, task: Task, past: Past) -> None:
-    mppi = planner(gantry, task, seed=secrets.randbits(32))
+    mppi = planner(gantry, task, seed=draws.seed())
     distances = []
     for _ in range(20):
         past = followed(past, gantry, mppi.act(past).controls)
@@ -105,7 +105,7 @@ def test_more_rounds_find_cheaper_plans(gantry, task: Task, past: Past) -> None:
 
 
 def test_the_same_seed_gives_the_same_commands(gantry, task: Task, past: Past) -> None:
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     mppi = planner(gantry, task, seed)
     first = [mppi.act(past).controls for _ in range(3)]
     mppi.reset(task, seed)
@@ -171,7 +171,7 @@ def test_rollouts_that_are_not_finite_weigh_nothing(gantry, task: Task, past: Pa
 
 
 def test_ways_that_lead_to_the_goal_are_shown_from_the_best_one_on(gantry, task, past) -> None:
-    mppi = planner(Broken(gantry, 0.4), task, secrets.randbits(32))
+    mppi = planner(Broken(gantry, 0.4), task, draws.seed())
     paths = mppi.act(past).diagnostics["paths"]
     assert paths.shape == (12, mppi.knots.count + 1, 2)
     assert np.isfinite(paths).all()

@@ -1,5 +1,3 @@
-import secrets
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -7,6 +5,7 @@ from pydantic import ValidationError
 from flywheel.control import Hold, RandomConfig, RandomControls
 from flywheel.records import Observation, Past
 from flywheel.robots import Robot
+from tests import draws
 
 DT = 0.01
 STEPS = 3000
@@ -35,7 +34,7 @@ def test_random_commands_keep_to_the_ranges_and_use_them(
     robot: Robot, servo: Robot, middle
 ) -> None:
     for kind in (robot, servo):
-        controls = RandomControls(kind, DT).sequence(middle, STEPS, seed := secrets.randbits(32))
+        controls = RandomControls(kind, DT).sequence(middle, STEPS, seed := draws.seed())
         assert controls.shape == (STEPS, 6)
         assert (controls >= kind.control_low - 1e-12).all(), seed
         assert (controls <= kind.control_high + 1e-12).all(), seed
@@ -45,7 +44,7 @@ def test_random_commands_keep_to_the_ranges_and_use_them(
 
 
 def test_random_winches_move_hold_and_change_their_mind_one_by_one(robot: Robot, middle) -> None:
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     controls = RandomControls(robot, DT).sequence(middle, STEPS, seed)
     still = np.isclose(controls, 0.0).mean(axis=0)
     assert 0.15 < still.mean() < 0.55 and (still < 0.9).all(), (seed, still)
@@ -57,7 +56,7 @@ def test_random_winches_move_hold_and_change_their_mind_one_by_one(robot: Robot,
 
 def test_the_same_seed_gives_the_same_commands(robot: Robot, middle, past: Past) -> None:
     controls = RandomControls(robot, DT)
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     np.testing.assert_array_equal(
         controls.sequence(middle, 50, seed), controls.sequence(middle, 50, seed)
     )

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data.zarr_files import decode
 from flywheel.errors import DataError, RunError
 from flywheel.records import Episode, Observation, Trajectory
+from tests import draws
 
 
 def same(one: Episode, other: Episode) -> bool:
@@ -56,6 +58,17 @@ def test_episodes_come_back_to_the_bit(tmp_path, make_episode, recording):
         )
 
 
+def test_arrays_that_do_not_read_back_are_not_stored(tmp_path, make_episode, monkeypatch):
+    def other(files):
+        arrays, attributes = decode(files)
+        return {name: values + (name == "controls") for name, values in arrays.items()}, attributes
+
+    monkeypatch.setattr("flywheel.data.segments.decode", other)
+    with pytest.raises(DataError, match="array controls reads back as other numbers"):
+        TrajectoryStore(tmp_path).commit("one", [make_episode("e0")])
+    assert TrajectoryStore(tmp_path).committed() == {}
+
+
 def test_committing_the_same_again_changes_nothing_and_other_content_is_refused(
     tmp_path, make_episode
 ):
@@ -76,7 +89,7 @@ def test_digests_do_not_depend_on_telemetry_or_place(tmp_path, make_episode):
 
 
 def test_plans_come_back_and_telemetry_of_older_stores_is_read(tmp_path, make_episode):
-    store, rng = TrajectoryStore(tmp_path), np.random.default_rng()
+    store, rng = TrajectoryStore(tmp_path), np.random.default_rng(draws.seed())
     begins, paths = np.arange(3) * 0.5, rng.normal(size=(3, 4, 5, 2)).round(3)
     seen = {"plan_begins": begins, "plan_paths": paths}
     store.commit("e", [dataclasses.replace(make_episode("e"), telemetry=seen)])
@@ -94,7 +107,7 @@ def test_a_flipped_bit_anywhere_is_found_and_the_episode_named(tmp_path, make_ep
     for name in ("good", "bad"):
         store.commit(name, [make_episode(name)])
     store.seal("s", ["good", "bad"])
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(draws.seed())
     files = [p for p in tmp_path.glob("s*/**/*") if p.is_file() and "good" not in p.parts]
     assert len(files) > 10
     for path in files:

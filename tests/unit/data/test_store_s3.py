@@ -170,6 +170,30 @@ def test_damage_on_s3_is_found_and_named(bucket, make_episode, how):
     store.commit("e", [make_episode("e")])
 
 
+def test_what_is_exchanged_foreign_or_set_aside_on_s3_is_known(bucket, make_episode):
+    store, other = TrajectoryStore(bucket), TrajectoryStore(f"{bucket}-other")
+    for one in (store, other):
+        one.commit("e", [make_episode("e", seed=1)])
+        one.seal("one", ["e"])
+        one.seal("two", ["e"], parent="one")
+    files = s3fs.S3FileSystem(use_listings_cache=False)
+    first, second = (f"{bucket}/snapshots/{name}.json" for name in ("one", "two"))
+    texts = files.cat_file(first), files.cat_file(second)
+    files.pipe_file(first, texts[1])
+    files.pipe_file(second, texts[0])
+    kinds = {(d.kind, d.path) for d in TrajectoryStore(bucket).verify()}
+    assert kinds == {("exchanged", "snapshots/one.json"), ("exchanged", "snapshots/two.json")}
+    files.pipe_file(first, files.cat_file(f"{bucket}-other/snapshots/one.json"))
+    files.pipe_file(second, texts[1])
+    (damage,) = TrajectoryStore(bucket).verify()
+    assert (damage.kind, damage.path) == ("foreign", "snapshots/one.json")
+    store.quarantine_snapshot("one")
+    assert store.snapshots() == ["two"]
+    assert [name.startswith("snapshot-one.json.") for name in store.quarantined()] == [True]
+    with pytest.raises(DataError, match="no snapshot 'one'"):
+        store.quarantine_snapshot("one")
+
+
 def test_a_bucket_that_is_not_there_is_said_at_once(bucket):
     with pytest.raises(DataError, match=r"'not-there' .* AWS_ENDPOINT_URL"):
         TrajectoryStore("s3://not-there/run")

@@ -7,6 +7,7 @@ import numpy as np
 from flywheel.data import TrajectoryStore, WindowCache
 from flywheel.data.packing import SCHEMA, pack, unpack
 from flywheel.terrain import Terrain
+from tests import draws
 
 
 def terrain(rng: np.random.Generator) -> Terrain:
@@ -15,7 +16,7 @@ def terrain(rng: np.random.Generator) -> Terrain:
 
 
 def test_they_come_back_as_they_were(make_episode):
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(draws.seed())
     first, second = terrain(rng), terrain(rng)
     grounds = [first, None, second, first]
     episodes = [
@@ -33,7 +34,7 @@ def test_segments_on_the_plane_are_what_they_always_were(make_episode):
 
 
 def test_windows_know_what_they_stand_on(tmp_path, make_episode, prism3):
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(draws.seed())
     grounds = {"a": terrain(rng), "b": None, "c": terrain(rng)}
     store = TrajectoryStore(tmp_path / "store")
     for name, ground in grounds.items():

@@ -1,4 +1,5 @@
 import errno
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,6 +13,7 @@ from flywheel.data.benchmark import store_benchmark
 from flywheel.errors import DataError, RunError
 from flywheel.records import Split
 from flywheel.robots import load_robot
+from tests import draws
 
 
 def filled(folder, make_episode, lengths, **kwargs):
@@ -24,7 +26,7 @@ def filled(folder, make_episode, lengths, **kwargs):
 
 
 def test_windows_are_slices_of_one_episode(tmp_path, make_episode, prism3):
-    lengths = [int(n) for n in np.random.default_rng().integers(5, 60, 6)]
+    lengths = [int(n) for n in np.random.default_rng(draws.seed()).integers(5, 60, 6)]
     store, snapshot, episodes = filled(tmp_path, make_episode, lengths)
     cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
     starts = cache.starts(7)
@@ -81,7 +83,7 @@ def test_an_empty_split_and_another_robot_are_errors(tmp_path, make_episode, pri
 def test_windows_keep_their_distance_and_can_leave_out_missing_points(
     tmp_path, make_episode, prism3
 ):
-    lengths = [int(n) for n in np.random.default_rng().integers(3, 90, 5)]
+    lengths = [int(n) for n in np.random.default_rng(draws.seed()).integers(3, 90, 5)]
     store, snapshot, _ = filled(tmp_path, make_episode, lengths)
     cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
     np.testing.assert_array_equal(cache.valid, np.isfinite(cache.points).all(-1))
@@ -127,6 +129,20 @@ def test_a_damaged_cache_is_made_again(tmp_path, make_episode, prism3, how):
     again = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
     np.testing.assert_array_equal(again.gather(sound.starts(5), 5).controls, expected.controls)
     assert [len(list((tmp_path / "cache").glob(g))) for g in ("*-train*", "tmp/*")] == [1, 0]
+
+
+def test_caches_whose_names_were_exchanged_are_made_again(tmp_path, make_episode, prism3):
+    """One was dead-reckoned with what is believed of the winches, the other without."""
+    store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
+    build = partial(WindowCache.build, store, snapshot, "train", tmp_path / "cache", prism3)
+    plain = build().winch.copy()
+    other = build(lambda episode: prism3.winches_of(episode) + 1.0, "other").winch.copy()
+    assert not np.array_equal(plain, other)
+    one, two = sorted((tmp_path / "cache").glob("*-train-*"))
+    one.rename(tmp_path / "aside")
+    two.rename(one)
+    (tmp_path / "aside").rename(two)
+    np.testing.assert_array_equal(build().winch, plain)
 
 
 def test_a_damaged_episode_does_not_reach_a_cache(tmp_path, make_episode, prism3):
@@ -195,7 +211,7 @@ def test_a_split_is_fixed_by_its_key_alone(key, weights):
 
 def test_splits_come_in_the_fractions_asked_for():
     fractions = {"train": 0.7, "validation": 0.2, "test": 0.1}
-    base = int(np.random.default_rng().integers(2**40))
+    base = int(np.random.default_rng(draws.seed()).integers(2**40))
     found = [assign_split(base + i, fractions) for i in range(20_000)]
     for name, fraction in fractions.items():
         assert abs(found.count(name) / 20_000 - fraction) < 0.02, base  # six standard deviations

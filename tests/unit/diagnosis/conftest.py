@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
-
 import numpy as np
 import pytest
 
@@ -15,6 +13,7 @@ from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
 from flywheel.effects import Terms
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot, load_robot
+from tests import draws
 
 SECONDS = 0.8
 
@@ -26,7 +25,7 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="session")
 def seed() -> int:
-    return secrets.randbits(32)
+    return draws.seed()
 
 
 def recorded(robot: Robot, terms: Terms, seed: int, noise: float = 0.001) -> Trajectory:

@@ -22,6 +22,7 @@ from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, Trajectory
 from flywheel.robots import Robot, load_robot
+from tests import draws
 from tests.unit.diagnosis.conftest import recorded
 
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "cable_damping", "air_drag")}
@@ -69,7 +70,9 @@ def gain(share: float) -> Term:
 @pytest.fixture(scope="module")
 def fitter(robot: Robot, trajectory: Trajectory, model: Subject) -> NetworkFitter:
     world = fitter_of(Windows.cut(robot, [trajectory], LENGTH), Plant(robot))
-    return NetworkFitter(world, fitted(world), (), model, np.random.default_rng(), draws=48)
+    return NetworkFitter(
+        world, fitted(world), (), model, np.random.default_rng(draws.seed()), draws=48
+    )
 
 
 def test_its_own_errors_are_far_above_the_noise_and_are_not_taken_for_an_effect(
@@ -104,7 +107,7 @@ def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(
             return super().rollout(past, controls)
 
     told = Told(model.dynamics.restarted, 0.05)
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(draws.seed())
     for terms in ((), (gain(0.5),)):
         subject = replace(model, dynamics=told, terms=terms)
         seen.clear()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import secrets
-
 import numpy as np
 import pytest
 
 from flywheel.diagnosis.noise import noise_floor
 from flywheel.errors import DataError
+from tests import draws
 
 
 def moving(rng: np.random.Generator, samples: int = 400) -> np.ndarray:
@@ -20,7 +19,7 @@ def moving(rng: np.random.Generator, samples: int = 400) -> np.ndarray:
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    return np.random.default_rng(secrets.randbits(32))
+    return np.random.default_rng(draws.seed())
 
 
 def test_it_is_found_beside_motion_a_thousand_times_larger(rng: np.random.Generator) -> None:

@@ -12,6 +12,7 @@ from flywheel.diagnosis.windows import Log, Windows
 from flywheel.effects import Scales
 from flywheel.errors import DataError
 from flywheel.records import Floats
+from tests import draws
 
 SIGMA = 0.003  # of the robot's length, as of a motion capture
 
@@ -19,7 +20,7 @@ SIGMA = 0.003  # of the robot's length, as of a motion capture
 @pytest.fixture
 def thrown(windows: Windows) -> tuple[Windows, Floats, Floats]:
     """Windows of points that fly, as measured; places and speeds at the windows' starts."""
-    rng, scales = np.random.default_rng(), Scales.of(windows.robot)
+    rng, scales = np.random.default_rng(draws.seed()), Scales.of(windows.robot)
     count = len(windows.robot.points)
     length, speed, acceleration = (
         scales.length * scale * rng.normal(size=(count, 3)) for scale in (1.0, 0.3, 0.5)

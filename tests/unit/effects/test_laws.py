@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 
 from flywheel.effects import EFFECTS, Cables, CommandEffect, TensionEffect, WinchEffect
 from flywheel.robots import Robot, load_robot
+from tests import draws
 
 DT = 0.01
 
@@ -21,7 +21,7 @@ def robot() -> Robot:
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    return np.random.default_rng(secrets.randbits(32))
+    return np.random.default_rng(draws.seed())
 
 
 def commanded(name: str, controls: np.ndarray, robot: Robot, **values: float) -> np.ndarray:

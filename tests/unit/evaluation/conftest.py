@@ -37,6 +37,7 @@ def robot() -> Robot:
         timestep=0.005,
         length=2.0,
         grounded=True,
+        free=True,
     )
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -8,6 +10,8 @@ from flywheel.evaluation import (
     squared_point_error,
     squared_position_error,
 )
+from flywheel.evaluation.statistics import shows_turn
+from tests import draws
 
 
 def test_a_shift_gives_its_squared_length_and_no_rotation(robot, resting):
@@ -18,7 +22,7 @@ def test_a_shift_gives_its_squared_length_and_no_rotation(robot, resting):
 
 
 def test_a_turned_body_is_off_by_the_angle_it_was_turned_by(robot, resting):
-    seed = int(np.random.default_rng().integers(1 << 31))
+    seed = draws.seed()
     rng = np.random.default_rng(seed)
     angles = np.concatenate([rng.uniform(0.0, 180.0, 5), [1e-7, 180.0]])
     for angle in angles:
@@ -61,3 +65,11 @@ def test_a_missing_point_makes_its_body_missing_and_no_other(robot, resting):
         wanted = [1] if name != "squared_point_error" else [3]
         assert np.flatnonzero(missing[1]).tolist() == wanted, name
         assert not missing[0].any(), name
+
+
+def test_one_point_shows_no_turn(robot):
+    rod, platform = robot.bodies
+    assert shows_turn(robot, rod) and shows_turn(robot, platform)
+    assert not shows_turn(robot, replace(rod, points=rod.points[:1]))
+    here = tuple(replace(point, offset=robot.points[0].offset) for point in robot.points)
+    assert not shows_turn(replace(robot, points=here), platform)

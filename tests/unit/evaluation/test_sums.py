@@ -3,6 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flywheel.evaluation import ExactSum
+from tests import draws
 
 VALUES = st.lists(
     st.one_of(st.floats(0.0, 1e5), st.floats(0.0, 1e-6), st.just(float("nan"))), max_size=40
@@ -33,7 +34,7 @@ def test_the_mean_is_the_mean_of_what_is_present(values):
 
 
 def test_adding_the_empty_sum_changes_no_bit():
-    values = np.random.default_rng().uniform(0, 10, (7, 5, 3))
+    values = np.random.default_rng(draws.seed()).uniform(0, 10, (7, 5, 3))
     one = ExactSum.of(values)
     assert one + ExactSum.zeros((0, 3)) == one == ExactSum.zeros((0, 3)) + one
 
@@ -49,5 +50,5 @@ def test_a_huge_value_is_cut_off_instead_of_wrapping_around():
 
 
 def test_sums_over_axes_agree_with_numpy():
-    values = np.random.default_rng().uniform(0, 3, (6, 4, 2))
+    values = np.random.default_rng(draws.seed()).uniform(0, 3, (6, 4, 2))
     np.testing.assert_allclose(ExactSum.of(values).over((0, 1)).total, values.sum(), rtol=1e-12)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.robots import Robot, load_robot
+from tests import draws
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def robots() -> dict[str, Robot]:
 @pytest.fixture
 def seed() -> int:
     """A fresh one for every test; pytest prints it where a test fails."""
-    return secrets.randbelow(2**31)
+    return draws.seed()
 
 
 @pytest.fixture

@@ -17,8 +17,9 @@ from flywheel.hidden.measurement import Measurement
 from flywheel.hidden.recording import record
 from flywheel.hidden.scripts import SCRIPTS, script
 from flywheel.robots import ROBOTS, Robot, load_robot
+from tests import draws
 
-SEED = int(np.random.default_rng().integers(2**31))  # fresh; shown when a test fails
+SEED = draws.seed()  # fresh; shown when a test fails
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from pipelines.drives import (
     drive_table,
     read_drives,
 )
+from tests import draws
 
 
 def drive(seed: int, model: str = "champion", reached: bool = True) -> Drive:
@@ -23,7 +24,9 @@ def drive(seed: int, model: str = "champion", reached: bool = True) -> Drive:
         robot="icosa6", task="obstacle_course", course="maze", model=model, samples=48,
         horizon_seconds=3.0, threads=2, config="c",
     )  # fmt: skip
-    way = tuple(map(tuple, np.random.default_rng().normal(size=(20, 2)).round(3).tolist()))
+    way = tuple(
+        map(tuple, np.random.default_rng(draws.seed()).normal(size=(20, 2)).round(3).tolist())
+    )
     walk = Walk(
         path=way, goal=(1, 2), reached=reached, seconds=10.0 + seed, distance=0.3, seed=seed
     )

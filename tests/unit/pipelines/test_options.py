@@ -80,3 +80,18 @@ def test_numbers_within_texts_have_bounds_too(text: str) -> None:
 def test_hidden_effects_have_sizes_that_can_be(text: str) -> None:
     with pytest.raises(ConfigError, match="how many times the typical size.* must be a number"):
         hidden_effects((f"torque_speed:{text}",), PRISM)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "compare log.csv --robot prism3 --draws 10000 --horizon 600",
+        "design capstan creep --robot prism3 --candidates 10000 --seconds 600",
+    ],
+)
+def test_numbers_that_are_too_large_together_are_refused_with_what_they_would_take(
+    words: str,
+) -> None:
+    result = CliRunner().invoke(app, words.split())
+    assert result.exit_code == 2
+    assert "at most 16 GB are allowed" in result.output

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import secrets
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,13 +21,14 @@ from pipelines.sysid_study import (
     rows,
     study,
 )
+from tests import draws
 
 
 @pytest.mark.skipif(
     not hasattr(sysid, "optimize"), reason="mujoco.sysid lacks packages: mujoco[sysid]"
 )
 def test_every_contender_is_measured_on_the_same_windows() -> None:
-    seed = secrets.randbits(31)
+    seed = draws.seed()
     case = replace(
         cases(load_robot("prism3"), ["none"], seeds=[0])[0],
         effects=(WinchGain(0.3),),

@@ -108,6 +108,19 @@ def test_a_port_for_root_alone_is_told(monkeypatch):
         check_port(80)
 
 
+@pytest.mark.parametrize("name", ["a?b", "a%20b"])
+def test_a_folder_that_mlflow_would_take_for_another_is_refused(tmp_path, name):
+    for command in (f"run {ROOT}/configs/smoke.yaml --folder", "ui"):
+        folder = tmp_path / name
+        if command == "ui":
+            folder.mkdir()
+            (folder / DATABASE).touch()
+        done = CliRunner().invoke(app, [*command.split(), str(folder)])
+        assert done.exit_code == 2
+        assert f"its path holds a '{name[1]}'" in done.stderr
+        assert [p.name for p in tmp_path.iterdir()] == ([name] if command == "ui" else [])
+
+
 def test_a_database_that_is_damaged_is_not_served_and_what_to_do_is_said(run):
     path = run / DATABASE
     assert damage(path) == ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from dataclasses import replace
 
 import mujoco
@@ -16,6 +15,7 @@ from flywheel.dynamics.plant.mjcf_parameters import Block, bare_spec, blocks, op
 from flywheel.errors import ConfigError
 from flywheel.records import Floats, State
 from flywheel.robots import load_robot
+from tests import draws
 from tests.physics.small_robots import hanging
 
 NEEDED = pytest.mark.skipif(
@@ -31,7 +31,7 @@ NOISE = 1e-3  # [m]
 
 @pytest.fixture
 def seed() -> int:
-    return secrets.randbits(32)
+    return draws.seed()
 
 
 def piece(plant: Plant, seed: int) -> Piece:

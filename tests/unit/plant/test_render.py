@@ -10,6 +10,7 @@ from flywheel.dynamics.plant import Plant, Scenery, Shot, render_episode, render
 from flywheel.errors import DataError
 from flywheel.records import Plans, State
 from flywheel.robots import Box, Robot, load_robot
+from tests.full_disk import files_end_at
 
 SMALL = Shot(size=(160, 96))
 
@@ -31,6 +32,16 @@ def test_a_video_has_a_frame_for_each_moment(robot: Robot, states: State, tmp_pa
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert frames == 11  # 0.4 s and the first
     assert seconds == pytest.approx(11 / 25, abs=0.05)
+
+
+@pytest.mark.renders
+def test_a_disk_without_room_for_a_video_is_told_and_no_half_of_it_is_left(
+    robot: Robot, states: State, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with files_end_at(1000), pytest.raises(DataError, match="Is the disk full"):
+        render_episode(robot, states, tmp_path / "a.mp4", fps=25)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr().err == ""
 
 
 @pytest.mark.renders

@@ -7,7 +7,7 @@ import pytest
 
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, RestartedPlant
 from flywheel.dynamics.plant.restarted import fit_motion
-from flywheel.errors import ModelError
+from flywheel.errors import ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
 from flywheel.robots import Robot, load_robot
 from flywheel.rotations import angle_between, rotate
@@ -191,7 +191,7 @@ def test_what_cannot_be_restarted_is_refused() -> None:
         RestartedPlant(plant, window=0)
     hinged = hanging().xml.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>')
     hinged = hinged.replace('qpos="0 0 2.0 1 0 0 0"', 'qpos="0"')
-    with pytest.raises(ModelError, match="must have free joints"):
+    with pytest.raises(RobotError, match="cannot be restarted from its points: it has joints"):
         RestartedPlant(Plant(Robot.from_mjcf(hinged)))
     past = Past(
         Observation(np.zeros((1, 1, 6, 3)), np.zeros((1, 1, 6))),

@@ -230,3 +230,21 @@ def fake_run(
         finished=finished,
         notes=("Simulation only.",),
     )
+
+
+def turnless(run: RunResult) -> RunResult:
+    """The same run of a robot whose bodies show no rotation."""
+
+    def without(value: object) -> object:
+        if isinstance(value, dict):
+            return {
+                key: lost(v) if key.endswith("e_rot") else without(v) for key, v in value.items()
+            }
+        return [without(v) for v in value] if isinstance(value, list | tuple) else value
+
+    def lost(value: object) -> object:
+        if isinstance(value, list | tuple):
+            return [np.nan] * len(value)
+        return None if value is None else np.nan
+
+    return RunResult.model_validate(without(run.model_dump()))

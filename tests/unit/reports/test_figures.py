@@ -7,11 +7,16 @@ import pytest
 from matplotlib.patches import Rectangle
 
 from flywheel.errors import UnknownNameError
+from flywheel.reports.error_figures import (
+    error_by_lead_time,
+    error_over_iterations,
+    training_curves,
+)
 from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.goal_figures import unseen_courses, walks
 from flywheel.robots import Box, load_course
 from flywheel.runtime.results import RunResult
-from tests.unit.reports.fake_run import fake_errors, fake_run
+from tests.unit.reports.fake_run import fake_errors, fake_run, turnless
 
 
 @pytest.fixture(scope="module")
@@ -115,3 +120,15 @@ def test_figures_are_written_under_their_names(tmp_path, run):
 def test_an_unknown_figure_is_refused_with_the_known_ones(run):
     with pytest.raises(UnknownNameError, match="success"):
         draw("succes", run)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_robot_that_shows_no_rotation_has_every_figure(name):
+    assert draw(name, turnless(fake_run(2))) is not None
+
+
+def test_what_a_robot_does_not_show_has_no_axes(run):
+    for draw_errors in (error_by_lead_time, error_over_iterations, training_curves):
+        labels = [axes.get_ylabel() for axes in draw_errors(turnless(run)).axes]
+        assert not any("rotation" in label for label in labels)
+        assert any("rotation" in axes.get_ylabel() for axes in draw_errors(run).axes)

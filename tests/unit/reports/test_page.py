@@ -165,6 +165,20 @@ def test_a_video_that_is_gone_or_too_large_is_not_embedded(tmp_path, one_figure,
     assert "video/mp4" not in text and "Too large" in text
 
 
+def test_a_video_that_lies_outside_the_run_is_not_embedded(tmp_path, one_figure):
+    secret, folder = tmp_path / "secret", tmp_path / "run"
+    secret.write_text("of another")
+    folder.mkdir()
+    fake_run(1, video="film.mp4").save(folder)
+    (folder / "film.mp4").symlink_to(secret)
+    text = write_page(folder).read_text()
+    assert "video/mp4" not in text and "lies outside the run" in text
+    saved = (folder / "result.json").read_text()
+    (folder / "result.json").write_text(saved.replace("film.mp4", "../secret"))
+    with pytest.raises(DataError, match="altered"):
+        write_page(folder)
+
+
 def test_a_folder_without_a_run_is_refused(tmp_path):
     with pytest.raises(DataError, match=r"result\.json"):
         write_page(tmp_path)

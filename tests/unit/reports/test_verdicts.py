@@ -6,7 +6,7 @@ import pytest
 
 from flywheel.reports.verdicts import headline, verdicts
 from flywheel.runtime.results import Navigation, PooledTest, RunResult, Walk
-from tests.unit.reports.fake_run import fake_errors, fake_iteration, fake_run
+from tests.unit.reports.fake_run import fake_errors, fake_iteration, fake_run, turnless
 
 
 def navigation(reached, total=24):
@@ -93,3 +93,12 @@ def test_floor_and_oracle_are_judged_by_the_goals_as_ratios():
     assert oracle.answer == "yes" and "83%" in oracle.text
     helpless = run.model_copy(update={"oracle": navigation(0)})
     assert next(v for v in verdicts(helpless) if "oracle" in v.text).answer == "open"
+
+
+def test_a_robot_that_shows_no_rotation_is_judged_by_positions():
+    run = fake_run(2)
+    whole, half = verdicts(run), verdicts(turnless(run))
+    assert len(whole) == len(half)
+    assert not any("nan" in each.text or "rotation" in each.text for each in half)
+    assert "position error (RMSE/L)" in " ".join(each.text for each in half)
+    assert headline(turnless(run)).split(",")[1] == headline(run).split(",")[1]

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import secrets
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from flywheel.robots import TerrainConfig, draw_terrain
+from tests import draws
 
 LENGTH = 2.95
 
 
 @pytest.fixture
 def seed() -> int:
-    return secrets.randbits(32)
+    return draws.seed()
 
 
 def drawn(kind: str, seed: int, **given: object):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,11 +13,13 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from flywheel.data import TrajectoryStore
-from flywheel.errors import RunError
+from flywheel.errors import ModelError, RunError
 from flywheel.runtime.inventory import Fault, Inventory, check_sound
 from flywheel.runtime.results import RunResult
 from flywheel.runtime.rewinding import rewind
 from flywheel.runtime.run_folder import RunFolder
+from flywheel.seals import Unsound
+from pipelines.runs import open_run
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 SMALL = {"control_arm": True, "evaluate": {**TINY["evaluate"], "floor": False}}
@@ -166,6 +169,33 @@ def test_things_whose_names_were_exchanged_are_found(finished, what):
     for path in (one, other):
         assert any(inside(path.relative_to(finished), fault) for fault in found), found
     assert bool(said) == (what not in NOT_RELIED_ON)
+
+
+@pytest.mark.parametrize("part", ["iterations", "models", "store/segments", "store/snapshots"])
+def test_a_file_in_the_place_of_a_folder_is_found(finished, part):
+    with kept(finished / part):
+        remove(finished / part)
+        (finished / part).write_text("x")
+        found = look(finished)
+        assert ("unreadable", short(Path(part))) in [(f.kind, f.where) for f in found]
+        assert refused(finished)
+
+
+def test_weights_that_are_another_models_are_not_taken_for_an_iterations(finished):
+    one, other = (finished / path for path in SIBLINGS["model"])
+    with kept(one, other):
+        copy(other, one)
+        run = open_run(finished)
+        with pytest.raises(ModelError, match="not those that were trained here"):
+            run.weights(run.iteration("i0001-mppi"))
+        assert run.weights(run.iteration("i0001-control")).digest
+
+
+def test_what_is_said_of_a_fault_travels_between_processes(finished):
+    with pytest.raises(Unsound) as caught:
+        TrajectoryStore(finished / "store").read_segment("i0009")
+    back = pickle.loads(pickle.dumps(caught.value))
+    assert (str(back), back.kind) == (str(caught.value), "missing")
 
 
 @pytest.mark.parametrize("what", SIBLINGS)

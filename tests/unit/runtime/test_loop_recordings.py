@@ -9,6 +9,7 @@ import numpy as np
 from flywheel.data.recordings import read_recording, store_recording
 from flywheel.hidden.recording import record
 from flywheel.robots import load_robot
+from tests import draws
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 SPLITS = ("train", "validation", "test", "test")
@@ -31,7 +32,7 @@ def logs(folder, store, rng) -> list[str]:
 
 def test_recordings_are_trained_on_and_scored_apart_in_every_iteration(tmp_path):
     begun = Bench(tmp_path)
-    names = logs(tmp_path / "logs", begun.store, np.random.default_rng())
+    names = logs(tmp_path / "logs", begun.store, np.random.default_rng(draws.seed()))
     bench = Bench(tmp_path, collect={**TINY["collect"], "recordings": names})
     result = bench.turn()
     tests = {name for name, split in zip(names, SPLITS, strict=True) if split == "test"}

@@ -7,6 +7,7 @@ from flywheel.errors import RunError
 from flywheel.runtime.interrupts import Interrupted, StopRequest
 from flywheel.runtime.jobs import Group, Job, JobFailed
 from flywheel.runtime.pool import DEATHS_ALLOWED, Patience, WorkerPool
+from tests import draws
 from tests.unit.runtime.fake_backend import CRASH, DIE, HANG, SLOW, FakeBackend
 
 SIM = Group("sim", object, count=2)
@@ -31,7 +32,7 @@ def test_every_job_is_done_exactly_once_and_reported_in_the_driver():
 
 
 def test_jobs_are_done_whatever_the_workers_do_as_long_as_no_job_kills_three():
-    seed = int(np.random.default_rng().integers(2**32))
+    seed = draws.seed()
     rng = np.random.default_rng(seed)
     names = [f"job{i}" for i in range(20)]
     script = {n: list(rng.choice([DIE, HANG, SLOW], rng.integers(0, 3))) for n in names}

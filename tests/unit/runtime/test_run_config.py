@@ -16,8 +16,11 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda p: p.name)
-def test_every_shipped_configuration_is_valid(path):
-    assert load_config(path).name != "run"  # each has a name of its own
+def test_every_shipped_configuration_is_valid_and_comes_back_as_it_was(path, tmp_path):
+    config = load_config(path)
+    assert config.name != "run"  # each has a name of its own
+    (tmp_path / "config.yaml").write_text(yaml_of(config), encoding="utf-8")
+    assert config_digest(load_config(tmp_path / "config.yaml")) == config_digest(config)
 
 
 def test_a_network_preset_can_be_named_and_changed():

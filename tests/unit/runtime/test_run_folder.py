@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from flywheel.errors import ConfigError, RunError
+from flywheel.errors import ConfigError, DataError, FlywheelError, RunError
 from flywheel.robots import load_robot
 from flywheel.runtime.config import RunConfig, WorkersConfig
-from flywheel.runtime.results import IterationResult
+from flywheel.runtime.results import DiagnosisNote, IterationResult
 from flywheel.runtime.run_folder import RunFolder
 
 
@@ -21,6 +21,12 @@ def test_a_run_keeps_its_key_when_it_is_resumed(folder):
     begun = folder.begin(RunConfig(name="a"), resume=False)
     assert folder.begin(RunConfig(name="a"), resume=True) == begun
     assert begun.key.startswith("a-")
+
+
+@pytest.mark.parametrize("name", ["[bold]x[/]<b>&", "a/../b", "ü"])
+def test_whatever_a_run_is_called_its_key_is_one_that_mlflow_takes(folder, name):
+    key = folder.begin(RunConfig(name=name), resume=False).key
+    assert re.fullmatch(r"[A-Za-z0-9._-]{1,100}", key)
 
 
 def test_a_folder_with_a_run_is_not_begun_again(folder):
@@ -49,6 +55,7 @@ def test_a_change_of_workers_is_no_change(folder):
 
 
 def test_an_iteration_is_done_once_its_file_is_there(folder):
+    folder.begin(RunConfig(), resume=False)
     assert folder.finished(1, "mppi") is None
     result = IterationResult(iteration=1, snapshot="s", model="m")
     folder.finish(result)
@@ -69,6 +76,75 @@ def test_a_run_refused_for_lack_of_space_leaves_nothing_to_resume(tmp_path):
         with pytest.raises(RunError, match="workers.least_free_gb"):
             folder.begin(greedy, resume=False)
     assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["run.json", "config.yaml", "robot.xml"])
+def test_what_a_run_was_begun_with_may_not_change(folder, name):
+    folder.begin(RunConfig(), resume=False)
+    path = folder.path / name
+    sound = path.read_bytes()
+    for content in (b"", sound[:-10], sound + b"\n", b"\xff\xfe\x00", b"[]", b"{}", b"null"):
+        path.write_bytes(content)
+        with pytest.raises(DataError, match=f"{name}.*Put a copy of it back"):
+            folder.begin(RunConfig(), resume=True)
+    path.unlink()
+    with pytest.raises(FlywheelError, match=name):
+        (folder.path / "iterations").mkdir()
+        folder.begin(RunConfig(), resume=True)
+    path.write_bytes(sound)
+    assert folder.begin(RunConfig(), resume=True).key == folder.begun().identity.key
+
+
+def test_a_run_whose_configuration_is_gone_is_not_begun_again_over_what_it_left(folder):
+    folder.begin(RunConfig(), resume=False)
+    folder.config_file.unlink()  # killed while it was begun: nothing is lost
+    folder.begin(RunConfig(), resume=False)
+    (folder.path / "models").mkdir()
+    folder.config_file.unlink()
+    for resume in (False, True):
+        with pytest.raises(ConfigError, match="no config.yaml, .* it has models"):
+            folder.begin(RunConfig(), resume=resume)
+
+
+SEEDED = RunConfig(seed=3)
+
+
+@pytest.fixture
+def unsealed(folder):
+    """A run from before there were seals."""
+    identity = folder.begin(SEEDED, resume=False)
+    (folder.path / "run.json").write_text(identity.model_dump_json(indent=1))
+    (folder.path / "iterations").mkdir()
+    result = IterationResult(iteration=0, snapshot="s", model="m")
+    (folder.path / "iterations/i0000-mppi.json").write_text(result.model_dump_json(indent=1))
+    return folder
+
+
+def test_a_run_from_before_there_were_seals_goes_on(unsealed):
+    assert unsealed.begin(SEEDED, resume=True).key == unsealed.begun().identity.key
+    first = unsealed.finished(0, "mppi")
+    assert first.model == "m"
+    unsealed.finish(first.model_copy(update={"iteration": 1}))
+    assert unsealed.finished(1, "mppi") is not None
+
+
+@pytest.mark.parametrize("name", ["iterations/i0000-mppi.json", "config.yaml", "run.json"])
+@pytest.mark.parametrize("content", ["", "{", "[]", "null", '{"key": 5}', "\0"])
+def test_the_files_of_an_unsealed_run_are_refused_with_a_message_too(unsealed, content, name):
+    (unsealed.path / name).write_text(content)
+    with pytest.raises(
+        FlywheelError, match=r"i0000-mppi\.json|config\.yaml|run\.json|seed: 0 -> 3"
+    ):
+        unsealed.begin(SEEDED, resume=True)
+        unsealed.finished(0, "mppi")
+
+
+@pytest.mark.parametrize("path", ["../a.mp4", "/etc/passwd", "videos/../../a", "a\0b"])
+def test_no_path_in_a_result_leads_out_of_the_run(folder, path):
+    with pytest.raises(ValueError, match="leaves the run's folder"):
+        IterationResult(iteration=0, snapshot="s", model="m", video=path)
+    with pytest.raises(ValueError, match="leaves the run's folder"):
+        DiagnosisNote(verdict="x", noise=0, baseline=0, augmented=0, page=path)
 
 
 @pytest.fixture

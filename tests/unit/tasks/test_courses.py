@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from flywheel.robots import COURSES, ObstacleCourse, Robot, load_course, load_ro
 from flywheel.tasks import TaskConfig, sample_task
 from flywheel.tasks.center import center_weights
 from flywheel.tasks.distance import near_boxes
+from tests import draws
 
 MINE = """<mujoco model="mine"><worldbody>
   <geom type="plane" size="9 9 1"/>
@@ -38,7 +38,7 @@ def points(robot: Robot) -> np.ndarray:
 def test_every_course_has_a_way_that_is_longer_than_the_straight_one(
     robot: Robot, points: np.ndarray, name: str
 ) -> None:
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     rng = np.random.default_rng(seed)
     task = sample_task("obstacle_course", robot, points, rng, TaskConfig(course=name))
     assert task.begin is not None and task.obstacles == load_course(name).obstacles
@@ -50,7 +50,7 @@ def test_every_course_has_a_way_that_is_longer_than_the_straight_one(
 
 
 def test_a_turned_robot_is_the_same_robot(robot: Robot, points: np.ndarray) -> None:
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     task = sample_task(
         "obstacle_course", robot, points, np.random.default_rng(seed), TaskConfig(spread=0.0)
     )
@@ -109,7 +109,7 @@ def test_a_course_too_narrow_for_the_robot_is_refused(
 
 
 def test_a_tour_goes_from_goal_to_goal(robot: Robot, points: np.ndarray) -> None:
-    seed = secrets.randbits(32)
+    seed = draws.seed()
     config = TaskConfig(stops=4, radius=(1.0, 2.0))
     task = sample_task("tour", robot, points, np.random.default_rng(seed), config)
     goals = [task.place(points)]

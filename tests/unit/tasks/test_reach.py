@@ -1,5 +1,4 @@
 import dataclasses
-import secrets
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from flywheel.robots import Box, Robot, load_robot
 from flywheel.tasks import TaskConfig, sample_task
 from flywheel.tasks.center import center_weights
 from flywheel.tasks.costs import Broadside, Collision, FinalDistance, MeanDistance, gap
+from tests import draws
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def test_a_given_goal_is_taken(robot: Robot, start: np.ndarray) -> None:
 def test_a_cost_is_the_sum_of_its_terms_and_of_no_terms_zero(
     robot: Robot, start: np.ndarray
 ) -> None:
-    rng = np.random.default_rng(seed := secrets.randbits(32))
+    rng = np.random.default_rng(seed := draws.seed())
     task = drawn(robot, start, "reach_among_boxes", seed=1)
     points = still(start) + rng.normal(scale=0.3, size=(5, 4, *start.shape))
     parts = [dataclasses.replace(task, costs=(term,)).cost(points) for term in task.costs]

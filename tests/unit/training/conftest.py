@@ -24,6 +24,12 @@ def _cache(robot, seed: int, episodes: int, steps: int) -> MemoryCache:
 
 
 @pytest.fixture(scope="session")
+def cache_of():
+    """Random episodes of a robot: seed, how many, of how many steps."""
+    return _cache
+
+
+@pytest.fixture(scope="session")
 def train(robot) -> MemoryCache:
     return _cache(robot, 0, 3, 200)
 

@@ -7,11 +7,12 @@ import torch
 from flywheel.errors import ConfigError, DataError
 from flywheel.terrain import Terrain
 from flywheel.training.batches import Draw, generator, noisy, to_batch, turned
+from tests import draws
 
 
 def test_a_turned_window_keeps_heights_and_distances(train):
     windows = train.gather(train.starts(20)[::7], 20)
-    after = turned(windows, np.random.default_rng())
+    after = turned(windows, np.random.default_rng(draws.seed()))
     np.testing.assert_allclose(after.points[..., 2], windows.points[..., 2])
     for points in (after.points, windows.points):
         assert points.shape == windows.points.shape
@@ -26,7 +27,7 @@ def test_a_turned_window_keeps_heights_and_distances(train):
 
 def test_noise_touches_the_past_and_not_what_is_predicted(train):
     windows = train.gather(train.starts(20)[::3], 20)
-    after = noisy(windows, 8, 0.01, np.random.default_rng())
+    after = noisy(windows, 8, 0.01, np.random.default_rng(draws.seed()))
     change = after.points - windows.points
     assert (change[:, 9:] == 0).all()
     assert change[:, :9].std() == pytest.approx(0.01, rel=0.1)
@@ -67,7 +68,7 @@ def test_a_mix_draws_each_data_set_by_its_share(train):
     dataset = np.array([0, 1, 1])
     mixed = type(train)(train.points, train.controls, train.winch, dataset, ("sim", "real"))
     draw = Draw(mixed, 20, 8, {"sim": 0.9, "real": 0.1})
-    starts = draw(np.random.default_rng(), 4000)
+    starts = draw(np.random.default_rng(draws.seed()), 4000)
     share = (mixed.gather(starts, 20).dataset == 1).mean()
     assert share == pytest.approx(0.1, abs=0.03)
 
@@ -83,7 +84,7 @@ def test_episodes_shorter_than_a_window_are_refused(train):
 
 
 def test_turned_and_shifted_windows_stand_on_the_same_ground(train):
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(draws.seed())
     terrain = Terrain(rng.uniform(-0.2, 0.2, (30, 30)), 0.5, (-7.0, -7.5))
     windows = train.gather(train.starts(20)[::9], 20)
     windows = dataclasses.replace(windows, terrains=(terrain,) * len(windows.points))

@@ -10,6 +10,7 @@ import torch
 
 from flywheel.dynamics.gnn import load_weights, weights_digest
 from flywheel.errors import ConfigError, DataError, ModelError
+from flywheel.robots import Robot
 from flywheel.training import Schedule, Stage, Trainer
 from flywheel.training.checkpoint import read_checkpoint
 from flywheel.training.objective import Objective
@@ -19,6 +20,8 @@ from flywheel.training.validation import (
     clearly_worse,
     selection_error,
 )
+from tests import draws
+from tests.unit.robots.test_refusals import GOOD
 
 
 class Killed(Exception):
@@ -51,7 +54,7 @@ def trainer(robot, train, validation, network_config, make_config, tmp_path):
 
 
 def test_a_training_that_was_killed_ends_with_the_same_weights(trainer, tmp_path):
-    seed = int(np.random.default_rng().integers(1 << 31))
+    seed = draws.seed()
     whole = trainer("whole").run()
     for at in np.random.default_rng(seed).choice(np.arange(1, 12), 2, replace=False):
         with pytest.raises(Killed):
@@ -190,7 +193,7 @@ def test_fine_tuning_is_kept_unless_it_is_clearly_worse(trainer, make_config, mo
 
 
 def test_worse_by_chance_is_not_clearly_worse():
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(draws.seed())
     before = rng.uniform(5.0, 10.0, 128)
     more = rng.normal(0.0, 1.0, 128)
     more -= more.mean()
@@ -277,11 +280,34 @@ def test_a_validation_rollout_that_flies_off_is_never_the_best(
     assert selection_error(measure(simulator, network, "cpu")) > 100 * good
 
 
+def test_weights_for_a_robot_that_shows_no_rotation_are_selected_by_positions(
+    cache_of, network_config
+):
+    from flywheel.dynamics.gnn import ChunkNetwork, Simulator
+
+    robot = Robot.from_mjcf(GOOD)
+    assert len(robot.points) == 1
+    measure = Validation(
+        robot,
+        cache_of(robot, 0, 2, 150),
+        history=network_config.history,
+        chunk=network_config.chunk,
+        dt=0.01,
+        seconds=0.2,
+        windows=4,
+        seed=0,
+    )
+    network = ChunkNetwork(robot, network_config)
+    errors = measure(Simulator(robot, network_config), network, "cpu")
+    assert np.isnan(errors.table.e_rot)
+    assert selection_error(errors) > 0 and np.isfinite(selection_error(errors))
+
+
 @pytest.mark.chaos
 def test_a_training_process_killed_at_a_random_instant_can_be_resumed(
     trainer, train, validation, network_config, make_config, tmp_path
 ):
-    seed = int(np.random.default_rng().integers(1 << 31))
+    seed = draws.seed()
     rng = np.random.default_rng(seed)
     config = make_config(steps=60, checkpoint_every=1)
     whole = trainer("whole", config).run()

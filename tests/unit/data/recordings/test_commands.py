@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flywheel.data.recordings.commands import read_commands, write_commands
-from flywheel.errors import DataError
+from flywheel.data.recordings.writing import new_csv
+from flywheel.errors import DataError, RunError
 from flywheel.robots import Robot, load_robot
+from tests import draws
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +23,7 @@ def prism() -> Robot:
 @pytest.fixture
 def script(prism: Robot) -> np.ndarray:
     """(50, W) random commands."""
-    return np.random.default_rng().uniform(-0.6, 0.6, (50, len(prism.winches)))
+    return np.random.default_rng(draws.seed()).uniform(-0.6, 0.6, (50, len(prism.winches)))
 
 
 def test_a_script_comes_back_to_the_bit(prism: Robot, script: np.ndarray, tmp_path: Path) -> None:
@@ -71,5 +74,28 @@ def test_what_is_no_script_of_the_robot_is_refused(
             read_commands(other, prism)
     with pytest.raises(DataError, match="There is no recording"):
         read_commands(tmp_path / "none.csv", prism)
-    with pytest.raises(DataError, match="dt must be positive"):
+    with pytest.raises(
+        DataError, match="A control step, dt, must be a number from 0.0001 to 10 s; got 0.0"
+    ):
         read_commands(path, prism, dt=0.0)
+
+
+def test_text_beside_the_commands_is_not_looked_at(
+    prism: Robot, script: np.ndarray, tmp_path: Path
+) -> None:
+    path = write_commands(script, 0.01, tmp_path / "a.csv", prism)
+    head, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([f"{head},s0.x,note", *(f"{row},unseen,windy" for row in rows)]))
+    (tmp_path / "a.yaml").write_text("ignore: [note]")
+    assert np.array_equal(read_commands(path, prism), script)
+
+
+def test_a_script_that_could_not_be_written_to_its_end_is_not_left_behind(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="The log cannot be written: .*a.csv: the disk is full"):
+        with new_csv(tmp_path / "a.csv") as writer:
+            writer.writerow(["time"])
+            raise OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(KeyboardInterrupt):
+        with new_csv(tmp_path / "a.csv"):
+            raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []

@@ -27,6 +27,8 @@ from flywheel.records import Episode, Observation, Provenance, Trajectory
 from flywheel.robots import Robot, load_robot
 from tests.unit.data.recordings.conftest import SEED, Sheet
 
+BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 30))
+
 
 def same(one: Trajectory, two: Trajectory) -> None:
     np.testing.assert_array_equal(one.observations.points, two.observations.points)
@@ -218,9 +220,25 @@ def test_commands_may_be_angles_of_a_drum(sheet: Callable[..., Sheet]) -> None:
         ("axes: {x: y, y: x, z: z}", "without mirroring"),
         ("axes: {x: up}", "axes.x: Input should be 'x'"),
         ("repair: [everything]", "repair.0: Input should be 'swaps'"),
-        ("dt: 0", "dt: Input should be greater than 0"),
+        ("dt: 0", "dt: must be a number from 0.0001 to 10 s"),
+        ("dt: 1e-9", "dt: must be a number from 0.0001 to 10 s"),
+        ("dt: .inf", "dt: must be a number from 0.0001 to 10 s"),
+        ("jitter: .nan", "jitter: must be a number at least 0 and below 0.5; got nan"),
+        ("origin: [.nan, 0, 0]", "origin.0: must be a number from -100,000,000 to"),
+        ("origin: [0, 0, -1e300]", "origin.2: must be a number from -100,000,000 to"),
+        ("units: {drum: 1e300}", "units.drum: must be a number from 0.0001 to 100 m"),
+        ("conditions: 2020-02-31", "day is out of range for month"),
+        ("jitter: !!int foo", "invalid literal for int()"),
+        (f"jitter: {'1' * 5000}", "5000 digits"),
+        ("ignore: " + 3000 * "[", "more than 60 brackets within brackets"),
+        ('conditions: "\\e[31m"', "control characters are not allowed; got '\\x1b[31m'"),
+        (f"conditions: {'x' * 1001}", "at most 1000 characters"),
+        (f"ignore: [{'x' * 201}]", "at most 200 characters; got 'xxx"),
+        ("\n".join(f"k{i}: 1" for i in range(1000)), "and 992 more."),
+        ("a: &a [*a]", "holds itself"),
+        (BOMB, "more than 1,000,000 values"),
         ("[1, 2]", "valid dictionary"),
-        ("a: [", "is not a YAML file"),
+        ("a: [", "log.yaml is not YAML"),
     ],
 )
 def test_a_wrong_map_is_refused_with_what_is_allowed(
@@ -230,6 +248,7 @@ def test_a_wrong_map_is_refused_with_what_is_allowed(
     with pytest.raises(ConfigError) as raised:
         read_map(tmp_path / "log.yaml")
     assert message in str(raised.value)
+    assert len(str(raised.value)) < 2000
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,141 @@
+"""Whether a robot comes to rest while its winches hold, how soon, and where."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.dynamics.plant.plant import Plant
+from flywheel.errors import ModelError
+from flywheel.records import Floats, State
+
+SETTLING = 5.0  # after which a robot is expected to lie still [s]
+WATCHED = 10.0  # twice, of one that does not [s]
+PIECE = 0.25  # that is simulated at a time [s]
+STILL = 0.02  # robot lengths per second: slower counts as at rest
+LOST = 20.0  # robot lengths from where it began: farther counts as gone
+FOUND = 1e-3  # robot lengths per second: slower is where it rests
+SEARCH = 20.0  # for where it rests [s]
+PATIENCE = 60.0  # of a clock on the wall, for the simulation of a few seconds [s]
+
+
+@dataclass(frozen=True)
+class Settling:
+    """What a robot does from its keyframe on, while its winches hold.
+
+    Attributes:
+      speed: of its fastest tracked point after `SETTLING` seconds [m/s].
+      early, late: root mean squares of its tracked points' speeds in the `WATCHED` seconds after that, and
+        in those after these; both `speed` where it lies still [m/s].
+      moved: farthest that a tracked point is from where the keyframe has it, at rest or at the end [m].
+      lost: it has gone away for ever.
+      still: it lies still after `SETTLING` seconds.
+      rest: (1,) where it rests; None where that was not found.
+    """
+
+    speed: float
+    early: float
+    late: float
+    moved: float
+    lost: bool
+    still: bool
+    rest: State | None
+
+    @property
+    def grows(self) -> bool:
+        """Whether its motion grows, by more than swinging in several ways at a time makes it seem."""
+        return self.late > 1.2 * self.early
+
+    @property
+    def time_constant(self) -> float:
+        """Within which its motion falls to 1/e [s]; infinite where it does not fall."""
+        return WATCHED / np.log(self.early / self.late) if self.early > self.late > 0 else np.inf
+
+
+def settling(plant: Plant, patience: float = PATIENCE) -> Settling:
+    """Watch a robot from its keyframe on.
+
+    Args:
+      plant: of the robot.
+      patience: how long that may take, on the wall [s].
+
+    Raises:
+      ModelError: the simulation diverged, or it takes longer than that.
+    """
+    clock = _Clock(plant, patience)
+    start, length = plant.rest(), plant.robot.length
+    begun = plant.observe(start).points[0]
+    state, speeds = _watched(clock, start, SETTLING)
+    speed = early = late = float(speeds[-1])
+    moved = _apart(plant, state, begun)
+    if (still := speed <= STILL * length) or moved > LOST * length:
+        return Settling(speed, early, late, moved, moved > LOST * length, still, state)
+    rest = _resting_place(clock, start)
+    state, speeds = _watched(clock, state, WATCHED)
+    early = float(np.sqrt((speeds**2).mean()))
+    state, speeds = _watched(clock, state, WATCHED)
+    late = float(np.sqrt((speeds**2).mean()))
+    lost = _apart(plant, state, begun) > LOST * length
+    moved = _apart(plant, state if rest is None else rest, begun)
+    return Settling(speed, early, late, moved, lost, False, rest)
+
+
+class _Clock:
+    """A plant whose winches hold, for as long as somebody waits."""
+
+    def __init__(self, plant: Plant, patience: float) -> None:
+        self.plant = plant
+        self._began, self._patience, self._done = time.monotonic(), patience, 0.0
+
+    def go(self, state: State, seconds: float) -> Iterator[tuple[State, Floats]]:
+        """States (1, T + 1), and the speed of the fastest point (T,) between them [m/s], piece by piece."""
+        plant = self.plant
+        hold = plant.robot.holding(plant.winch(state))[:, None]
+        steps, left = max(1, round(PIECE / plant.dt)), max(1, round(seconds / plant.dt))
+        while left > 0:
+            run = plant.simulate(state, np.repeat(hold, min(steps, left), axis=1))
+            assert run.states is not None
+            way = np.linalg.norm(np.diff(run.observations.points[0], axis=0), axis=-1)
+            yield run.states, way.max(axis=1) / plant.dt
+            state, left = run.states[:, -1], left - steps
+            self._check(steps * plant.dt)
+
+    def _check(self, seconds: float) -> None:
+        self._done += seconds
+        if (taken := time.monotonic() - self._began) > self._patience:
+            raise ModelError(
+                f"The simulation of {self.plant.robot.name} is too slow: {self._done:.3g} s took "
+                f"{taken:.0f} s. A longer timestep, fewer bodies or fewer contacts make it faster."
+            )
+
+
+def _watched(clock: _Clock, state: State, seconds: float) -> tuple[State, Floats]:
+    """Where it is (1,) after some seconds, and the speed of its fastest point (T,) till then [m/s]."""
+    speeds = []
+    for states, piece in clock.go(state, seconds):
+        state = states[:, -1]
+        speeds.append(piece)
+    return state, np.concatenate(speeds)
+
+
+def _resting_place(clock: _Clock, state: State) -> State | None:
+    """Where it rests (1,), by kinetic damping: stopped whenever it is fastest, it soon stays there."""
+    for _ in range(round(SEARCH / PIECE)):
+        (states, speeds), *_ = clock.go(state, PIECE)
+        fastest = int(speeds.argmax())
+        if speeds[fastest] < FOUND * clock.plant.robot.length:
+            return states[:, -1]
+        state = states[:, -1]
+        if fastest < len(speeds) - 1:
+            state = State(
+                states.qpos[:, fastest], np.zeros_like(state.qvel), states.act[:, fastest]
+            )
+    return None
+
+
+def _apart(plant: Plant, state: State, points: Floats) -> float:
+    """Farthest distance of a tracked point in a state (1,) from its place in (P, 3) [m]."""
+    return float(np.linalg.norm(plant.observe(state).points[0] - points, axis=-1).max())

@@ -1,0 +1,101 @@
+"""A run that its robot cannot do is refused before it begins, with what would make it run."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from flywheel.errors import ConfigError, UnknownNameError
+from flywheel.robots import Robot, load_robot
+from flywheel.runtime.config import RunConfig, load_config
+from flywheel.runtime.loop import run
+from flywheel.runtime.suitability import check_suits, misfits
+
+ROOT = Path(__file__).parents[3]
+CONFIGS = sorted(
+    path.relative_to(ROOT / "configs").as_posix() for path in (ROOT / "configs").rglob("*.yaml")
+)
+HINGED = (
+    (ROOT / "tests" / "contracts" / "robots" / "swing.xml")
+    .read_text()
+    .replace("<freejoint/>", '<joint type="hinge" axis="0 1 0"/>')
+    .replace('qpos="0 0 1 1 0 0 0"', 'qpos="0"')
+)
+
+
+def refused(config: RunConfig, robot: Robot) -> list[str]:
+    """The overrides that a refusal gives."""
+    with pytest.raises(ConfigError, match=f"asks for what {robot.name} cannot do") as refusal:
+        check_suits(config, robot)
+    return shlex.split(str(refusal.value).splitlines()[-1].removeprefix("Without it: "))
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_the_shipped_configurations_suit_their_robots(name: str) -> None:
+    config = load_config(ROOT / "configs" / name)
+    check_suits(config, load_robot(config.robot))
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+@pytest.mark.parametrize("robot", ["platform4", HINGED], ids=["hanging", "hinged"])
+def test_a_refusal_says_all_that_has_to_be_left_out(name: str, robot: str, tmp_path: Path) -> None:
+    if robot == HINGED:
+        (tmp_path / "hinged.xml").write_text(robot)
+        robot = str(tmp_path / "hinged.xml")
+    file = ROOT / "configs" / name
+    config = load_config(file, [f"robot={robot}"])
+    overrides = refused(config, load_robot(robot))
+    check_suits(load_config(file, [f"robot={robot}", *overrides]), load_robot(robot))
+
+
+def test_only_what_a_robot_cannot_do_is_left_out() -> None:
+    smoke, icosa = load_config(ROOT / "configs" / "smoke.yaml"), load_robot("icosa6")
+    assert refused(smoke, icosa) == ["collect.gaits=0"]
+    hanging = refused(smoke, load_robot("platform4"))
+    assert hanging == ["collect.gaits=0", "collect.drops=0", "evaluate.unseen=[]"]
+    assert refused(smoke, Robot.from_mjcf(HINGED)) == [*hanging, "evaluate.floor=false"]
+
+
+def test_what_needs_free_bodies_names_joints() -> None:
+    config = load_config(ROOT / "configs" / "terrain.yaml")
+    robot = Robot.from_mjcf(HINGED)
+    why = {misfit.override: misfit.why for misfit in misfits(config, robot)}
+    assert "it has joints" in why["evaluate.floor=false"]
+    assert "it has joints" in why["terrain.kinds=[]"]
+    assert "hangs on cables" in why["collect.drops=0"]
+
+
+def test_a_control_step_is_a_multiple_of_the_time_step() -> None:
+    xml = load_robot("prism3").xml.replace('timestep="0.005"', 'timestep="0.003"')
+    file = ROOT / "configs" / "smoke.yaml"
+    robot = Robot.from_mjcf(xml)
+    overrides = refused(load_config(file), robot)
+    assert overrides[0] == "network.dt=0.009"
+    check_suits(load_config(file, overrides), robot)
+
+
+def test_a_course_that_a_robot_does_not_fit_is_found_before_the_run() -> None:
+    config = load_config(ROOT / "configs" / "smoke.yaml", ["task.clearance=3.0"])
+    assert refused(config, load_robot("prism3")) == ["evaluate.unseen=[]"]
+
+
+def test_an_effect_at_a_place_that_is_not_there_is_found_before_the_run() -> None:
+    effect = {"effect": "payload", "location": "s99", "parameters": {"mass": 1.0}}
+    config = RunConfig.model_validate({"effects": [effect]})
+    with pytest.raises(UnknownNameError, match="s99"):
+        check_suits(config, load_robot("prism3"))
+
+
+def test_too_few_episodes_are_found_before_the_run() -> None:
+    config = load_config(ROOT / "configs" / "smoke.yaml", ["collect.random=0"])
+    with pytest.raises(ConfigError, match="Iteration 0 would record no"):
+        check_suits(config, load_robot("prism3"))
+
+
+def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
+    config = load_config(ROOT / "configs" / "smoke.yaml", ["robot=platform4"])
+    with pytest.raises(ConfigError, match=r"platform4 cannot do:\n  collect.gaits=1: The gaits"):
+        run(config, tmp_path / "run", tracker=None)
+    assert list(tmp_path.iterdir()) == []
