@@ -221,6 +221,11 @@ def test_the_usual_settings_are_within_their_limits() -> None:
     assert MppiConfig(**usual.model_dump()) == usual
 
 
+def test_a_time_may_be_a_single_step(watched: Watched, task: Task, past: Past) -> None:
+    mppi = planner(watched, task, horizon_seconds=DT, knot_seconds=DT, replan_seconds=DT)
+    assert len(mppi.act(past).controls) == 1
+
+
 @pytest.mark.parametrize("name", MppiConfig.TIMES)
 @pytest.mark.parametrize("seconds", [1e-9, 0.25 * DT, 1.04 * DT])
 def test_times_that_are_no_whole_steps_are_refused(

@@ -81,6 +81,12 @@ def test_a_choice_shorter_than_a_step_is_one_step(robot: Robot, past: Past) -> N
     assert len(RandomControls(robot, DT, config).act(past).controls) == 1
 
 
+def test_no_two_choices_are_the_same(robot: Robot, past: Past) -> None:
+    random = RandomControls(robot, DT, RandomConfig(seconds=(0.02, 0.02), drive=0.0))
+    chosen = np.stack([random.act(past).controls[0] for _ in range(300)])
+    assert len(np.unique(chosen, axis=0)) == 300
+
+
 def moved(past: Past, winch: np.ndarray) -> Past:
     """The same, one step later, with the winches elsewhere."""
     both = np.stack([past.winch[0, 0], winch])[None]
