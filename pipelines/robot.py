@@ -17,7 +17,8 @@ from flywheel.errors import ConfigError, ModelError, RobotError, UnknownNameErro
 from flywheel.evaluation.statistics import shows_turn
 from flywheel.records import Floats, State
 from flywheel.robots import COURSES, ROBOTS, Attachment, Robot, load_robot
-from flywheel.robots.mjcf_source import read_mjcf
+from flywheel.robots.mjcf_numbers import check_numbers
+from flywheel.robots.mjcf_source import compiled, read_mjcf
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.suitability import misfits
 from pipelines.exits import FAILED
@@ -31,20 +32,20 @@ CONFIG = "configs/prism3.yaml"
 
 
 def check_robot(mjcf: str, dt: float | None) -> None:
-    """Print what the MJCF says; exit with 1 if it cannot be used.
+    """Print what the MJCF says; exit with 1 if it is none of a robot that can be used.
 
     Args:
       mjcf: a file, or a shipped robot's name.
       dt: time between commands [s]; what suits the robot by default.
 
     Raises:
-      RobotError: there is no such file, or it is no text.
+      RobotError: there is no such file, it is no MJCF, or has too much in it or numbers that are none.
       UnknownNameError: no such robot.
       ConfigError: `dt` is no multiple of the MJCF's timestep.
     """
     out = console()
     if _is_file(mjcf):
-        read_mjcf(mjcf)  # what cannot be read cannot be checked either
+        _check_mjcf(mjcf)
     try:
         robot = load_robot(mjcf)
     except RobotError as error:
@@ -67,6 +68,16 @@ def check_robot(mjcf: str, dt: float | None) -> None:
         out.say(remark, style="yellow")
     command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, robot, step)])
     out.say(f"Run it with: {command}", style="bold")
+
+
+def _check_mjcf(path: str) -> None:
+    """Refuse what is no MJCF of anything: there is no robot in it to be checked."""
+    xml = read_mjcf(path)
+    try:
+        _, _, model = compiled(xml)
+        check_numbers(model, "The MJCF")
+    except RobotError as error:
+        raise RobotError(f"{path}: {error}") from None
 
 
 def _is_file(mjcf: str) -> bool:

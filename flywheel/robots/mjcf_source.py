@@ -135,8 +135,8 @@ class _Counting(ElementTree.TreeBuilder):
 
     def start(self, tag: str, attributes: dict[str, str]) -> ElementTree.Element:
         """An element opens."""
-        self._elements += self._copies[-1]
         self._copies.append(self._copies[-1] * _copies(tag, attributes))
+        self._elements += self._copies[-1]  # an empty <replicate> is copied, too
         if self._elements > MOST_ELEMENTS:
             raise RobotError(
                 f"{self._what} has more than {MOST_ELEMENTS:,} elements, the copies of <replicate> "
