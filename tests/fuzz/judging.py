@@ -92,7 +92,7 @@ def judged(
         )
         child.start()
         theirs.close()
-        ours.poll(STARTING_SECONDS)
+        _next(ours, name, number, Limits(STARTING_SECONDS))  # says that it is ready
         while number < count:
             verdict = _next(ours, name, number, limits)
             number += 1
@@ -124,6 +124,7 @@ def _work(
     parent: Connection,
 ) -> None:
     kind = make(work)
+    parent.send(Verdict(kind.name, first, "accepted", "ready"))
     _bound_memory(limits)
     for number in range(first, count):
         spoilt = kind.draw(source(kind.name, seed, number))

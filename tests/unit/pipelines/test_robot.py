@@ -150,7 +150,9 @@ def test_what_cannot_be_read_is_bad_input(tmp_path: Path) -> None:
     assert run(app, ["robot", "check", "prism4"]).exit_code == 2
     os.mkfifo(tmp_path / "pipe.xml")
     (tmp_path / "cut.xml").write_text(SWING[:300])
-    (tmp_path / "many.xml").write_text(SWING.replace("<body", '<replicate count="100000"/><body', 1))
+    (tmp_path / "many.xml").write_text(
+        SWING.replace("<body", '<replicate count="100000"/><body', 1)
+    )
     (tmp_path / "endless.xml").write_text(SWING.replace('damping="20"', 'damping="inf"'))
     assert (tmp_path / "endless.xml").read_text() != SWING
     for name in ("none.xml", "pipe.xml", "cut.xml", "many.xml", "endless.xml"):
