@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import stat
 from pathlib import Path
 
 import pytest
@@ -47,15 +46,19 @@ def test_a_file_that_is_there_is_left_as_it_is_by_the_check_and_replaced_by_writ
     assert file.read_text() == "new"
 
 
-def test_a_page_may_go_to_a_device_or_through_a_link_and_neither_is_replaced(file, tmp_path):
-    link = tmp_path / "link"
+def test_a_page_may_go_to_a_pipe_or_through_a_link_and_neither_is_replaced(file, tmp_path):
+    link, pipe = tmp_path / "link", tmp_path / "pipe"
     link.symlink_to(file)
-    for path in (link, Path(os.devnull)):
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    for path in (link, pipe):
         check_output(path, "page")
         write_output(path, "new")
     assert link.is_symlink()
     assert file.read_text() == "new"
-    assert stat.S_ISCHR(Path(os.devnull).stat().st_mode)
+    assert pipe.is_fifo()
+    assert os.read(reader, 10) == b"new"
+    os.close(reader)
 
 
 @pytest.mark.parametrize(
@@ -98,6 +101,11 @@ def test_a_disk_that_takes_no_file_is_told_with_the_folder(
         with pytest.raises(kind, match=words) as refused:
             check(tmp_path / "new" / "out", "page")
         assert f"{tmp_path}:" in str(refused.value)
+
+
+def test_a_disk_that_takes_an_empty_file_but_nothing_in_it_is_full(tmp_path):
+    with files_end_at(0), pytest.raises(RunError, match="The page cannot be written"):
+        check_output(tmp_path / "out", "page")
 
 
 def test_a_folder_is_refused_where_a_file_is_and_allowed_where_it_can_be_made(tmp_path, file):

@@ -16,6 +16,7 @@ from flywheel.runtime.measures import GateDecision
 from flywheel.runtime.publishing import publish_end, publish_iteration, publish_start
 from flywheel.runtime.tracker import Tracker, TrackingConfig
 from flywheel.runtime.tracking import MlflowReceiver, open_tracker
+from tests.full_disk import files_end_at
 from tests.unit.reports.fake_run import fake_run
 
 FAST = (0.05, 0.5)
@@ -289,17 +290,22 @@ def test_a_damaged_database_delays_nobody_and_is_told_in_one_line(tmp_path, capl
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]["status"] == "RUNNING"
 
 
-def test_a_database_that_fails_while_it_is_used_is_told_in_one_line(tmp_path, caplog, capfd):
+def test_a_disk_that_fills_up_while_the_database_is_used_is_told_in_one_line(
+    tmp_path, caplog, capfd
+):
     tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
     tracker.open("key", "name", {})
     assert tracker.flush(120), tracker.problem
-    database = tmp_path / "mlflow.db"
-    database.write_bytes(database.read_bytes()[:8192] + bytes(200_000))
-    tracker.log("key", {"closed_loop/success_rate": 0.5})
-    assert first_problem(tracker)
-    assert not tracker.close(0.5)
+    with files_end_at((tmp_path / "mlflow.db").stat().st_size):
+        tracker.log_rows("key", [(step, {"training/loss": 0.5}) for step in range(3000)])
+        assert first_problem(tracker)
+        assert not tracker.close(0.5)
     assert len(caplog.records) == 1, caplog.text
-    assert "Traceback" not in capfd.readouterr().err
+    assert capfd.readouterr().err == ""
+    later = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    assert later.close(120), later.problem
+    held = contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]
+    assert len(held["metrics"]["training/loss"]) == 3000
 
 
 def test_a_champion_that_mlflow_does_not_know_is_set_aside_and_the_rest_goes_on(tmp_path):
