@@ -99,10 +99,10 @@ class Bench:
         return Outcome(code, seconds, printed.read_text() if printed.exists() else "")
 
 
-def prepare() -> None:
+def prepare(modules: Sequence[str] = HEAVY) -> None:
     """Import what all trials need."""
     os.environ["OMP_NUM_THREADS"] = "1"  # threads do not survive a fork
-    for name in HEAVY:
+    for name in modules:
         importlib.import_module(name)
 
 

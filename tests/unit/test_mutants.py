@@ -119,14 +119,15 @@ def test_every_equivalent_mutant_has_a_reason() -> None:
 
 TOY = """
 from pathlib import Path
-from tests.mutants.trial import PASSED, FAILED, TIMED_OUT, Bench
+from tests.mutants.trial import PASSED, FAILED, TIMED_OUT, Bench, prepare
 
-SLOW = "1 if not time.sleep(60) else 1"
+prepare(["pytest", "xdist", "hypothesis"])
+SLOW = "1 if not time.sleep(600) else 1"
 with Bench(Path({root!r})) as bench:
     module, tests = "flywheel/toy.py", ["tests/test_toy.py"]
     sound = (bench.tree / module).read_text()
-    assert bench.tested(tests, 30.0).code == PASSED
-    for change, limit, code in (("2", 30.0, FAILED), (SLOW, 3.0, TIMED_OUT)):
+    assert bench.tested(tests, 90.0).code == PASSED
+    for change, limit, code in (("2", 90.0, FAILED), (SLOW, 3.0, TIMED_OUT)):
         got = bench.tested(tests, limit, module, sound.replace("1", change))
         assert got.code == code and got.caught, got
     assert (bench.tree / module).read_text() == sound
@@ -147,7 +148,7 @@ def test_a_trial_tells_what_tests_notice_and_leaves_no_trace(tmp_path: Path) -> 
         (tmp_path / name).write_text(content)
     program = TOY.format(root=str(tmp_path))
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr
     assert {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*.*")} == toy.keys()
