@@ -69,7 +69,7 @@ class Commands(TyperGroup):
         """Run the command that was asked for."""
         debug = bool(ctx.params.get("debug"))
         try:
-            with _quiet(debug):
+            with _quiet(debug), _interruptible():
                 return super().invoke(ctx)
         except (typer.Exit, typer.Abort, TyperException):
             raise
@@ -195,6 +195,23 @@ def _quiet(debug: bool) -> Iterator[None]:
         yield
     finally:
         threading.excepthook = before
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """SIGTERM, and the end of the terminal, are what Ctrl-C is, unless someone has seen to them."""
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        signals = (signal.SIGTERM, signal.SIGHUP)
+        before = {each: signal.getsignal(each) for each in signals}
+        before = {each: was for each, was in before.items() if was is signal.SIG_DFL}
+    for each in before:
+        signal.signal(each, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for each, was in before.items():
+            signal.signal(each, was)
 
 
 def _thread_ended(failed: threading.ExceptHookArgs) -> None:

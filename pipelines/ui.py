@@ -40,7 +40,7 @@ def serve(run: Path, port: int) -> None:
     console().say(f"Open {url}   (Ctrl-C ends it)")
     # A group of its own, ended as a whole: MLflow's server has children, and does not end them.
     server = subprocess.Popen(command, env={**os.environ, **settings}, start_new_session=True)
-    with Caretaker(group=server.pid), _ended(server), _interruptible():
+    with Caretaker(group=server.pid), _ended(server):
         code = server.wait()
     raise RunError(f"MLflow's server ended by itself, with the exit code {code}.")
 
@@ -74,16 +74,3 @@ def _ended(server: subprocess.Popen[bytes]) -> Iterator[None]:
             os.killpg(server.pid, signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
             server.wait(GRACE)
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """SIGTERM, and the end of the terminal, are what Ctrl-C is."""
-    before = {
-        s: signal.signal(s, signal.default_int_handler) for s in (signal.SIGTERM, signal.SIGHUP)
-    }
-    try:
-        yield
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)

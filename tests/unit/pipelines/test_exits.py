@@ -210,6 +210,28 @@ def test_an_argument_with_a_character_of_zero_is_bad_usage():
     assert "NUL" in re.sub(r"\s+", " ", done.stderr)
 
 
+@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_a_command_that_is_asked_to_end_tidies_up_and_says_so(tmp_path, ending):
+    def work() -> None:
+        with tempfile.TemporaryDirectory(dir=tmp_path, prefix="work"):
+            signal.raise_signal(ending)
+
+    before = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)}
+    done = CliRunner().invoke(doing(work), ["work"])
+    assert (done.exit_code, done.stderr) == (130, "flywheel: interrupted\n")
+    assert not list(tmp_path.glob("work*"))
+    assert {s: signal.getsignal(s) for s in before} == before
+
+
+def test_a_command_started_with_nohup_lives_on():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        done = CliRunner().invoke(doing(lambda: signal.raise_signal(signal.SIGHUP)), ["work"])
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert done.exit_code == 0
+
+
 def command(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "pipelines.cli", *arguments]
 
