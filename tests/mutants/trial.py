@@ -145,17 +145,16 @@ def _look_for_modules_in(tree: Path) -> None:
 
 
 def _waited(child: int, until: float) -> int:
-    """Exit code of a child; what it has started is ended too."""
-    code: int | None = None
-    while code is None and time.monotonic() < until:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            code = os.waitstatus_to_exitcode(status)
-        else:
+    """Exit code of a child; it is ended when its time is over or ours is, with all that it has started."""
+    try:
+        while time.monotonic() < until:
+            done, status = os.waitpid(child, os.WNOHANG)
+            if done:
+                return os.waitstatus_to_exitcode(status)
             time.sleep(0.02)
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(child, signal.SIGKILL)
-    if code is None:
-        os.waitpid(child, 0)
         return TIMED_OUT
-    return code
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        with contextlib.suppress(ChildProcessError):
+            os.waitpid(child, 0)
