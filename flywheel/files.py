@@ -170,7 +170,8 @@ def parsed_yaml(text: str, what: str, error: type[FlywheelError], most: int = MO
     except yaml.YAMLError as problem:
         raise error(f"{what} is not YAML: {problem}") from None
     except (ValueError, TypeError) as problem:  # 2020-02-31, !!int foo, a list as a key
-        raise error(f"{what} has a value that is none: {problem}.") from None
+        reason = str(problem).partition(";")[0]  # Python adds which of its own limits to raise
+        raise error(f"{what} has a value that is none: {reason}.") from None
     except (AttributeError, LookupError):  # !!timestamp foo, !!bool foo
         raise error(f"{what} has a value that is not of the type in front of it.") from None
     except RecursionError:
