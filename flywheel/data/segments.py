@@ -13,6 +13,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,7 @@ class Found:
     sizes: Mapping[str, int]
     files: Files
 
-    @property
+    @cached_property
     def receipt(self) -> Receipt:
         """Of the segment.
 

@@ -191,6 +191,9 @@ class TrajectoryStore:
           snapshot: only it and its segments; all of the store by default.
           arrays: hash every file again; else only names, seals and what refers to what are looked at.
         """
+        if not arrays:
+            with suppress(DataError):  # which is told
+                self.committed()
         return tuple(damages_in(self, self._place, self._ownership, snapshot, arrays))
 
     def damages(
@@ -210,7 +213,7 @@ class TrajectoryStore:
         """
         try:
             if not arrays:
-                receipt = self.committed().get(segment) or self._receipt(segment)
+                receipt = self._receipts.get(segment) or self._receipt(segment)
                 return [] if sha256 in (None, receipt.sha256) else [replaced(receipt, str(sha256))]
             found = self._found(segment)
             if not found.sizes and sha256 is None:  # nobody misses it
