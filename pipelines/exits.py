@@ -33,14 +33,13 @@ FAILED = 1  # a check did not pass, or a run could not go on
 USAGE = 2  # bad usage or bad input
 BUG = 70  # EX_SOFTWARE of sysexits.h: an error that nobody foresaw
 INTERRUPTED = 130  # stopped by Ctrl-C or SIGTERM; finished work is kept
-NOBODY_READS = (
-    141  # what a shell says of a program that SIGPIPE ended: `flywheel list runs | head -1`
-)
+NOBODY_READS = 141  # as of a program that SIGPIPE ended: `flywheel list runs | head -1`
 
 CODES = """\
 [bold]Exit codes:[/bold] 0 all is well, 1 a check failed or a run could not go on, \
 2 bad usage or input, 70 a bug of flywheel (the message says where its traceback is), \
 130 interrupted (finished work is kept)."""
+TORCH_HAS_NO_MEMORY = "can't allocate memory"  # a RuntimeError
 
 
 @dataclass(frozen=True)
@@ -101,9 +100,7 @@ def ending_of(error: BaseException) -> Ending:
         return Ending(exit_code(cause), str(cause))
     if isinstance(cause, OSError) and (fault := fault_of(cause)):
         return Ending(USAGE if fault.by_input else FAILED, told(cause))
-    if isinstance(cause, MemoryError) or "can't allocate memory" in str(
-        cause
-    ):  # the latter is torch's
+    if isinstance(cause, MemoryError) or TORCH_HAS_NO_MEMORY in str(cause):
         return Ending(
             FAILED,
             "This takes more memory than there is. What was stored before is whole. Ask for less at once "

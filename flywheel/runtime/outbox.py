@@ -119,10 +119,7 @@ class Outbox:
     def _read_offset(self) -> int:
         try:
             offset = int(self._offset_path.read_bytes())
-        except (
-            FileNotFoundError,
-            ValueError,
-        ):  # damaged: all is delivered again, which does no harm
+        except (FileNotFoundError, ValueError):  # all is delivered (again), which does no harm
             return 0
         return min(max(offset, 0), self._end)
 
