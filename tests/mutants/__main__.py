@@ -16,8 +16,10 @@ from tests.mutants.mutation import Mutant
 from tests.mutants.sample import Source, drawn, equivalents, outdated, sources
 from tests.mutants.trial import ELSEWHERE, PASSED, TIMED_OUT, Bench, Outcome, prepare
 
-SLOWER = 3.0  # times as long as with the sound source, and a mutant's tests are ended
-SPARE = 20.0  # beside that, for a machine that others use too [s]
+SLOWER, SPARE = (
+    3.0,
+    5.0,
+)  # a mutant may compute so many times as long as the sound source, and so much [s]
 
 
 @dataclass(frozen=True)

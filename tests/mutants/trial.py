@@ -8,6 +8,7 @@ from __future__ import annotations
 import compileall
 import contextlib
 import importlib
+import math
 import os
 import resource
 import shutil
@@ -26,6 +27,7 @@ HEAVY = (
     "numpy", "scipy.spatial.transform", "scipy.optimize", "torch", "torch_geometric", "mujoco", "zarr",
     "pydantic", "hypothesis", "pytest", "xdist", "typer", "rich", "matplotlib", "plotly",
 )  # fmt: skip
+PATIENCE = 10.0  # times as long as tests may compute, they may take with waiting
 MEMORY = 6 * 2**30  # of address space [bytes]: a mutant may ask for any amount
 # How tests end: as pytest says, as `timeout` says, or not having tested the copy at all.
 PASSED, FAILED, TIMED_OUT, ELSEWHERE = 0, 1, 124, 70
@@ -33,7 +35,13 @@ PASSED, FAILED, TIMED_OUT, ELSEWHERE = 0, 1, 124, 70
 
 @dataclass(frozen=True)
 class Outcome:
-    """How tests ended: pytest's exit code or `TIMED_OUT`, how long it took [s], and what they printed."""
+    """How tests ended.
+
+    Attributes:
+      code: pytest's exit code, or `TIMED_OUT`.
+      seconds: of computing, which does not depend on who else is at work [s].
+      printed: by pytest.
+    """
 
     code: int
     seconds: float
@@ -74,7 +82,7 @@ class Bench:
 
         Args:
           tests: files, folders or single tests, in their order; up to the first that fails.
-          limit: when they are ended [s].
+          limit: of computing, at which they are ended [s].
           path, source: of the file, and what it says instead.
         """
         if not path:
@@ -90,12 +98,11 @@ class Bench:
             file.write_text(sound)
 
     def _run(self, tests: Sequence[str], limit: float) -> Outcome:
-        printed, begun = self._folder / "printed", time.monotonic()
+        printed = self._folder / "printed"
         child = os.fork()
         if child == 0:
-            _test_here(self.tree, tests, printed, self._folder / "scratch")
-        code = _waited(child, begun + limit)
-        seconds = time.monotonic() - begun
+            _test_here(self.tree, tests, limit, printed, self._folder / "scratch")
+        code, seconds = _waited(child, time.monotonic() + PATIENCE * limit)
         return Outcome(code, seconds, printed.read_text() if printed.exists() else "")
 
 
@@ -106,12 +113,15 @@ def prepare(modules: Sequence[str] = HEAVY) -> None:
         importlib.import_module(name)
 
 
-def _test_here(tree: Path, tests: Sequence[str], printed: Path, scratch: Path) -> None:
+def _test_here(
+    tree: Path, tests: Sequence[str], limit: float, printed: Path, scratch: Path
+) -> None:
     """Never returns: ends the process with pytest's exit code."""
     code = FAILED
     try:
         os.setsid()
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(limit), math.ceil(limit) + 1))
         out = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(out, 1)
         os.dup2(out, 2)
@@ -144,15 +154,20 @@ def _look_for_modules_in(tree: Path) -> None:
     os.environ |= {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
-def _waited(child: int, until: float) -> int:
-    """Exit code of a child; it is ended when its time is over or ours is, with all that it has started."""
+def _waited(child: int, until: float) -> tuple[int, float]:
+    """Exit code of a child, and how long it computed [s].
+
+    It is ended when its time is over or ours is, with all that it has started.
+    """
     try:
         while time.monotonic() < until:
-            done, status = os.waitpid(child, os.WNOHANG)
+            done, status, used = os.wait4(child, os.WNOHANG)
             if done:
-                return os.waitstatus_to_exitcode(status)
+                code = os.waitstatus_to_exitcode(status)
+                seconds = used.ru_utime + used.ru_stime
+                return (TIMED_OUT if code == -signal.SIGXCPU else code), seconds
             time.sleep(0.02)
-        return TIMED_OUT
+        return TIMED_OUT, math.nan
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)

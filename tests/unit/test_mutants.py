@@ -122,13 +122,13 @@ from pathlib import Path
 from tests.mutants.trial import PASSED, FAILED, TIMED_OUT, Bench, prepare
 
 prepare(["pytest", "xdist", "hypothesis"])
-SLOW = "1 if not time.sleep(600) else 1"
+SLOW = "1 if all(iter(lambda: 1, 0)) else 1"
 with Bench(Path({root!r})) as bench:
     module, tests = "flywheel/toy.py", ["tests/test_toy.py"]
     sound = (bench.tree / module).read_text()
     assert bench.tested(tests, 90.0).code == PASSED
     for change, limit, code in (("2", 90.0, FAILED), (SLOW, 3.0, TIMED_OUT)):
-        got = bench.tested(tests, limit, module, sound.replace("1", change))
+        got = bench.tested(tests, limit, module, "ONE = " + change)
         assert got.code == code and got.caught, got
     assert (bench.tree / module).read_text() == sound
 assert not bench.tree.exists()
@@ -139,7 +139,7 @@ assert not bench.tree.exists()
 def test_a_trial_tells_what_tests_notice_and_leaves_no_trace(tmp_path: Path) -> None:
     toy = {
         "flywheel/__init__.py": "",
-        "flywheel/toy.py": "import time\nONE = 1\n",
+        "flywheel/toy.py": "ONE = 1\n",
         "tests/test_toy.py": "from flywheel.toy import ONE\ndef test_one(): assert ONE == 1\n",
         "pyproject.toml": "[tool.pytest.ini_options]\n",
     }
