@@ -20,7 +20,8 @@ from pipelines.experiment import length_of
 from pipelines.hidden_effects import hidden_effects
 from pipelines.options import number
 
-ELSEWHERE = {"--dt"}  # checked against the robot, and by what reads logs
+# Checked against the robot, and by what reads logs; an argument, checked against the run.
+ELSEWHERE = {"--dt", "--iteration"}
 PRISM = load_robot("prism3")
 WRONG = ("nan", "inf", "-inf", "1e300", "-1", "0", "5%", "", "x" * 5000, "1" * 5000)
 

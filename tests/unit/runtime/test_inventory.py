@@ -149,7 +149,7 @@ def test_whatever_is_done_to_a_file_is_found_and_not_gone_on_from(finished, what
         return
     assert any(named(victim.relative_to(finished), fault) for fault in found), found
     assert bool(said) == (what not in NOT_RELIED_ON | {"array"}), said
-    assert not said or "rewind" in said or "Put back" in said
+    assert not said or "rewind" in said or "Put a copy of it back" in said
 
 
 def named(path: Path, fault: Fault) -> bool:

@@ -83,7 +83,7 @@ def test_ones_own_course_has_goals_in_the_order_of_their_numbers(
         (('name="goal', 'name="gaol'), "no site named goal"),
         (('type="box"', 'type="cylinder"'), "nothing else"),
         (('type="box"', 'type="box" euler="0 0 30"'), "along the axes"),
-        (("</worldbody>", ""), "cannot be read"),
+        (("</worldbody>", ""), "is not valid XML"),
     ],
 )
 def test_what_is_no_course_is_refused(change: tuple[str, str], words: str) -> None:
@@ -94,7 +94,7 @@ def test_what_is_no_course_is_refused(change: tuple[str, str], words: str) -> No
 def test_unknown_and_missing_courses_are_named(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="s_course"):
         load_course("s_cours")
-    with pytest.raises(RobotError, match="No such file"):
+    with pytest.raises(RobotError, match="There is no course"):
         load_course(str(tmp_path / "none.xml"))
 
 
