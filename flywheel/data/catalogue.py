@@ -30,8 +30,13 @@ R = TypeVar("R")
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
 
 
+def is_name(name: str) -> bool:
+    """Whether a segment, an episode or a snapshot can be called so."""
+    return _NAME.fullmatch(name) is not None
+
+
 def _named(name: str) -> str:
-    if not _NAME.fullmatch(name):
+    if not is_name(name):
         raise ValueError("no name of a segment or an episode")
     return name
 
@@ -401,7 +406,7 @@ def check_name(name: object, kind: str) -> str:
     Raises:
       DataError: it may not.
     """
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
+    if not isinstance(name, str) or not is_name(name):
         raise DataError(
             f"A {kind}'s name is made of a-z, 0-9, '.', '_' and '-' and starts with a letter or "
             f"digit; got {shown(name)}."

@@ -22,6 +22,7 @@ from flywheel.data.catalogue import (
     Receipt,
     Snapshot,
     check_name,
+    is_name,
     manifest,
     replaced,
     snapshot_of,
@@ -211,13 +212,15 @@ class TrajectoryStore:
           ids: of its episodes as that snapshot knows them.
           arrays: look at the arrays, too, not at the receipt alone.
         """
+        if not is_name(segment):
+            return [Damage(segment, ids, "it is no segment, none has such a name", "foreign")]
         try:
             if not arrays:
                 receipt = self._receipts.get(segment) or self._receipt(segment)
                 return [] if sha256 in (None, receipt.sha256) else [replaced(receipt, str(sha256))]
             found = self._found(segment)
             if not found.sizes and sha256 is None:  # nobody misses it
-                return [Damage(segment, (), "it is no segment: it holds nothing", "foreign")]
+                return [Damage(segment, (), "it is no segment, it holds nothing", "foreign")]
             return self._damages(found, sha256, ids) or telemetry_damages(found)
         except DataError as error:
             return [Damage.of(error, segment, ids)]

@@ -195,7 +195,13 @@ class RunResult(ResultRecord):
         Raises:
           DataError: there is none, it was altered, or it is another run's than the folder.
         """
-        return cls.read(folder)[0]
+        try:
+            return cls.read(folder)[0]
+        except Unsound as error:
+            if error.kind == "missing":
+                raise
+            hint = f"`flywheel data verify {folder}` says what can be done."
+            raise Unsound(f"{error} {hint}", error.kind, error.instead) from None
 
     @classmethod
     def read(cls, folder: str | Path) -> tuple[Self, Seal | None]:
