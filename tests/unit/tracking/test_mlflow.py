@@ -1,6 +1,7 @@
 """Against the real MLflow: SQLite, a dead port, a server that hangs, a server that comes back."""
 
 import contextlib
+import logging
 import os
 import shutil
 import socket
@@ -293,6 +294,8 @@ def test_a_damaged_database_delays_nobody_and_is_told_in_one_line(tmp_path, capl
 def test_a_disk_that_fills_up_while_the_database_is_used_is_told_in_one_line(
     tmp_path, caplog, capfd
 ):
+    # As it is unless another test imported MLflow before a tracker could tell it to be quiet.
+    caplog.set_level(logging.CRITICAL, logger="mlflow")
     tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
     tracker.open("key", "name", {})
     assert tracker.flush(120), tracker.problem
