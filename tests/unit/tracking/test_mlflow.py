@@ -296,6 +296,7 @@ def test_a_disk_that_fills_up_while_the_database_is_used_is_told_in_one_line(
 ):
     # As it is unless another test imported MLflow before a tracker could tell it to be quiet.
     caplog.set_level(logging.CRITICAL, logger="mlflow")
+    caplog.handler.setLevel(logging.NOTSET)
     tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
     tracker.open("key", "name", {})
     assert tracker.flush(120), tracker.problem
