@@ -8,8 +8,7 @@ recordings has not been graded with its own answer key.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -24,6 +23,7 @@ from flywheel.hidden.skeleton import Skeleton, bare_spec
 from flywheel.records import Floats, State
 from flywheel.registry import lookup
 from flywheel.robots import Robot
+from flywheel.robots.mujoco_warnings import collected_warnings
 
 STEP = 0.001  # [s]
 SETTLE = 2.0  # [s]
@@ -125,7 +125,7 @@ class TruthSimulator:
             )
         course = _Course(self, controls, dt, start or self.robot.keyframe)
         before = round(settle / self.step)
-        with _no_warning_file():
+        with collected_warnings():
             for index in range(-before, every * len(controls) + 1):
                 course.step(index * self.step, log=index >= 0 and index % every == 0)
         return course.motion(before, every)
@@ -221,14 +221,3 @@ class _Course:
             np.array(entry) for entry in zip(*self.log, strict=True)
         )
         return HiddenMotion(points, late_seen, motor, rest, tension, energy)
-
-
-@contextmanager
-def _no_warning_file() -> Iterator[None]:
-    """Keep MuJoCo from writing a log file when a simulation diverges; we raise instead."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda text: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)

@@ -6,8 +6,6 @@ unfolds to is therefore counted before, and what it asks memory for is looked at
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -16,6 +14,7 @@ import mujoco
 
 from flywheel.errors import RobotError
 from flywheel.files import MB, read_text, shown
+from flywheel.robots.mujoco_warnings import collected_warnings
 
 LARGEST = 5 * MB  # of a text [bytes]; those of a robot of 300 bodies have some 0.5 MB
 MOST_ELEMENTS = 8000  # copies counted, for which MuJoCo takes 2 s; a robot of 300 bodies has 5,000
@@ -100,18 +99,6 @@ def compiled(
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise RobotError(f"MuJoCo cannot compile the {what}: {reason}") from error
-
-
-@contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """Collect what MuJoCo warns of, instead of printing it and writing it to MUJOCO_LOG.TXT."""
-    said: list[str] = []
-    previous = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
-    try:
-        yield said
-    finally:
-        mujoco.set_mju_user_warning(previous)
 
 
 class _Counting(ElementTree.TreeBuilder):

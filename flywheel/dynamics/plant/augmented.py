@@ -12,12 +12,13 @@ from mujoco.rollout import Rollout as MujocoRollout
 
 from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped, has_laws
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
-from flywheel.dynamics.plant.plant import DISABLED, Plant, no_warning_file
+from flywheel.dynamics.plant.plant import DISABLED, Plant
 from flywheel.dynamics.plant.world import scene, undressed
 from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, State
 from flywheel.robots import Robot, add_plain
+from flywheel.robots.mujoco_warnings import collected_warnings
 
 TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
@@ -140,7 +141,7 @@ class AugmentedPlant:
                 memory[law.name] = np.zeros((total, len(self.robot.cables)))
         moves = np.array([any(_moves_mass(term) for term in each) for each in terms])
         pieces, order = [], []
-        with no_warning_file():
+        with collected_warnings():
             for base, members in ((self._model, ~moves), (self._movable, moves)):
                 for rows in _pieces(np.flatnonzero(members), TOGETHER * self.threads):
                     part = {name: held[rows] for name, held in memory.items()}

@@ -17,10 +17,11 @@ import numpy as np
 from mujoco import sysid
 
 from flywheel.dynamics.plant.mjcf_parameters import Block, bare_spec, blocks, open_spec
-from flywheel.dynamics.plant.plant import Plant, no_warning_file
+from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.tangent import moved
 from flywheel.errors import ConfigError
 from flywheel.records import Floats, State
+from flywheel.robots.mujoco_warnings import collected_warnings
 
 STEP = 1e-3  # of finite differences, in units of the parameters
 Optimizer = Literal["mujoco", "scipy_parallel_fd"]
@@ -115,7 +116,7 @@ def identify(
     for parameter in (*(block.parameter for block in free), *residuals.starts):
         params.add(parameter)
     said = io.StringIO()
-    with no_warning_file(), redirect_stdout(said):  # what is tried may diverge
+    with collected_warnings(), redirect_stdout(said):  # what is tried may diverge
         best, result = sysid.optimize(
             params.move_off_bounds(),
             residuals,

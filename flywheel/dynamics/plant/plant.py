@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any, Self, cast
 
 import mujoco
@@ -17,6 +16,7 @@ from flywheel.effects import Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.robots import Box, Robot
+from flywheel.robots.mujoco_warnings import collected_warnings
 from flywheel.terrain import Terrain
 
 FULL = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -235,7 +235,7 @@ class Plant:
         MuJoCo reads its sensors at the beginning of a step, hence "before".
         """
         models = self._models if len(self._models) == len(packed) else self._models[:1]
-        with no_warning_file():
+        with collected_warnings():
             states, sensors = self._engine.rollout(models, self._data, packed, commands)
         return states, sensors
 
@@ -269,17 +269,6 @@ class _PlainCourse:
         assert simulated.states is not None
         self.state = simulated.states[:, -1]
         return simulated
-
-
-@contextmanager
-def no_warning_file() -> Iterator[None]:
-    """Keep MuJoCo from writing MUJOCO_LOG.TXT when a simulation diverges; we raise instead."""
-    previous = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda message: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(previous)
 
 
 def _fields(state: State) -> tuple[Floats, Floats, Floats]:

@@ -1,0 +1,20 @@
+"""What MuJoCo warns of: by default it is printed, and written to MUJOCO_LOG.TXT in the working folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect what MuJoCo warns of within the block, instead; what cannot be is raised by who asks."""
+    said: list[str] = []
+    previous = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield said
+    finally:
+        mujoco.set_mju_user_warning(previous)
