@@ -12,6 +12,10 @@ class RobotError(FlywheelError):
     """An MJCF that cannot be used as a cable-driven robot."""
 
 
+class MjcfError(RobotError):
+    """A text that is no MJCF of anything: not XML, more than is compiled, or with numbers that are none."""
+
+
 class DataError(FlywheelError):
     """Trajectories, recordings or stored bytes that cannot be used as they are."""
 

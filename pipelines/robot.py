@@ -13,12 +13,11 @@ import yaml
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
 from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.plant import Plant, Settling, settling
-from flywheel.errors import ConfigError, ModelError, RobotError, UnknownNameError
+from flywheel.errors import ConfigError, MjcfError, ModelError, RobotError, UnknownNameError
 from flywheel.evaluation.statistics import shows_turn
 from flywheel.records import Floats, State
 from flywheel.robots import COURSES, ROBOTS, Attachment, Robot, load_robot
-from flywheel.robots.mjcf_numbers import check_numbers
-from flywheel.robots.mjcf_source import compiled, read_mjcf
+from flywheel.robots.mjcf_source import read_mjcf
 from flywheel.runtime.config import RunConfig
 from flywheel.runtime.suitability import misfits
 from pipelines.exits import FAILED
@@ -39,15 +38,17 @@ def check_robot(mjcf: str, dt: float | None) -> None:
       dt: time between commands [s]; what suits the robot by default.
 
     Raises:
-      RobotError: there is no such file, it is no MJCF, or has too much in it or numbers that are none.
+      MjcfError: there is no such file, it is no MJCF, or has too much in it or numbers that are none.
       UnknownNameError: no such robot.
       ConfigError: `dt` is no multiple of the MJCF's timestep.
     """
     out = console()
     if _is_file(mjcf):
-        _check_mjcf(mjcf)
+        read_mjcf(mjcf)  # which says why a file cannot be read
     try:
         robot = load_robot(mjcf)
+    except MjcfError as error:  # there is no robot in it to be checked
+        raise MjcfError(f"{mjcf}: {error}") from None
     except RobotError as error:
         out.say(f"{mjcf} cannot be used:", style="red")
         out.say(str(error))
@@ -68,16 +69,6 @@ def check_robot(mjcf: str, dt: float | None) -> None:
         out.say(remark, style="yellow")
     command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, robot, step)])
     out.say(f"Run it with: {command}", style="bold")
-
-
-def _check_mjcf(path: str) -> None:
-    """Refuse what is no MJCF of anything: there is no robot in it to be checked."""
-    xml = read_mjcf(path)
-    try:
-        _, _, model = compiled(xml)
-        check_numbers(model, "The MJCF")
-    except RobotError as error:
-        raise RobotError(f"{path}: {error}") from None
 
 
 def _is_file(mjcf: str) -> bool:

@@ -13,7 +13,7 @@ from operator import attrgetter
 import mujoco
 import numpy as np
 
-from flywheel.errors import RobotError
+from flywheel.errors import MjcfError
 from flywheel.records import Floats
 
 FAR = 1e4  # [m]; the cables of the largest cable-driven robot, a telescope, are 600 m long
@@ -144,7 +144,7 @@ def check_numbers(model: mujoco.MjModel, what: str) -> None:
       what: it is of, at the beginning of a sentence: "The MJCF".
 
     Raises:
-      RobotError: one is; the message names the element, its attribute, and what is allowed.
+      MjcfError: one is; the message names the element, its attribute, and what is allowed.
     """
     for allowed in ALLOWED:
         _refuse_outside(model, allowed, what)
@@ -161,7 +161,7 @@ def check_numbers(model: mujoco.MjModel, what: str) -> None:
         wrong = ~(np.abs(array) <= LARGE)
         if wrong.any():
             row = np.argwhere(wrong)[0]
-            raise RobotError(
+            raise MjcfError(
                 f"{_element(model, name, int(row[0]), what)} has {name.partition('_')[2] or name} "
                 f"{array[tuple(row)]:g}; numbers are finite, and at most {LARGE:g}."
             )
@@ -173,7 +173,7 @@ def _refuse_outside(model: mujoco.MjModel, allowed: Allowed, what: str) -> None:
     if wrong.any():
         place = np.argwhere(wrong)[0]
         unit = f" {allowed.unit}" if allowed.unit else ""
-        raise RobotError(
+        raise MjcfError(
             f"{_element(model, allowed.field, int(place[0]), what)} has {allowed.attribute} "
             f"{values[tuple(place)]:g}{unit}; allowed {allowed.low:g} to {allowed.high:g}{unit}."
         )
@@ -184,7 +184,7 @@ def _check_solref(model: mujoco.MjModel, field: str, pairs: Floats, what: str) -
     right = np.where(first > 0, second >= 0, second <= 0) & (np.abs(pairs) <= LARGE).all(axis=1)
     if not right.all():
         row = int(np.flatnonzero(~right)[0])
-        raise RobotError(
+        raise MjcfError(
             f"{_element(model, field, row, what)} {SOLREF}; got {first[row]:g} {second[row]:g}."
         )
 
@@ -196,7 +196,7 @@ def _check_solimp(model: mujoco.MjModel, field: str, rows: Floats, what: str) ->
         row = int(np.flatnonzero(wrong)[0])
         each = ", ".join(f"{a:g} to {b:g}" for a, b in SOLIMP)
         got = " ".join(f"{value:g}" for value in rows[row])
-        raise RobotError(
+        raise MjcfError(
             f"{_element(model, field, row, what)} has solimp {got}; allowed are {each}."
         )
 

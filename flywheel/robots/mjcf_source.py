@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
-from flywheel.errors import RobotError
+from flywheel.errors import MjcfError
 from flywheel.files import MB, read_text, shown
 from flywheel.robots.mujoco_warnings import collected_warnings
 
@@ -74,9 +74,9 @@ def read_mjcf(path: str | Path, what: str = "MJCF") -> str:
       what: it is, for messages: "MJCF", "course".
 
     Raises:
-      RobotError: see `flywheel.files.read_text`.
+      MjcfError: see `flywheel.files.read_text`.
     """
-    return read_text(path, what, RobotError, LARGEST)
+    return read_text(path, what, MjcfError, LARGEST)
 
 
 def compiled(
@@ -85,7 +85,7 @@ def compiled(
     """The elements of an MJCF, MuJoCo's editable model of it, and its compiled model.
 
     Raises:
-      RobotError: no MJCF; one that reads other files or asks for too much; or MuJoCo refuses it.
+      MjcfError: no MJCF; one that reads other files or asks for too much; or MuJoCo refuses it.
     """
     root = _parsed(xml, f"The {what}")
     _refuse_unfit(root, f"The {what}")
@@ -93,12 +93,12 @@ def compiled(
         with collected_warnings() as said:
             spec = mujoco.MjSpec.from_string(xml)
             if any("NaN" in words for words in said):  # which may stand for "not given"
-                raise RobotError(f"The {what} has a number that is none (nan){_nan(root)}.")
+                raise MjcfError(f"The {what} has a number that is none (nan){_nan(root)}.")
             _refuse_too_much(spec, f"The {what}")
             return root, spec, spec.compile()
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
-        raise RobotError(f"MuJoCo cannot compile the {what}: {reason}") from error
+        raise MjcfError(f"MuJoCo cannot compile the {what}: {reason}") from error
 
 
 class _Counting(ElementTree.TreeBuilder):
@@ -116,7 +116,7 @@ class _Counting(ElementTree.TreeBuilder):
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
         """Entities could unfold to anything, and name other files."""
-        raise RobotError(
+        raise MjcfError(
             f"{self._what} begins with <!DOCTYPE {shown(name)}>, as web pages do; an MJCF has none."
         )
 
@@ -125,15 +125,15 @@ class _Counting(ElementTree.TreeBuilder):
         self._copies.append(self._copies[-1] * _copies(tag, attributes))
         self._elements += self._copies[-1]  # an empty <replicate> is copied, too
         if self._elements > MOST_ELEMENTS:
-            raise RobotError(
+            raise MjcfError(
                 f"{self._what} has more than {MOST_ELEMENTS:,} elements, the copies of <replicate> "
                 "counted; that is the most that is compiled."
             )
         if len(self._copies) > DEEPEST + 1:
-            raise RobotError(f"{self._what} has more than {DEEPEST} elements within each other.")
+            raise MjcfError(f"{self._what} has more than {DEEPEST} elements within each other.")
         for key in ("name", "model"):
             if len(name := attributes.get(key, "")) > LONGEST_NAME:
-                raise RobotError(
+                raise MjcfError(
                     f"{self._what} has a {key} of {len(name):,} characters (<{tag} {key}={shown(name)}>); "
                     f"at most {LONGEST_NAME} are allowed."
                 )
@@ -157,23 +157,23 @@ def _copies(tag: str, attributes: dict[str, str]) -> int:
 
 def _parsed(xml: str, what: str) -> ElementTree.Element:
     if len(xml) > LARGEST:
-        raise RobotError(f"{what} has {len(xml):,} characters; at most {LARGEST:,.0f} are read.")
+        raise MjcfError(f"{what} has {len(xml):,} characters; at most {LARGEST:,.0f} are read.")
     if not xml.strip():
-        raise RobotError(f"{what} is empty; it needs at least <mujoco model=...>.")
+        raise MjcfError(f"{what} is empty; it needs at least <mujoco model=...>.")
     parser = ElementTree.XMLParser(target=_Counting(what))
     try:
         parser.feed(xml)
         root: ElementTree.Element = parser.close()
     except (ElementTree.ParseError, UnicodeError) as error:
-        raise RobotError(f"{what} is not valid XML: {error}.") from error
+        raise MjcfError(f"{what} is not valid XML: {error}.") from error
     if root.tag == "robot":
-        raise RobotError(
+        raise MjcfError(
             f"{what} is a URDF (<robot>), an MJCF (<mujoco>) is needed. MuJoCo converts it: spec = "
             'mujoco.MjSpec.from_file("my.urdf"); spec.compile(); spec.to_file("my.xml"). Cables, '
             "winches, sensors and a keyframe are yet to be added."
         )
     if root.tag != "mujoco":
-        raise RobotError(
+        raise MjcfError(
             f"{what} begins with <{shown(root.tag)[1:-1]}>; an MJCF begins with <mujoco>."
         )
     return root
@@ -187,7 +187,7 @@ def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
         if "muscle" in (element.get("gaintype"), element.get("biastype")):
             unfit = _MUSCLE
         if unfit is not None:
-            raise RobotError(
+            raise MjcfError(
                 f"{what} {unfit.does} (<{element.tag} {shown(element.attrib)}>); {unfit.but}."
             )
 
@@ -218,7 +218,7 @@ def _refuse_too_much(spec: mujoco.MjSpec, what: str) -> None:
     }
     for name, (wanted, most) in asked.items():
         if wanted > most:
-            raise RobotError(f"{what} asks for {wanted:,} {name}; at most {most:,.0f} are allowed.")
+            raise MjcfError(f"{what} asks for {wanted:,} {name}; at most {most:,.0f} are allowed.")
 
 
 def _numbers_of(sensor: mujoco.MjsSensor) -> int:
