@@ -9,8 +9,9 @@ from typing import Any
 from flywheel import __version__
 from flywheel.diagnosis.answer import Answer, evidence_of
 from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
-from flywheel.effects.adopted import file_digest, next_version
+from flywheel.effects.adopted import next_version
 from flywheel.robots import Robot
+from flywheel.seals import file_sha256
 
 
 def adopt(
@@ -51,7 +52,7 @@ def adopt(
         robot=robot.name,
         digest=robot.digest,
         version=next_version(folder, robot),
-        parent="" if parent is None else file_digest(parent),
+        parent="" if parent is None else file_sha256(parent, "adopted plant"),
         effects=effects,
         evidence={
             **evidence_of(summary),

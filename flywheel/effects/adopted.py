@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Mapping
 from contextlib import suppress
@@ -106,11 +105,6 @@ def plant_file(path: str | Path) -> Path:
         if path.is_dir():
             return path / PLANT
     return path
-
-
-def file_digest(path: str | Path) -> str:
-    """sha256 of a file."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def next_version(parent: str | Path, robot: Robot) -> int:

@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 
 from flywheel.diagnosis.adoption import adopt, adoptable
 from flywheel.effects import EFFECTS, AdoptedPlant
-from flywheel.effects.adopted import file_digest
 from flywheel.errors import DataError, FlywheelError
 from flywheel.files import parsed_yaml
 from flywheel.robots import Robot, load_robot
+from flywheel.seals import file_sha256
 from pipelines.cli import app
 
 PRISM = load_robot("prism3")
@@ -51,7 +51,7 @@ def test_an_answer_becomes_a_version_with_its_evidence(tmp_path: Path) -> None:
     first = adopt(answer("EFFECT", [GAIN]), PRISM, tmp_path)
     second = adopt(answer("PARTIAL", [GAIN, FRICTION]), PRISM, tmp_path, parent=first)
     plant, robot = AdoptedPlant.read(second)
-    assert (plant.version, plant.parent) == (2, file_digest(first))
+    assert (plant.version, plant.parent) == (2, file_sha256(first, "plant"))
     assert [t.named for t in plant.terms(robot, EFFECTS)] == [{"share": 0.2}, {"force": 300.0}]
     assert plant.evidence["verdict"] == "PARTIAL"
     assert plant.evidence["recordings"] == ["monday.csv"]

@@ -11,9 +11,10 @@ import pytest
 import yaml
 
 from flywheel.effects import EFFECTS, AdoptedPlant, Scales, Term, WrittenTerm
-from flywheel.effects.adopted import MJCF, PLANT, file_digest, next_version
+from flywheel.effects.adopted import MJCF, PLANT, next_version
 from flywheel.errors import ConfigError, FlywheelError, RobotError
 from flywheel.robots import load_robot
+from flywheel.seals import file_sha256
 from tests import draws
 
 PRISM = load_robot("prism3")
@@ -66,9 +67,9 @@ def test_versions_are_numbered_and_never_written_over(tmp_path: Path) -> None:
     assert next_version(tmp_path / "plants", PRISM) == 2
     with pytest.raises(ConfigError, match="never written over"):
         adopted().write(tmp_path / "plants", PRISM)
-    second = adopted(2, parent=file_digest(first)).write(tmp_path / "plants", PRISM)
+    second = adopted(2, parent=file_sha256(first, "plant")).write(tmp_path / "plants", PRISM)
     plant, robot = AdoptedPlant.read(second.parent)
-    assert (plant.version, plant.parent) == (2, file_digest(first))
+    assert (plant.version, plant.parent) == (2, file_sha256(first, "plant"))
     assert robot.digest == PRISM.digest
     assert plant.terms(robot, EFFECTS) == (FRICTION.term(PRISM, EFFECTS),)
     assert sorted(p.name for p in (tmp_path / "plants").iterdir()) == ["prism3-1", "prism3-2"]
