@@ -196,12 +196,6 @@ def mjcfs(work: Path) -> Kind:
     """Robots, read and let fall for a moment."""
     good = [load_robot(name).xml for name in samples.ROBOTS]
 
-    def draw(rng: random.Random) -> Spoilt:
-        text = rng.choice(good)
-        if rng.random() < 0.25:
-            return Spoilt(mutators.of_bytes(text.encode(), rng))
-        return Spoilt(mutators.of_xml(text, rng).encode("utf-8", "replace"))
-
     def ask(spoilt: Spoilt, inside: Path) -> str | None:
         path = inside / "robot.xml"
         path.write_bytes(spoilt.content)
@@ -215,24 +209,20 @@ def mjcfs(work: Path) -> Kind:
 
         return refusal(used)
 
-    return Kind("mjcf", tuple(Spoilt(text.encode()) for text in good), draw, ask)
+    written = tuple(Spoilt(text.encode()) for text in good)
+    return Kind("mjcf", written, lambda rng: Spoilt(_spoilt_mjcf(good, rng)), ask)
 
 
 def courses(work: Path) -> Kind:
     """Obstacle courses, as MJCF."""
     good = [path.read_text() for path in samples.COURSES]
 
-    def draw(rng: random.Random) -> Spoilt:
-        text = rng.choice(good)
-        if rng.random() < 0.25:
-            return Spoilt(mutators.of_bytes(text.encode(), rng))
-        return Spoilt(mutators.of_xml(text, rng).encode("utf-8", "replace"))
-
     def ask(spoilt: Spoilt, inside: Path) -> str | None:
         (inside / "course.xml").write_bytes(spoilt.content)
         return refusal(lambda: load_course(str(inside / "course.xml")))
 
-    return Kind("course", tuple(Spoilt(text.encode()) for text in good), draw, ask)
+    written = tuple(Spoilt(text.encode()) for text in good)
+    return Kind("course", written, lambda rng: Spoilt(_spoilt_mjcf(good, rng)), ask)
 
 
 def answers(work: Path) -> Kind:
@@ -325,6 +315,13 @@ def _spoilt_yaml(trees: Sequence[Any], rng: random.Random) -> bytes:
     if rng.random() < 0.5:
         return mutators.of_bytes(yaml.safe_dump(tree, sort_keys=False).encode(), rng)
     return yaml.safe_dump(mutators.of_tree(tree, rng), sort_keys=False).encode("utf-8", "replace")
+
+
+def _spoilt_mjcf(texts: Sequence[str], rng: random.Random) -> bytes:
+    text = rng.choice(texts)
+    if rng.random() < 0.25:
+        return mutators.of_bytes(text.encode(), rng)
+    return mutators.of_xml(text, rng).encode("utf-8", "replace")
 
 
 def _spoilt_json(trees: Sequence[Any], rng: random.Random) -> bytes:
