@@ -37,6 +37,13 @@ def validated(schema: type[M], values: Any, complaint: str, error: type[Flywheel
         raise error(f"{complaint}:\n{problems}") from None
 
 
+def first_problem(found: ValidationError) -> str:
+    """The first of what pydantic found, with where it is and what was got; for files that programs write."""
+    first = found.errors()[0]
+    where = ".".join(map(str, first["loc"]))
+    return f"{where}: {first['msg']}, got {shown(first['input'])}"
+
+
 def lines(problems: Iterable[str]) -> str:
     """The first of some problems, one a line, and how many there are besides."""
     listed = list(problems)

@@ -21,6 +21,7 @@ from flywheel.errors import DataError
 from flywheel.files import MB, shown
 from flywheel.records import Episode, Source, Split
 from flywheel.seals import Kind, Seal, Unsound, check_seal, digest_of, sealed, unsealed
+from flywheel.validation import first_problem
 
 LARGEST_LISTING = (
     200 * MB
@@ -424,12 +425,8 @@ def _read(kind: type[R], values: dict[str, Any], what: str) -> R:
         record: R = _adapter(cast("Any", kind)).validate_python(values)
         return record
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise Unsound(
-            f"{what} was written by another version: {where}: {first['msg']}, got "
-            f"{shown(first['input'])}."
-        ) from None
+        problem = first_problem(error)
+        raise Unsound(f"{what} was written by another version: {problem}.") from None
 
 
 @cache  # making one takes longer than reading a hundred receipts

@@ -14,7 +14,8 @@ from pydantic import Field, ValidationError
 
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
-from flywheel.files import MB, read_bytes, shown
+from flywheel.files import MB, read_bytes
+from flywheel.outputs import write_output
 from flywheel.runtime.measures import (
     DiagnosisNote,
     ErrorNumbers,
@@ -31,6 +32,7 @@ from flywheel.runtime.measures import (
 )
 from flywheel.runtime.run_identity import read_begun
 from flywheel.seals import Seal, Unsound, check_seal, sealed, unsealed
+from flywheel.validation import first_problem
 
 Arm = Literal["mppi", "control"]
 RESULT_FILE, RESULT = "result.json", "result"
@@ -217,14 +219,7 @@ R = TypeVar("R", bound=ResultRecord)
 
 def save(record: ResultRecord, path: Path, seal: Seal) -> Path:
     """Write any of these records as JSON under a seal, in one atomic and durable step."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    with temporary.open("wb") as file:
-        file.write(sealed(json.loads(record.model_dump_json()), seal))
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
-    return path
+    return write_output(path, sealed(json.loads(record.model_dump_json()), seal))
 
 
 def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
@@ -254,11 +249,7 @@ def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
     try:
         return kind.model_validate(values), seal
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise Unsound(
-            f"{what} is not a {kind.__name__}: {where}: {first['msg']}, got {shown(first['input'])}."
-        ) from None
+        raise Unsound(f"{what} is not a {kind.__name__}: {first_problem(error)}.") from None
 
 
 __all__ = [

@@ -27,6 +27,7 @@ from flywheel.errors import ModelError
 from flywheel.files import opened, read_json, shown
 from flywheel.outputs import write_output
 from flywheel.robots import Robot
+from flywheel.validation import first_problem
 
 _FORMAT = 2  # 1: cables between nodes
 _ABOUT = {"digest": str, "robot": str, "config": dict}
@@ -158,11 +159,9 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
         config = NetworkConfig.model_validate(about["config"])
         arrays = _read_arrays(path, robot, config, about["digest"])
     except ValidationError as problem:
-        first = problem.errors()[0]
-        where = ".".join(map(str, first["loc"]))
+        why = first_problem(problem)
         raise ModelError(
-            f"The weights {path} are damaged: their network cannot be, {where}: {first['msg']}, got "
-            f"{shown(first['input'])}."
+            f"The weights {path} are damaged: their network cannot be, {why}."
         ) from None
     except _DAMAGED as problem:
         raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
