@@ -109,7 +109,7 @@ class Stranger:
 
     def ask(self, command: str, code: int = 0) -> tuple[str, str]:
         """The same inside this process, which has imported everything already."""
-        from pipelines.cli import app
+        from flywheel.cli.main import app
 
         with contextlib.chdir(self.folder):
             done = CliRunner().invoke(app, shlex.split(command)[1:])

@@ -18,20 +18,21 @@ LAYERS = {
     "effects": 2, "tasks": 2, "data": 2,
     "dynamics": 3,
     "evaluation": 4,
-    "control": 5, "training": 5, "diagnosis": 5, "hidden": 5,
+    "control": 5, "training": 5, "diagnosis": 5, "truth_simulator": 5,
     "runtime": 6, "reports": 6,
+    "cli": 7,
 }  # fmt: skip
-PIPELINES = 7
+ENTRY_POINTS = 8  # what is not in the package
 SHARED_ROWS = {0, 6}  # rows whose packages may import each other
 DOORS = {
-    "ray": ("flywheel/runtime/cluster.py",),
-    "mlflow": ("flywheel/runtime/tracking.py",),
+    "ray": ("flywheel/runtime/pool/ray_backend.py",),
+    "mlflow": ("flywheel/runtime/tracking/mlflow_client.py",),
     "zarr": ("flywheel/data/zarr_files.py",),
     "mujoco": (
         "flywheel/robots/",
         "flywheel/dynamics/plant/",
         "flywheel/effects/",
-        "flywheel/hidden/",
+        "flywheel/truth_simulator/",
     ),
 }
 # How MuJoCo adds elements; `add_plain` in flywheel/robots/added.py asks for them by other means.
@@ -76,7 +77,7 @@ def wrong_imports(path: str, source: str) -> list[str]:
     wrong = []
     inside = path.startswith("flywheel/") and package_of(path) != "__init__"
     own = package_of(path) if inside else ""
-    row = LAYERS.get(own, PIPELINES)
+    row = LAYERS.get(own, ENTRY_POINTS)
     for name, line in imports(ast.parse(source)):
         top, *rest = name.split(".")
         where = f"{path}:{line} imports {name}"
@@ -84,7 +85,7 @@ def wrong_imports(path: str, source: str) -> list[str]:
             wrong.append(f"{where}: imports are absolute here")
         if top in DOORS and not path.startswith(DOORS[top]):
             wrong.append(f"{where}: only {' and '.join(DOORS[top])} may")
-        if inside and top == "pipelines":
+        if inside and top in ("benchmarks", "tests"):
             wrong.append(f"{where}: nothing imports the entry points")
         other = rest[0] if rest else ""
         if not inside or top != "flywheel" or other == own or other not in LAYERS:
@@ -96,7 +97,7 @@ def wrong_imports(path: str, source: str) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
 def test_a_file_imports_only_from_rows_above_and_through_its_doors(path: Path) -> None:
     assert wrong_imports(relative(path), path.read_text()) == []
 
@@ -114,8 +115,8 @@ def test_a_file_imports_only_from_rows_above_and_through_its_doors(path: Path) -
         ("flywheel/runtime/loop.py", "from ray import util"),
         ("flywheel/reports/page.py", "import mlflow"),
         ("flywheel/control/gaits.py", "from mujoco import MjModel"),
-        ("pipelines/bench.py", "import mujoco"),
-        ("flywheel/runtime/loop.py", "from pipelines import cli"),
+        ("flywheel/cli/bench.py", "import mujoco"),
+        ("flywheel/runtime/loop.py", "from flywheel.cli import main"),
         ("flywheel/data/store.py", "from . import windows"),
     ],
 )
@@ -131,7 +132,7 @@ def test_a_forbidden_import_is_found(path: str, source: str) -> None:
         ("flywheel/dynamics/plant/plant.py", "import mujoco"),
         ("flywheel/rotations.py", "from flywheel.errors import DataError"),
         ("flywheel/reports/page.py", "from flywheel.runtime.results import RunResult"),
-        ("pipelines/run.py", "from flywheel.runtime import loop"),
+        ("flywheel/cli/run.py", "from flywheel.runtime import loop"),
     ],
 )
 def test_an_allowed_import_passes(path: str, source: str) -> None:
@@ -144,7 +145,7 @@ def test_every_package_has_a_row() -> None:
     assert present <= LAYERS.keys()
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
 def test_files_and_functions_stay_short(path: Path) -> None:
     source = path.read_text()
     assert len(source.splitlines()) <= LONGEST_FILE, "a file this long is missing a noun"
@@ -155,7 +156,7 @@ def test_files_and_functions_stay_short(path: Path) -> None:
             assert length <= LONGEST_FUNCTION, f"{node.name} has {length} lines"
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "pipelines", "tests"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "tests"), ids=relative)
 def test_no_path_of_one_machine_is_written_down(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -173,7 +174,7 @@ def added_with_the_mjcfs_defaults(source: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
 def test_only_one_function_adds_elements_to_a_robot(path: Path) -> None:
     assert added_with_the_mjcfs_defaults(path.read_text()) == []
 
@@ -192,7 +193,7 @@ def test_the_library_does_not_print(path: Path) -> None:
         assert not printing, f"{relative(path)}:{node.lineno}"
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "pipelines"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
 def test_no_file_is_named_for_nothing_in_particular(path: Path) -> None:
     assert path.stem not in {"utils", "util", "common", "helpers", "misc", "manager"}
     assert not re.search(r"_v\d+$|\d_new$|_old$", path.stem)

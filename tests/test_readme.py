@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pipelines.cli import app
+from flywheel.cli.main import app
 from tests.conftest import BIN, ROOT, Stranger
 from tests.readme_commands import README, code_blocks, the_two_commands
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flywheel import __version__
-from flywheel.diagnosis.answer import Answer, evidence_of
+from flywheel.diagnosis.results.answer import Answer, evidence_of
 from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
 from flywheel.effects.adopted import next_version
 from flywheel.robots import Robot

@@ -9,34 +9,34 @@ from types import MappingProxyType
 
 import numpy as np
 
-from flywheel.diagnosis.adequacy import Adequacy, adequacy
-from flywheel.diagnosis.calibration import calibrated, unsure_terms
-from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.diagnosis import Diagnosis, StandIn, TimeSteps
-from flywheel.diagnosis.doubtful import doubtful_numbers
-from flywheel.diagnosis.elsewhere import eased
-from flywheel.diagnosis.evidence import Evidence
-from flywheel.diagnosis.exchange import exchanged
-from flywheel.diagnosis.fit import Fit, Fitter
-from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.held import Linear
-from flywheel.diagnosis.held_out import HeldOut, errors
-from flywheel.diagnosis.limits import Limits, verdict_of
-from flywheel.diagnosis.network_fit import NetworkFitter
-from flywheel.diagnosis.other_law import OtherLaw, other_law
-from flywheel.diagnosis.probes import PROBES, probed
-from flywheel.diagnosis.promise import kept
+from flywheel.diagnosis.checks.adequacy import Adequacy, adequacy
+from flywheel.diagnosis.checks.detectability import kept
+from flywheel.diagnosis.checks.discrepancy import stand_in
+from flywheel.diagnosis.checks.held_out import HeldOut, errors
+from flywheel.diagnosis.checks.localisation import whereabouts
+from flywheel.diagnosis.checks.uncertainty import uncertainty
+from flywheel.diagnosis.fitting.jacobian_cache import Linear
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.model import UnderTest
+from flywheel.diagnosis.fitting.multistart import eased
+from flywheel.diagnosis.fitting.network_fit import NetworkFitter
+from flywheel.diagnosis.fitting.nuisance import calibrated, unsure_terms
+from flywheel.diagnosis.fitting.parameters import free_values
+from flywheel.diagnosis.fitting.stopping import worth_a_round
+from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.pulse import Pulse
-from flywheel.diagnosis.sameness import places
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.stand_in import stand_in
-from flywheel.diagnosis.step import Step
-from flywheel.diagnosis.subject import Subject
-from flywheel.diagnosis.uncertainty import uncertainty
-from flywheel.diagnosis.under_test import UnderTest
-from flywheel.diagnosis.verdict import Alternative, Verdict, found
-from flywheel.diagnosis.whereabouts import whereabouts
-from flywheel.diagnosis.worth import worth_a_round
+from flywheel.diagnosis.results.diagnosis import Diagnosis, StandIn, TimeSteps
+from flywheel.diagnosis.results.evidence import Evidence
+from flywheel.diagnosis.results.limits import Limits, verdict_of
+from flywheel.diagnosis.results.verdict import Alternative, Verdict, found
+from flywheel.diagnosis.selection.alternatives import exchanged
+from flywheel.diagnosis.selection.candidates import Candidate, candidates
+from flywheel.diagnosis.selection.deduplication import places
+from flywheel.diagnosis.selection.misspecification import OtherLaw, other_law
+from flywheel.diagnosis.selection.probes import PROBES, probed
+from flywheel.diagnosis.selection.step import Step
+from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.suspect_parameters import doubtful_numbers
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.errors import DataError, ModelError

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from flywheel.diagnosis.candidates import Candidate
-from flywheel.diagnosis.foresight import foresee, played
+from flywheel.diagnosis.experiments.information import foresee, played
+from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.dynamics.plant import Plant
 from flywheel.records import Floats
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from flywheel.diagnosis import Diagnosis, Verdict
-from flywheel.diagnosis.free import BELIEVED
-from flywheel.diagnosis.limits import EQUALLY_GOOD
-from flywheel.diagnosis.verdict import Alternative
+from flywheel.diagnosis.fitting.parameters import BELIEVED
+from flywheel.diagnosis.results.limits import EQUALLY_GOOD
+from flywheel.diagnosis.results.verdict import Alternative
 from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flywheel.diagnosis.design import Design
-from flywheel.diagnosis.power import ENOUGH, Power
+from flywheel.diagnosis.experiments.design import Design
+from flywheel.diagnosis.experiments.power import ENOUGH, Power
 from flywheel.records import Floats
 from flywheel.reports import style
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flywheel.diagnosis.design import Design
-from flywheel.diagnosis.power import ENOUGH, Power
+from flywheel.diagnosis.experiments.design import Design
+from flywheel.diagnosis.experiments.power import ENOUGH, Power
 from flywheel.outputs import write_output
 from flywheel.reports.experiment_figures import (
     likeness,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.errors import DataError
-from flywheel.runtime.config_files import differences
+from flywheel.runtime.config.loading import differences
 from flywheel.runtime.measures import Errors, Navigation, Success
 from flywheel.runtime.results import RunResult
 

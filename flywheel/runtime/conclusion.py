@@ -5,14 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from flywheel.files import file_name
-from flywheel.runtime.filming import film
-from flywheel.runtime.jobs import Job
-from flywheel.runtime.plan import Effects, ceiling, unseen, unseen_ceiling, unseen_name
+from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.results import PooledTest, RunResult, UnseenCourse
-from flywheel.runtime.run_folder import POOLED
-from flywheel.runtime.run_state import Run, usable
-from flywheel.runtime.scoring import navigation, score_jobs, scored
-from flywheel.runtime.workers import FLOOR, INFORMED_FLOOR, PERSISTENCE
+from flywheel.runtime.run.context import Run, usable
+from flywheel.runtime.run.folder import POOLED
+from flywheel.runtime.stages.scoring import navigation, score_jobs, scored
+from flywheel.runtime.stages.video import film
+from flywheel.runtime.workers.episode_plan import (
+    Effects,
+    ceiling,
+    unseen,
+    unseen_ceiling,
+    unseen_name,
+)
+from flywheel.runtime.workers.sim_worker import FLOOR, INFORMED_FLOOR, PERSISTENCE
 
 ON_RECORDINGS = "persistence on recordings"
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from flywheel.runtime.filming import filmed
-from flywheel.runtime.keeping import keep
 from flywheel.runtime.measures import ErrorNumbers
-from flywheel.runtime.publishing import publish_iteration_start
 from flywheel.runtime.results import IterationResult
-from flywheel.runtime.run_state import Run
+from flywheel.runtime.run.context import Run
+from flywheel.runtime.run.provenance import keep
 from flywheel.runtime.stages import Tally, collect, decide, diagnose, evaluate, snapshot, train
+from flywheel.runtime.stages.video import filmed
+from flywheel.runtime.tracking.publish import publish_iteration_start
 
 
 def run_iteration(run: Run, iteration: int) -> list[str]:

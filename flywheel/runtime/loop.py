@@ -13,29 +13,29 @@ from flywheel.errors import ConfigError
 from flywheel.outputs import check_folder
 from flywheel.reports import write_report
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.conclusion import conclude
-from flywheel.runtime.config import RunConfig, WorkersConfig
-from flywheel.runtime.dashboard import DATABASE, database_uri
-from flywheel.runtime.interrupts import Interrupted, StopRequest
-from flywheel.runtime.inventory import check_sound
+from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
 from flywheel.runtime.iteration import run_iteration
-from flywheel.runtime.jobs import Group
-from flywheel.runtime.keeping import end_rests_on, result_so_far, start_tags
-from flywheel.runtime.lock import hold
-from flywheel.runtime.outbox import OUTBOX_FILE
-from flywheel.runtime.pool import Patience, WorkerPool
-from flywheel.runtime.progress import Progress, Quiet
-from flywheel.runtime.publishing import publish_end, publish_start
+from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
+from flywheel.runtime.pool.jobs import Group
+from flywheel.runtime.pool.lock import hold
+from flywheel.runtime.pool.pool import Patience, WorkerPool
+from flywheel.runtime.pool.progress import Progress, Quiet
+from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.results import RESULT_FILE, RunResult
-from flywheel.runtime.run_folder import RunFolder
-from flywheel.runtime.run_identity import Identity
-from flywheel.runtime.run_state import HELPERS, Run
-from flywheel.runtime.suitability import check_suits
-from flywheel.runtime.tracker import Tracker, TrackingConfig
-from flywheel.runtime.tracking import open_tracker
-from flywheel.runtime.training_worker import TrainerWorker
-from flywheel.runtime.workers import SimWorker
+from flywheel.runtime.run.context import HELPERS, Run
+from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.run.identity import Identity
+from flywheel.runtime.run.inventory import check_sound
+from flywheel.runtime.run.provenance import end_rests_on, result_so_far, start_tags
+from flywheel.runtime.run.suitability import check_suits
+from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
+from flywheel.runtime.tracking.mlflow_client import open_tracker
+from flywheel.runtime.tracking.outbox import OUTBOX_FILE
+from flywheel.runtime.tracking.publish import publish_end, publish_start
+from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
+from flywheel.runtime.workers.sim_worker import SimWorker
+from flywheel.runtime.workers.trainer_worker import TrainerWorker
 
 OVERBOOKED = 16  # times the cores of a machine: each is a process of some 300 MB
 HURRY = 3.0  # seconds for the tracker when a run ends early; the rest is delivered on its resume

@@ -30,7 +30,7 @@ from flywheel.runtime.measures import (
     TrainingPoint,
     Walk,
 )
-from flywheel.runtime.run_identity import read_begun
+from flywheel.runtime.run.identity import read_begun
 from flywheel.seals import Seal, Unsound, check_seal, sealed, unsealed
 from flywheel.validation import first_problem
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 import sys
 
 from flywheel.errors import FlywheelError
-from flywheel.runtime.config import load_config
-from flywheel.runtime.interrupts import EXIT_CODE, Interrupted
+from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.loop import run
-from flywheel.runtime.progress import Lines
+from flywheel.runtime.pool.interrupts import EXIT_CODE, Interrupted
+from flywheel.runtime.pool.progress import Lines
 
 if __name__ == "__main__":
     path, folder, *overrides = sys.argv[1:]

@@ -19,12 +19,12 @@ from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.plant import AugmentedPlant, Plant
 from flywheel.dynamics.plant.refined import refined
 from flywheel.effects import EFFECTS, NAMED, Scales, Term
-from flywheel.hidden.body_effects import Payload
-from flywheel.hidden.ground_effects import RollingResistance
-from flywheel.hidden.simulator import TruthSimulator
 from flywheel.records import Observation, State, Trajectory
 from flywheel.robots import ROBOTS, Box, Robot, load_robot
 from flywheel.terrain import Terrain
+from flywheel.truth_simulator.body_effects import Payload
+from flywheel.truth_simulator.ground_effects import RollingResistance
+from flywheel.truth_simulator.simulator import TruthSimulator
 from tests.contracts.rewritings import ORDERED, WRITTEN, Rewriting, in_pairs, rewritten
 
 SMALL = {

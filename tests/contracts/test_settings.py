@@ -15,11 +15,11 @@ from pydantic import BaseModel
 
 import flywheel
 from flywheel.control.open_loop import RandomConfig
-from flywheel.diagnosis.answer import Answer
+from flywheel.diagnosis.results.answer import Answer
 from flywheel.effects import AdoptedPlant
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds
-from flywheel.runtime.config import RunConfig
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.measures import ResultRecord
 from flywheel.validation import validated
 

@@ -22,13 +22,13 @@ import yaml
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from typer.testing import CliRunner
 
+from flywheel.cli.main import app
 from flywheel.dynamics.gnn import load_weights
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import AdoptedPlant
 from flywheel.errors import FlywheelError
 from flywheel.robots import Robot, load_course, load_robot
-from flywheel.runtime.config import load_config
-from pipelines.cli import app
+from flywheel.runtime.config.run_config import load_config
 from tests.fuzz import mutators, samples
 
 CODES = (1, 2)  # with which a command ends that says what is wrong

@@ -7,9 +7,9 @@ from typing import Any
 
 from flywheel.diagnosis.adoption import adopt
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, save_weights
-from flywheel.hidden.measurement import Measurement
-from flywheel.hidden.recording import record
 from flywheel.robots import load_robot
+from flywheel.truth_simulator.measurement import Measurement
+from flywheel.truth_simulator.recording import record
 from tests.unit.runtime.tiny_run import Bench
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ os.environ.setdefault("RAY_worker_niceness", "0")
 
 import pytest
 
-from flywheel.runtime.cluster import Cluster, ClusterConfig
+from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig
 from tests.integration.stunt_workers import by_value
 
 

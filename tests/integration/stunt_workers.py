@@ -14,7 +14,7 @@ import cloudpickle
 import numpy as np
 import psutil
 
-from flywheel.runtime.jobs import Beat, Colleagues
+from flywheel.runtime.pool.jobs import Beat, Colleagues
 
 
 def by_value() -> None:

@@ -10,11 +10,11 @@ import psutil
 import pytest
 
 from flywheel.errors import ConfigError, RunError
-from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.interrupts import Interrupted, StopRequest
-from flywheel.runtime.jobs import Group, Job, JobFailed
-from flywheel.runtime.pool import Patience, WorkerPool
-from flywheel.runtime.preflight import check_fits, check_reachable
+from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
+from flywheel.runtime.pool.jobs import Group, Job, JobFailed
+from flywheel.runtime.pool.pool import Patience, WorkerPool
+from flywheel.runtime.pool.preflight import check_fits, check_reachable
+from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from tests.integration.stunt_workers import Stunt, at_work
 
 pytestmark = pytest.mark.ray

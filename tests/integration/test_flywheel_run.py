@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 from flywheel.data import TrajectoryStore
-from flywheel.runtime.caretaker import MARK
+from flywheel.runtime.pool.caretaker import MARK
 from flywheel.runtime.results import RunResult
-from flywheel.runtime.run_folder import RunFolder
+from flywheel.runtime.run.folder import RunFolder
 from tests.chaos.killing import ROOT, kill, outcome, start_driver, wait_for
 
 pytestmark = [pytest.mark.ray, pytest.mark.slow]

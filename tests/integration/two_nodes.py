@@ -14,9 +14,9 @@ import threading
 import numpy as np
 from ray.cluster_utils import Cluster as Nodes
 
-from flywheel.runtime.cluster import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.jobs import Group, Job
-from flywheel.runtime.pool import Patience, WorkerPool
+from flywheel.runtime.pool.jobs import Group, Job
+from flywheel.runtime.pool.pool import Patience, WorkerPool
+from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from tests.integration.stunt_workers import Stunt, by_value
 
 FAST = {"health_check_period_ms": 500, "health_check_failure_threshold": 3}

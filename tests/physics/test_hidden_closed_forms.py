@@ -8,21 +8,21 @@ import mujoco
 import numpy as np
 import pytest
 
-from flywheel.hidden import HiddenEffect, HiddenMotion, TruthSimulator
-from flywheel.hidden.body_effects import AirDrag, Payload
-from flywheel.hidden.cable_effects import Capstan, Creep, Hysteresis, Stiffening, WeakCable
-from flywheel.hidden.effect import CableMotion
-from flywheel.hidden.ground_effects import GroundFriction, Slope
-from flywheel.hidden.motors import Motors
-from flywheel.hidden.winch_effects import (
+from flywheel.records import State
+from flywheel.robots import Robot, load_robot
+from flywheel.truth_simulator import HiddenEffect, HiddenMotion, TruthSimulator
+from flywheel.truth_simulator.body_effects import AirDrag, Payload
+from flywheel.truth_simulator.cable_effects import Capstan, Creep, Hysteresis, Stiffening, WeakCable
+from flywheel.truth_simulator.effect import CableMotion
+from flywheel.truth_simulator.ground_effects import GroundFriction, Slope
+from flywheel.truth_simulator.motors import Motors
+from flywheel.truth_simulator.winch_effects import (
     ActuatorLag,
     CommandDelay,
     TorqueSpeed,
     WinchBacklash,
     WinchGain,
 )
-from flywheel.records import State
-from flywheel.robots import Robot, load_robot
 from tests.physics.small_robots import HEIGHT, MASS, REST, STIFFNESS, hanging
 
 G = 9.81
@@ -212,7 +212,7 @@ def test_capstan_friction_is_a_share_of_the_tension() -> None:
 @pytest.mark.parametrize("kind", ["cable_damping", "cable_friction", "capstan", "hysteresis",
                                   "creep", "quadratic_damping"])  # fmt: skip
 def test_dissipative_laws_take_energy_from_every_cycle(kind: str) -> None:
-    from flywheel.hidden import HIDDEN, OUTSIDE
+    from flywheel.truth_simulator import HIDDEN, OUTSIDE
 
     effect = (HIDDEN | OUTSIDE)[kind].typical(load_robot("prism3"), np.random.default_rng(0))
     time = 0.001 * np.arange(4000)

@@ -8,9 +8,9 @@ import pytest
 from flywheel.diagnosis import Verdict, diagnose
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
-from flywheel.hidden import hidden_effect
-from flywheel.hidden.recording import HiddenRecording, record
 from flywheel.robots import Robot, load_robot
+from flywheel.truth_simulator import hidden_effect
+from flywheel.truth_simulator.recording import HiddenRecording, record
 
 SECONDS = 1.6
 FEW = {name: EFFECTS[name] for name in ("cable_friction", "winch_gain", "payload", "slope")}

@@ -8,11 +8,11 @@ import pytest
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Motion
 from flywheel.effects import EFFECTS, Terms, WrittenTerm
-from flywheel.hidden import hidden_effect
-from flywheel.hidden.scripts import script
-from flywheel.hidden.simulator import TruthSimulator
 from flywheel.records import Floats, State
 from flywheel.robots import Robot, load_robot
+from flywheel.truth_simulator import hidden_effect
+from flywheel.truth_simulator.scripts import script
+from flywheel.truth_simulator.simulator import TruthSimulator
 from tests import draws
 
 DT = 0.01

@@ -90,7 +90,7 @@ def test_a_sample_is_drawn_in_proportion_to_the_sizes_of_the_files() -> None:
 
 
 def test_a_sample_hangs_on_its_seed_and_hardly_on_edits() -> None:
-    files = sources(["flywheel/runtime/gate.py", "flywheel/control/knots.py"])
+    files = sources(["flywheel/runtime/stages/gate.py", "flywheel/control/knots.py"])
 
     def keys(seed: int, of: list) -> list[set]:
         return [{m.key for m in mutants} for mutants in drawn(of, seed, 40).values()]

@@ -3,9 +3,9 @@
 from flywheel.diagnosis.comparison.bins import Bins
 from flywheel.diagnosis.comparison.compare import compare
 from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
-from flywheel.diagnosis.comparison.moments import Moments
+from flywheel.diagnosis.comparison.forecast_windows import Moments
 from flywheel.diagnosis.comparison.result import Comparison, Judgement, Outcome
-from flywheel.diagnosis.subject import Subject
+from flywheel.diagnosis.fitting.subject import Subject
 
 __all__ = [
     "Bins",

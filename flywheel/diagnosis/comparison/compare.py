@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
+from flywheel.diagnosis.comparison.bootstrap import mean_by_lead, null_of
 from flywheel.diagnosis.comparison.fitted_starts import fitted_starts
-from flywheel.diagnosis.comparison.moments import Moments
-from flywheel.diagnosis.comparison.null import mean_by_lead, null_of
+from flywheel.diagnosis.comparison.forecast_windows import Moments
 from flywheel.diagnosis.comparison.regions import Region, regions, span_noise, spans
 from flywheel.diagnosis.comparison.result import LEVEL, Comparison, Judgement
-from flywheel.diagnosis.subject import Subject
+from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics import Persistence, RestartedPlant
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ExactSum

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from flywheel.diagnosis.adequacy import adequacy
-from flywheel.diagnosis.baseline import fitted, fitter_of
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.comparison.moments import Moments
-from flywheel.diagnosis.limits import THRESHOLD
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.checks.adequacy import adequacy
+from flywheel.diagnosis.comparison.forecast_windows import Moments
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.results.limits import THRESHOLD
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
 

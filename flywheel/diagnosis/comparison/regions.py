@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.comparison.moments import Moments
+from flywheel.diagnosis.comparison.forecast_windows import Moments
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.plant.twist import rest_lengths
 from flywheel.records import Floats, Observation, Past, State

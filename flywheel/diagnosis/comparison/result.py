@@ -10,7 +10,7 @@ import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
 from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
-from flywheel.diagnosis.comparison.moments import Moments
+from flywheel.diagnosis.comparison.forecast_windows import Moments
 from flywheel.evaluation import ExactSum
 from flywheel.records import Floats
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from flywheel.runtime.examination.summary import Line
-from flywheel.runtime.tracker import Tracker
+from flywheel.runtime.tracking.tracker import Tracker
 
 
 def publish_examination(

@@ -10,18 +10,18 @@ import numpy as np
 
 from flywheel.data.recordings import read_recording
 from flywheel.diagnosis import Diagnosis, Found, diagnose
-from flywheel.diagnosis.adequacy import Adequacy
+from flywheel.diagnosis.checks.adequacy import Adequacy
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import Scales
 from flywheel.errors import FlywheelError
-from flywheel.hidden.cases import UNSURE, Case, Recorded
-from flywheel.hidden.effect import EffectTruth
-from flywheel.hidden.recording import HiddenRecording
 from flywheel.records import Trajectory
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.examination.results import CaseResult, Named
-from flywheel.runtime.jobs import Beat
-from flywheel.runtime.trained import TrainedModel
+from flywheel.runtime.pool.jobs import Beat
+from flywheel.runtime.workers.trained import TrainedModel
+from flywheel.truth_simulator.cases import UNSURE, Case, Recorded
+from flywheel.truth_simulator.effect import EffectTruth
+from flywheel.truth_simulator.recording import HiddenRecording
 
 AS_EFFECT = {"cable_stiffness": "cable_stiffness", "mass": "body_mass"}  # of what a case is told
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from flywheel.errors import RunError
-from flywheel.runtime.config import RunConfig
-from flywheel.runtime.plan import collection
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run_state import Run, notes
+from flywheel.runtime.run.context import Run, notes
 from flywheel.runtime.stages.outcomes import Collected, Tally
+from flywheel.runtime.workers.episode_plan import collection
 
 
 def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> dict[Arm, Collected]:

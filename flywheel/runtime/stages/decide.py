@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from flywheel.data import Snapshot
-from flywheel.runtime.gate import decide_champion
 from flywheel.runtime.measures import GateDecision
 from flywheel.runtime.results import Arm, IterationResult
-from flywheel.runtime.run_state import Run
-from flywheel.runtime.scoring import by_split
+from flywheel.runtime.run.context import Run
+from flywheel.runtime.stages.gate import decide_champion
 from flywheel.runtime.stages.outcomes import Collected, Evaluated, Tally, Trained
+from flywheel.runtime.stages.scoring import by_split
 
 
 def decide(

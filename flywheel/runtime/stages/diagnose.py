@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from flywheel.runtime.jobs import Job
 from flywheel.runtime.measures import DiagnosisNote
-from flywheel.runtime.run_state import Run
+from flywheel.runtime.pool.jobs import Job
+from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.outcomes import Tally
 
 SIZE = 60.0  # roughly how many seconds it takes

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flywheel.data import Snapshot
-from flywheel.runtime.jobs import Job
-from flywheel.runtime.plan import evaluation
+from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run_state import Model, Run, usable
-from flywheel.runtime.scoring import by_split, navigation, score_jobs, scored
+from flywheel.runtime.run.context import Model, Run, usable
 from flywheel.runtime.stages.outcomes import Evaluated, Tally, Trained
+from flywheel.runtime.stages.scoring import by_split, navigation, score_jobs, scored
+from flywheel.runtime.workers.episode_plan import evaluation
 
 
 def evaluate(

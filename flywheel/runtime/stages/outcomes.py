@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from flywheel.runtime.jobs import PoolReport
 from flywheel.runtime.measures import Errors, Navigation, Overlay
-from flywheel.runtime.run_state import Model
-from flywheel.runtime.training_worker import TrainingNote
+from flywheel.runtime.pool.jobs import PoolReport
+from flywheel.runtime.run.context import Model
+from flywheel.runtime.workers.trainer_worker import TrainingNote
 
 
 @dataclass

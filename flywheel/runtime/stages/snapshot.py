@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from flywheel.data import Snapshot
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run_folder import name_of
-from flywheel.runtime.run_state import Run
+from flywheel.runtime.run.context import Run
+from flywheel.runtime.run.folder import name_of
 from flywheel.runtime.stages.outcomes import Collected
 
 

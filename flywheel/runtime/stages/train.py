@@ -5,14 +5,14 @@ from __future__ import annotations
 from flywheel.data import Snapshot
 from flywheel.dynamics.gnn import load_weights
 from flywheel.errors import RunError
-from flywheel.runtime.jobs import Job
-from flywheel.runtime.plan import ceiling
+from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run_state import Model, Run
-from flywheel.runtime.seeds import derive_seed
-from flywheel.runtime.served import write_served
+from flywheel.runtime.run.context import Model, Run
+from flywheel.runtime.run.seeds import derive_seed
 from flywheel.runtime.stages.outcomes import Tally, Trained
-from flywheel.runtime.training_worker import TrainingNote, TrainingOrder
+from flywheel.runtime.tracking.pyfunc_model import write_served
+from flywheel.runtime.workers.episode_plan import ceiling
+from flywheel.runtime.workers.trainer_worker import TrainingNote, TrainingOrder
 
 SECONDS_PER_STEP = 0.15  # roughly; for the time left that is shown
 

@@ -7,10 +7,10 @@ import pytest
 
 from flywheel.diagnosis.comparison import Comparison, Subject, compare
 from flywheel.dynamics.plant import Plant, RestartedPlant
-from flywheel.hidden import hidden_effect
-from flywheel.hidden.recording import record
 from flywheel.records import Trajectory
 from flywheel.robots import Robot, load_robot
+from flywheel.truth_simulator import hidden_effect
+from flywheel.truth_simulator.recording import record
 from tests import draws
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.comparison import Moments
-from flywheel.diagnosis.comparison.moments import smoothed
-from flywheel.diagnosis.subject import Subject
+from flywheel.diagnosis.comparison.forecast_windows import smoothed
+from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.plant import Reckoning
 from flywheel.effects import EFFECTS, Term

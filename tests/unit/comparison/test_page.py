@@ -12,6 +12,8 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from flywheel.cli.main import app
+from flywheel.cli.models import open_model
 from flywheel.data.recordings import write_recording
 from flywheel.diagnosis.comparison import Comparison
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, save_weights
@@ -21,8 +23,6 @@ from flywheel.reports import comparison_video
 from flywheel.reports.comparison_page import sentence, write_comparison
 from flywheel.reports.comparison_video import film_window
 from flywheel.robots import Robot
-from pipelines.cli import app
-from pipelines.models import open_model
 
 
 def linked(page: str) -> list[str]:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flywheel.control import RandomControls
-from flywheel.diagnosis.baseline import fitter_of
-from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.fitting.baseline import fitter_of
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
 from flywheel.effects import Terms
 from flywheel.records import Observation, Trajectory

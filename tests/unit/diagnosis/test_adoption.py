@@ -15,13 +15,13 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from flywheel.cli.main import app
 from flywheel.diagnosis.adoption import adopt, adoptable
 from flywheel.effects import EFFECTS, AdoptedPlant
 from flywheel.errors import DataError, FlywheelError
 from flywheel.files import parsed_yaml
 from flywheel.robots import Robot, load_robot
 from flywheel.seals import file_sha256
-from pipelines.cli import app
 
 PRISM = load_robot("prism3")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.calibration import unsure_terms
-from flywheel.diagnosis.free import BELIEVED, Free, free_values
-from flywheel.diagnosis.marquardt import damped_step
+from flywheel.diagnosis.fitting.levenberg_marquardt import damped_step
+from flywheel.diagnosis.fitting.nuisance import unsure_terms
+from flywheel.diagnosis.fitting.parameters import BELIEVED, Free, free_values
 from flywheel.effects import Scales
 from flywheel.robots import Robot
 

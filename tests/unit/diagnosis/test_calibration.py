@@ -10,12 +10,12 @@ import pytest
 
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.adoption import adoptable
-from flywheel.diagnosis.baseline import baseline_fit, fitted, fitter_of
-from flywheel.diagnosis.calibration import FINALISTS, calibrated, unsure_terms
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.free import BELIEVED, free_values
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.fitting.baseline import baseline_fit, fitted, fitter_of
+from flywheel.diagnosis.fitting.nuisance import FINALISTS, calibrated, unsure_terms
+from flywheel.diagnosis.fitting.parameters import BELIEVED, free_values
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
 from flywheel.errors import DataError, UnknownNameError

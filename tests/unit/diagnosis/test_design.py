@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.design import Design, Designer
-from flywheel.diagnosis.foresight import foresee, played
-from flywheel.diagnosis.rivals import Rival
-from flywheel.diagnosis.scripts import FAMILIES, Reach, varied
+from flywheel.diagnosis.experiments.command_scripts import FAMILIES, Reach, varied
+from flywheel.diagnosis.experiments.design import Design, Designer
+from flywheel.diagnosis.experiments.information import foresee, played
+from flywheel.diagnosis.selection.rivals import Rival
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, UnknownNameError
 from flywheel.robots import Robot, load_robot

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fit import Fit
-from flywheel.diagnosis.held import Held
-from flywheel.diagnosis.prediction import HASTY, Predictor
-from flywheel.diagnosis.start_fit import StartFitter
+from flywheel.diagnosis.fitting.jacobian_cache import Held
+from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.simulation import HASTY, Predictor
 from flywheel.dynamics.plant import Plant, hasty, refined
 from flywheel.robots import Robot
 

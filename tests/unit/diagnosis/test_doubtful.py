@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import doubtful as asking
-from flywheel.diagnosis import score
-from flywheel.diagnosis.baseline import fitted, fitter_of
-from flywheel.diagnosis.calibration import unsure_terms
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.doubtful import Doubtful, doubtful_numbers
-from flywheel.diagnosis.fit import Fit, Fitter
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.step import Step
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.nuisance import unsure_terms
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection import score_test as score
+from flywheel.diagnosis.selection import suspect_parameters as asking
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.step import Step
+from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.suspect_parameters import Doubtful, doubtful_numbers
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term, Terms
 from flywheel.reports.diagnosis_page import doubtful

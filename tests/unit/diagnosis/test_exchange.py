@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import Verdict, exchange
-from flywheel.diagnosis.baseline import fitted
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.fit import Fit
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.start_fit import StartFitter
+from flywheel.diagnosis import Verdict
+from flywheel.diagnosis.fitting.baseline import fitted
+from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.selection import alternatives as exchange
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.baseline import fitted, fitter_of
-from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.first_sight import at_first_sight
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.diagnosis.step import Step
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import Candidate, candidates
+from flywheel.diagnosis.selection.screening import at_first_sight
+from flywheel.diagnosis.selection.step import Step
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
@@ -100,7 +100,7 @@ def test_what_is_seen_at_first_is_fitted_beside_what_scores_propose(
     fitter, step = misled
     selection = Selection(fitter, library, 25.0)
     wrong = next(s for s in step.scores if s.candidate.effect.name == "payload")
-    monkeypatch.setattr("flywheel.diagnosis.selection.promising_pairs", lambda *_: [])
+    monkeypatch.setattr("flywheel.diagnosis.selection.stepwise.promising_pairs", lambda *_: [])
     monkeypatch.setattr(selection, "short", lambda _: [replace(wrong, sizes=(1.0,))])
     scores = tuple(replace(s, power=1.0, score=30.0) for s in step.scores)
     then = tuple(replace(s, power=0.0) for s in step.scores)

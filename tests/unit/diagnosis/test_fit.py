@@ -8,16 +8,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import fit as fit_module
-from flywheel.diagnosis import score
-from flywheel.diagnosis.baseline import fitted, fitter_of
-from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.fit import Fit
-from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.held import Held, Linear
-from flywheel.diagnosis.score import Projection, score_test
-from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.fitting import least_squares as fit_module
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.jacobian_cache import Held, Linear
+from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.parameters import free_values
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection import score_test as score
+from flywheel.diagnosis.selection.candidates import Candidate, candidates
+from flywheel.diagnosis.selection.score_test import Projection, score_test
 from flywheel.dynamics.plant import Plant, between, moved
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.robots import Robot

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.candidates import candidates
 from flywheel.diagnosis.equivalence import equivalences
-from flywheel.diagnosis.foresight import Foresight, foresee, played
-from flywheel.diagnosis.score import slices_of
-from flywheel.diagnosis.scripts import FAMILIES, Reach
+from flywheel.diagnosis.experiments.command_scripts import FAMILIES, Reach
+from flywheel.diagnosis.experiments.information import Foresight, foresee, played
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.score_test import slices_of
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.tautness import taut_share
 from flywheel.effects import EFFECTS

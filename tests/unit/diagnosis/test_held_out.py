@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import diagnose
-from flywheel.diagnosis.held_out import HeldOut
-from flywheel.diagnosis.under_test import UnderTest
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.checks.held_out import HeldOut
+from flywheel.diagnosis.fitting.model import UnderTest
+from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.errors import DataError

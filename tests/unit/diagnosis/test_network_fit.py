@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict, diagnose
-from flywheel.diagnosis.adequacy import adequacy
-from flywheel.diagnosis.baseline import fitted, fitter_of
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.first_sight import at_first_sight
-from flywheel.diagnosis.limits import OUTSTANDING
-from flywheel.diagnosis.network_fit import NetworkFitter
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.subject import Subject
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.checks.adequacy import adequacy
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.network_fit import NetworkFitter
+from flywheel.diagnosis.fitting.subject import Subject
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.results.limits import OUTSTANDING
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.screening import at_first_sight
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict
-from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.evidence import Evidence
-from flywheel.diagnosis.next_experiment import NextExperiment, next_experiment
-from flywheel.diagnosis.rivals import Rival
-from flywheel.diagnosis.score import Score
-from flywheel.diagnosis.verdict import Alternative, found
+from flywheel.diagnosis.results.evidence import Evidence
+from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
+from flywheel.diagnosis.results.verdict import Alternative, found
+from flywheel.diagnosis.selection.candidates import Candidate, candidates
+from flywheel.diagnosis.selection.rivals import Rival
+from flywheel.diagnosis.selection.score_test import Score
 from flywheel.effects import EFFECTS
 from flywheel.records import Floats
 from flywheel.robots import Robot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.noise import noise_floor
+from flywheel.diagnosis.fitting.noise import noise_floor
 from flywheel.errors import DataError
 from tests import draws
 

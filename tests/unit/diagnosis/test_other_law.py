@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict, diagnose
-from flywheel.diagnosis.limits import Limits
-from flywheel.diagnosis.other_law import NONE, OtherLaw
-from flywheel.diagnosis.probes import PROBES
+from flywheel.diagnosis.results.limits import Limits
+from flywheel.diagnosis.selection.misspecification import NONE, OtherLaw
+from flywheel.diagnosis.selection.probes import PROBES
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.reports.diagnosis_page import diagnosis_page

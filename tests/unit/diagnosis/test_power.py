@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import diagnose
-from flywheel.diagnosis.baseline import fitted, fitter_of
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.foresight import played
-from flywheel.diagnosis.power import ENOUGH, Power, power
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.experiments.information import played
+from flywheel.diagnosis.experiments.power import ENOUGH, Power, power
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import EFFECTS, Effect
-from flywheel.hidden.recording import record
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot
+from flywheel.truth_simulator.recording import record
 
 FEW = (
     "cable_friction",

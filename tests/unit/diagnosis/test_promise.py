@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import promise
-from flywheel.diagnosis.baseline import fitted
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.promise import LEAST, common_share, kept
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.diagnosis.step import Step
+from flywheel.diagnosis.checks import detectability as promise
+from flywheel.diagnosis.checks.detectability import LEAST, common_share, kept
+from flywheel.diagnosis.fitting.baseline import fitted
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.step import Step
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.effects import EFFECTS
 from flywheel.robots import Robot
 from tests import draws

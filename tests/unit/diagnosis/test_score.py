@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.candidates import Candidate, candidates
-from flywheel.diagnosis.fit import Fit, Fitter
-from flywheel.diagnosis.held import Linear
-from flywheel.diagnosis.score import (
+from flywheel.diagnosis.fitting.jacobian_cache import Linear
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.windows import Log, Windows
+from flywheel.diagnosis.selection.candidates import Candidate, candidates
+from flywheel.diagnosis.selection.score_test import (
     CRITICAL,
     LARGE,
     SHARE,
@@ -20,7 +21,6 @@ from flywheel.diagnosis.score import (
     score_test,
     smallest_shown,
 )
-from flywheel.diagnosis.windows import Log, Windows
 from flywheel.effects import EFFECTS, Terms
 from flywheel.records import Floats
 from flywheel.robots import Robot

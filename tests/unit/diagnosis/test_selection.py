@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import diagnose
-from flywheel.diagnosis.baseline import baseline_fit, fitted, fitter_of
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.elsewhere import eased
-from flywheel.diagnosis.fit import LITTLE, Fit
-from flywheel.diagnosis.free import free_values
-from flywheel.diagnosis.selection import LAST_HOPE, MOST, SLIGHT, Selection
-from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.diagnosis.windows import Windows
-from flywheel.diagnosis.worth import HOPE
+from flywheel.diagnosis.fitting.baseline import baseline_fit, fitted, fitter_of
+from flywheel.diagnosis.fitting.least_squares import LITTLE, Fit
+from flywheel.diagnosis.fitting.multistart import eased
+from flywheel.diagnosis.fitting.parameters import free_values
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.stopping import HOPE
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.stepwise import LAST_HOPE, MOST, SLIGHT, Selection
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.errors import DataError

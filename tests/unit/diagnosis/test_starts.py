@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.starts import smoothed
-from flywheel.diagnosis.windows import Log, Windows
+from flywheel.diagnosis.fitting.initial_states import smoothed
+from flywheel.diagnosis.fitting.windows import Log, Windows
 from flywheel.effects import Scales
 from flywheel.errors import DataError
 from flywheel.records import Floats

@@ -9,13 +9,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.baseline import fitted, fitter_of, refined_fit
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.fit import Fit, Fitter
-from flywheel.diagnosis.selection import TOLERATED_BY_NOTHING, Selection
-from flywheel.diagnosis.start_fit import StartFitter
-from flywheel.diagnosis.time_steps import TOLERATED, in_other_steps, shorter_steps
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of, refined_fit
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.refinement import TOLERATED, in_other_steps, shorter_steps
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.stepwise import TOLERATED_BY_NOTHING, Selection
 from flywheel.dynamics.plant import (
     AugmentedPlant,
     EffectivePlant,
@@ -212,7 +212,7 @@ def before_nothing(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         finer = own.refined(everywhere)
         return finer, in_other_steps(finer, fit, everywhere)
 
-    monkeypatch.setattr("flywheel.diagnosis.selection.shorter_steps", shorter)
+    monkeypatch.setattr("flywheel.diagnosis.selection.stepwise.shorter_steps", shorter)
     return asked
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis import Limits, Verdict, diagnose
-from flywheel.diagnosis import worth as worth_module
-from flywheel.diagnosis.baseline import fitted, fitter_of
-from flywheel.diagnosis.candidates import candidates
-from flywheel.diagnosis.selection import Selection
-from flywheel.diagnosis.stand_in import BEGINNINGS, PATIENCE, ROUNDS, stand_in
-from flywheel.diagnosis.whereabouts import whereabouts
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.checks.discrepancy import BEGINNINGS, PATIENCE, ROUNDS, stand_in
+from flywheel.diagnosis.checks.localisation import whereabouts
+from flywheel.diagnosis.fitting import stopping as worth_module
+from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Cables, Parameter, TensionEffect, Term
 from flywheel.effects.effect import Memory, Values

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.limits import Limits
-from flywheel.diagnosis.network_fit import OwnErrors
-from flywheel.diagnosis.verdict import Found, found
+from flywheel.diagnosis.fitting.network_fit import OwnErrors
+from flywheel.diagnosis.results.limits import Limits
+from flywheel.diagnosis.results.verdict import Found, found
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 from tests import draws

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.windows import Windows
+from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.errors import DataError
 from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot

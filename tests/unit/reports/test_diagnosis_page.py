@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
-from flywheel.diagnosis.other_law import OtherLaw
-from flywheel.diagnosis.probes import PROBES
+from flywheel.diagnosis.selection.misspecification import OtherLaw
+from flywheel.diagnosis.selection.probes import PROBES
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
-from flywheel.hidden import hidden_effect
-from flywheel.hidden.recording import record
 from flywheel.reports.diagnosis_page import sentence, write_diagnosis
 from flywheel.robots import load_robot
+from flywheel.truth_simulator import hidden_effect
+from flywheel.truth_simulator.recording import record
 
 
 @pytest.fixture(scope="module")

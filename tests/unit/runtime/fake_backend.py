@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
-from flywheel.runtime.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
+from flywheel.runtime.pool.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
 
 DIE, HANG, CRASH, SLOW = "die", "hang", "crash", "slow"
 

@@ -6,7 +6,7 @@ from itertools import count
 from typing import Any
 
 from flywheel.errors import FlywheelError
-from flywheel.runtime.jobs import Answer, Beat, Group, Job, JobFailed
+from flywheel.runtime.pool.jobs import Answer, Beat, Group, Job, JobFailed
 
 
 class LocalBackend:

@@ -15,14 +15,14 @@ from pathlib import Path
 import pytest
 
 from flywheel.errors import RunError
-from flywheel.runtime import ray_folder as module
-from flywheel.runtime.caretaker import MARK, Caretaker, marked, remove
-from flywheel.runtime.lock import hold
-from flywheel.runtime.ray_folder import LOCK_FILE, PREFIX, ray_folder, sweep
+from flywheel.runtime.pool import ray_folder as module
+from flywheel.runtime.pool.caretaker import MARK, Caretaker, marked, remove
+from flywheel.runtime.pool.lock import hold
+from flywheel.runtime.pool.ray_folder import LOCK_FILE, PREFIX, ray_folder, sweep
 
 DRIVER = """
 import subprocess, sys, time
-from flywheel.runtime.ray_folder import marking, ray_folder
+from flywheel.runtime.pool.ray_folder import marking, ray_folder
 with ray_folder() as folder:
     with marking(folder):
         helper = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])

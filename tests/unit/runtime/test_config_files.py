@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.config_files import differences, read_config
+from flywheel.runtime.config.loading import differences, read_config
 
 
 class Part(BaseModel):

@@ -3,7 +3,7 @@
 import pytest
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.config import RunConfig
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.loop import cores_of
 from flywheel.validation import validated
 

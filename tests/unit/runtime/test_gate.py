@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from flywheel.runtime.config import GateConfig
-from flywheel.runtime.gate import decide_champion
+from flywheel.runtime.config.run_config import GateConfig
 from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation, Walk
+from flywheel.runtime.stages.gate import decide_champion
 from tests import draws
 
 GATE = GateConfig(error_ratio=1.05, success_drop=0.25)

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from flywheel.runtime.interrupts import StopRequest
+from flywheel.runtime.pool.interrupts import StopRequest
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -13,14 +13,14 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
+from flywheel.cli.runs import open_run
 from flywheel.data import TrajectoryStore
 from flywheel.errors import ModelError, RunError
-from flywheel.runtime.inventory import Fault, Inventory, check_sound
 from flywheel.runtime.results import RunResult
-from flywheel.runtime.rewinding import rewind
-from flywheel.runtime.run_folder import RunFolder
+from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.run.inventory import Fault, Inventory, check_sound
+from flywheel.runtime.run.rewinding import rewind
 from flywheel.seals import Unsound
-from pipelines.runs import open_run
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 SMALL = {"control_arm": True, "evaluate": {**TINY["evaluate"], "floor": False}}

@@ -8,12 +8,12 @@ import sys
 import pytest
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.lock import hold
+from flywheel.runtime.pool.lock import hold
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from flywheel.runtime.lock import hold
+from flywheel.runtime.pool.lock import hold
 with hold(Path(sys.argv[1]), "x"):
     print("held", flush=True)
     time.sleep(60)

@@ -14,10 +14,10 @@ import torch
 from flywheel.dynamics.gnn import load_weights, save_weights
 from flywheel.errors import ModelError, RunError
 from flywheel.robots import load_robot
-from flywheel.runtime.config import RunConfig
-from flywheel.runtime.recording import Recorder
-from flywheel.runtime.training_worker import TrainerWorker
-from flywheel.runtime.workers import SimWorker
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.sim_worker import SimWorker
+from flywheel.runtime.workers.trainer_worker import TrainerWorker
 from tests.unit.runtime.tiny_run import Bench
 
 
@@ -101,7 +101,7 @@ def test_a_model_that_predicts_no_numbers_is_rejected_and_the_champion_kept(benc
             )
         return dynamics
 
-    from flywheel.runtime.weights import Weights
+    from flywheel.runtime.workers.model_weights import Weights
 
     honest = Weights.dynamics
     bad = [""]
@@ -128,7 +128,7 @@ def test_a_model_that_predicts_no_numbers_is_rejected_and_the_champion_kept(benc
 
 
 def test_a_training_that_diverges_leaves_the_champion_and_goes_on(bench, monkeypatch):
-    from flywheel.runtime.training_worker import TrainingNote
+    from flywheel.runtime.workers.trainer_worker import TrainingNote
 
     honest = TrainerWorker.train
 
@@ -144,7 +144,7 @@ def test_a_training_that_diverges_leaves_the_champion_and_goes_on(bench, monkeyp
 
 
 def test_a_first_training_that_diverges_ends_the_run(bench, monkeypatch):
-    from flywheel.runtime.training_worker import TrainingNote
+    from flywheel.runtime.workers.trainer_worker import TrainingNote
 
     monkeypatch.setattr(TrainerWorker, "train", lambda self, order: TrainingNote(problem="nan"))
     with pytest.raises(RunError, match="there is no model: nan"):

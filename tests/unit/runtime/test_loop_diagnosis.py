@@ -7,11 +7,11 @@ import pytest
 from pydantic import ValidationError
 
 from flywheel.data.recordings import read_recording, store_recording
-from flywheel.hidden import hidden_effect
-from flywheel.hidden.recording import record
 from flywheel.robots import load_robot
-from flywheel.runtime.config import RunConfig
-from flywheel.runtime.recording import effects_of
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.workers.episode_recorder import effects_of
+from flywheel.truth_simulator import hidden_effect
+from flywheel.truth_simulator.recording import record
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 FEW = ["winch_gain", "slope"]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from flywheel.data.recordings import read_recording, store_recording
-from flywheel.hidden.recording import record
 from flywheel.robots import load_robot
+from flywheel.truth_simulator.recording import record
 from tests import draws
 from tests.unit.runtime.tiny_run import TINY, Bench
 

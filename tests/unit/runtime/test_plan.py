@@ -5,8 +5,14 @@ from collections import Counter
 import pytest
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.config import CollectConfig, DataSet, EvaluateConfig, RunConfig
-from flywheel.runtime.plan import ceiling, collection, evaluation, unseen, unseen_ceiling
+from flywheel.runtime.config.run_config import CollectConfig, DataSet, EvaluateConfig, RunConfig
+from flywheel.runtime.workers.episode_plan import (
+    ceiling,
+    collection,
+    evaluation,
+    unseen,
+    unseen_ceiling,
+)
 
 CONFIG = RunConfig(
     collect=CollectConfig(gaits=6, random=10, drops=5, mppi=10, validation=0.2, test=0.2),

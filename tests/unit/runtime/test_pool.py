@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flywheel.errors import RunError
-from flywheel.runtime.interrupts import Interrupted, StopRequest
-from flywheel.runtime.jobs import Group, Job, JobFailed
-from flywheel.runtime.pool import DEATHS_ALLOWED, Patience, WorkerPool
+from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
+from flywheel.runtime.pool.jobs import Group, Job, JobFailed
+from flywheel.runtime.pool.pool import DEATHS_ALLOWED, Patience, WorkerPool
 from tests import draws
 from tests.unit.runtime.fake_backend import CRASH, DIE, HANG, SLOW, FakeBackend
 

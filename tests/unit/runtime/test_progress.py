@@ -1,6 +1,6 @@
 """What people see while they wait."""
 
-from flywheel.runtime.progress import Lines, clock_face
+from flywheel.runtime.pool.progress import Lines, clock_face
 
 
 def test_plain_lines_tell_share_rate_and_time_left():

@@ -12,10 +12,10 @@ from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import TerrainConfig, load_course, load_robot
-from flywheel.runtime.config import CollectConfig, DataSet, EvaluateConfig, RunConfig
-from flywheel.runtime.plan import EpisodePlan, collection, unseen, unseen_ceiling
-from flywheel.runtime.recording import Recorder
-from flywheel.runtime.winches import EpisodeWinches
+from flywheel.runtime.config.run_config import CollectConfig, DataSet, EvaluateConfig, RunConfig
+from flywheel.runtime.workers.episode_plan import EpisodePlan, collection, unseen, unseen_ceiling
+from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.winches import EpisodeWinches
 from flywheel.tasks import TaskConfig
 from tests import draws
 

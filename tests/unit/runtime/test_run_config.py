@@ -9,8 +9,8 @@ from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.effects import AdoptedPlant, WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.robots import load_robot
-from flywheel.runtime.config import RunConfig, config_digest, load_config
-from flywheel.runtime.config_files import yaml_of
+from flywheel.runtime.config.loading import yaml_of
+from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 

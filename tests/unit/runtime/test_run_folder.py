@@ -7,9 +7,9 @@ import pytest
 
 from flywheel.errors import ConfigError, DataError, FlywheelError, RunError
 from flywheel.robots import load_robot
-from flywheel.runtime.config import RunConfig, WorkersConfig
+from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
 from flywheel.runtime.results import DiagnosisNote, IterationResult
-from flywheel.runtime.run_folder import RunFolder
+from flywheel.runtime.run.folder import RunFolder
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.dynamics.gnn.learned import BLOCK
 from flywheel.records import Observation, Past
 from flywheel.robots import load_robot
-from flywheel.runtime.sharded import ShardedDynamics
+from flywheel.runtime.workers.sharded import ShardedDynamics
 from tests import draws
 
 ROBOT = load_robot("prism3")

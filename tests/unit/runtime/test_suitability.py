@@ -9,9 +9,9 @@ import pytest
 
 from flywheel.errors import ConfigError, UnknownNameError
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.config import RunConfig, load_config
+from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.loop import run
-from flywheel.runtime.suitability import check_suits, misfits
+from flywheel.runtime.run.suitability import check_suits, misfits
 
 ROOT = Path(__file__).parents[3]
 CONFIGS = sorted(

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from flywheel.data import TrajectoryStore
-from flywheel.runtime.config import RunConfig
-from flywheel.runtime.jobs import Group
+from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.loop import turn
-from flywheel.runtime.pool import WorkerPool
-from flywheel.runtime.progress import Lines
-from flywheel.runtime.run_folder import RunFolder
-from flywheel.runtime.run_state import Run
-from flywheel.runtime.training_worker import TrainerWorker
-from flywheel.runtime.workers import SimWorker
+from flywheel.runtime.pool.jobs import Group
+from flywheel.runtime.pool.pool import WorkerPool
+from flywheel.runtime.pool.progress import Lines
+from flywheel.runtime.run.context import Run
+from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.workers.sim_worker import SimWorker
+from flywheel.runtime.workers.trainer_worker import TrainerWorker
 from tests.unit.runtime.local_backend import LocalBackend
 
 TINY = {

@@ -12,11 +12,11 @@ import urllib.request
 
 import pytest
 
-from flywheel.runtime.dashboard import ui_command
 from flywheel.runtime.measures import GateDecision
-from flywheel.runtime.publishing import publish_end, publish_iteration, publish_start
-from flywheel.runtime.tracker import Tracker, TrackingConfig
-from flywheel.runtime.tracking import MlflowReceiver, open_tracker
+from flywheel.runtime.tracking.dashboard import ui_command
+from flywheel.runtime.tracking.mlflow_client import MlflowReceiver, open_tracker
+from flywheel.runtime.tracking.publish import publish_end, publish_iteration, publish_start
+from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
 from tests.full_disk import files_end_at
 from tests.unit.reports.fake_run import fake_run
 

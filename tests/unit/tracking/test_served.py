@@ -11,8 +11,8 @@ from flywheel.errors import DataError
 from flywheel.records import Observation, Past
 from flywheel.robots import load_robot
 from flywheel.runtime.measures import GateDecision
-from flywheel.runtime.served import ServedDynamics, read_served, write_served
-from flywheel.runtime.tracking import open_tracker
+from flywheel.runtime.tracking.mlflow_client import open_tracker
+from flywheel.runtime.tracking.pyfunc_model import ServedDynamics, read_served, write_served
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ import pytest
 
 from flywheel.errors import ConfigError
 from flywheel.runtime.measures import GateDecision
-from flywheel.runtime.publishing import (
+from flywheel.runtime.tracking.publish import (
     publish_end,
     publish_iteration,
     publish_start,
 )
-from flywheel.runtime.tracker import Tracker
+from flywheel.runtime.tracking.tracker import Tracker
 from tests.unit.reports.fake_run import fake_iteration, fake_run
 
 

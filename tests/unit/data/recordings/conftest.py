@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flywheel.hidden.measurement import Measurement
-from flywheel.hidden.recording import HiddenRecording, record
 from flywheel.robots import Robot, load_robot
+from flywheel.truth_simulator.measurement import Measurement
+from flywheel.truth_simulator.recording import HiddenRecording, record
 from tests import draws
 
 SEED = draws.seed()  # fresh; shown when a test fails

@@ -21,10 +21,10 @@ from flywheel.data.recordings import (
 )
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError, DataError
-from flywheel.hidden.measurement import Measurement
-from flywheel.hidden.recording import record
 from flywheel.records import Episode, Observation, Provenance, Trajectory
 from flywheel.robots import Robot, load_robot
+from flywheel.truth_simulator.measurement import Measurement
+from flywheel.truth_simulator.recording import record
 from tests.unit.data.recordings.conftest import SEED, Sheet
 
 BOMB = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 30))

@@ -1,0 +1,1 @@
+"""Whether what a user can measure is still the same: see `__main__`."""

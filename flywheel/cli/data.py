@@ -1,0 +1,144 @@
+"""`flywheel data`: what is stored, and whether it is still right."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import typer
+
+from flywheel.cli.exits import FAILED
+from flywheel.cli.show import console, table
+from flywheel.data import Snapshot, TrajectoryStore
+from flywheel.errors import DataError, FlywheelError
+from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.run.inventory import Fault, Inventory
+from flywheel.runtime.run.rewinding import rewind
+
+
+def verify_store(run: Path, snapshot: str) -> None:
+    """Print what is damaged, and what to do; exit with 1 if anything is."""
+    folder, store = RunFolder(run), _store_to_verify(run)
+    chosen = store.snapshot(snapshot) if snapshot else None
+    look = Inventory(folder, store) if folder.there and chosen is None else None
+    faults = look.faults() if look else _in_store(store, chosen)
+    out = console()
+    for name in look.strangers() if look else ():
+        out.print(f"note: {name} is not the run's.", markup=False, highlight=False)
+    for fault in faults:
+        line = f"{fault.kind} {fault}"
+        out.print(line, style="red", markup=False, soft_wrap=True, highlight=False)
+    if faults:
+        many = "1 fault" if len(faults) == 1 else f"{len(faults)} faults"
+        out.print(f"{many}; the rest is as it was committed.", highlight=False)
+        words = f"{_idle(faults)} {look.remedy(faults) if look else ''}"
+        out.print(words.strip(), markup=False, soft_wrap=True, highlight=False)
+        raise typer.Exit(FAILED)
+    count = len(chosen.episodes) if chosen else len(store.committed())
+    what = f"{count} episodes of {snapshot}" if chosen else f"{count} segments"
+    if look:
+        what += " and all files of the run"
+    out.print(f"All {what} are as they were committed.", style="green", highlight=False)
+
+
+def _in_store(store: TrajectoryStore, chosen: Snapshot | None) -> list[Fault]:
+    """Damages of a store without a run."""
+    return [
+        Fault(
+            damage.kind, damage.segment, str(damage).removeprefix(f"{damage.segment}: "), idle=True
+        )
+        for damage in store.verify(chosen)
+    ]
+
+
+def _idle(faults: list[Fault]) -> str:
+    if not any(fault.idle for fault in faults):
+        return ""
+    return (
+        "Nothing that a run does next rests on what is foreign, or in no snapshot: move it away, or leave "
+        "a segment to --resume, which sets it aside and records it again."
+    )
+
+
+def go_back(run: Path, iteration: int) -> None:
+    """Set aside what a run did since an iteration, and say what."""
+    folder = RunFolder(run.absolute())
+    moved = rewind(folder, open_store(run), iteration)
+    out = console()
+    for name in moved:
+        out.print(f"set aside: {name}", markup=False, soft_wrap=True, highlight=False)
+    out.print(
+        f"{len(moved)} set aside, in {run / 'aside'} and the store's quarantine/. `flywheel run CONFIG "
+        f"--folder {run} --resume` goes on from iteration {iteration}.",
+        markup=False,
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def show_store(run: Path, snapshot: str) -> None:
+    """Print the snapshots, or the episodes of one."""
+    store = open_store(run)
+    out = console()
+    if snapshot:
+        chosen = store.snapshot(snapshot)
+        out.print(f"{chosen.name}: digest {chosen.digest}, parent {chosen.parent or 'none'}")
+        out.print(
+            table(
+                f"Episodes of {snapshot}",
+                ["episode", "split", "controller", "data set", "duration [s]", "reached"],
+                [
+                    (e.id, e.split, e.controller, e.dataset, e.seconds, _reached(e.success))
+                    for e in chosen.episodes
+                ],
+            )
+        )
+        return
+    sealed, damaged = {}, []
+    for name in store.snapshots():
+        try:
+            sealed[name] = store.snapshot(name)
+        except DataError as error:
+            damaged.append(str(error))
+    names = {one.digest: name for name, one in sealed.items()}
+    rows = []
+    for name, one in sealed.items():
+        splits = Counter(e.split for e in one.episodes)
+        counts = [splits[split] for split in ("train", "validation", "test")]
+        rows.append((name, one.digest[:12], names.get(one.parent), len(one.episodes), *counts))
+    columns = ["snapshot", "digest", "parent", "#episodes", "#train", "#validation", "#test"]
+    out.print(table(f"Snapshots of {run}", columns, rows))
+    out.print(f"{len(store.committed())} segments are committed.", highlight=False)
+    for words in damaged:
+        out.print(words, style="red", markup=False, soft_wrap=True, highlight=False)
+    if damaged:
+        raise typer.Exit(FAILED)
+
+
+def _reached(success: bool | None) -> str | None:
+    return None if success is None else ("yes" if success else "no")
+
+
+def open_store(run: Path) -> TrajectoryStore:
+    """The store of a run's folder, or one that lies at the path itself.
+
+    Raises:
+      DataError: there is neither.
+    """
+    folder = RunFolder(run)
+    if folder.there:
+        return TrajectoryStore(folder.store_url(folder.config()))
+    names = {path.name for path in run.iterdir()} if run.is_dir() else {""}
+    if names and not names & {"segments", "snapshots", "store.json"}:
+        raise DataError(f"There is no run and no store at {run}.")
+    return TrajectoryStore(str(run))
+
+
+def _store_to_verify(run: Path) -> TrajectoryStore:
+    """The same, where the run's configuration is not to be relied on."""
+    try:
+        return open_store(run)
+    except FlywheelError:
+        if not RunFolder(run).there:
+            raise
+        return TrajectoryStore(str(run / "store"))

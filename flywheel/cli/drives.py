@@ -1,0 +1,169 @@
+"""Results of closed-loop episodes: a file with a line each, a table, and a picture from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+from rich.table import Table
+
+from flywheel.cli.show import table
+from flywheel.errors import DataError
+from flywheel.evaluation.intervals import success_interval
+from flywheel.files import MB, read_text
+from flywheel.outputs import write_output
+from flywheel.reports import style
+from flywheel.reports.figures import as_file
+from flywheel.reports.goal_figures import paths_from_above
+from flywheel.runtime.measures import Navigation, ResultRecord, Walk
+
+LARGEST_RESULTS = 500 * MB  # [bytes]; an episode takes some kB
+
+
+class Setting(ResultRecord):
+    """What drove, and where. Episodes of equal settings may be counted together.
+
+    Attributes:
+      robot, task, course: names; "" for no course.
+      terrain: kinds of ground that were drawn; none for the plane.
+      model: "champion", "oracle", or an iteration.
+      digest: of its weights; "" for the oracle.
+      effects: of the plant, as everybody was told, beyond the MJCF.
+      hidden: what the plant had in their place; none where it was as told.
+      fineness: how many times shorter its MuJoCo steps were than its MJCF's.
+      samples, horizon_seconds: of the planner.
+      threads: that planned.
+      config: digest of the configuration.
+    """
+
+    robot: str
+    task: str
+    course: str = ""
+    terrain: tuple[str, ...] = ()
+    model: str
+    digest: str = ""
+    effects: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
+    fineness: int = 1
+    samples: int
+    horizon_seconds: float
+    threads: int
+    config: str
+
+
+class Drive(ResultRecord):
+    """One episode.
+
+    Attributes:
+      setting: see there.
+      seed: of task and planner.
+      walk: seen from above, with its end.
+      seconds_allowed, tolerance: of the task [s], [m].
+      plan_seconds: median and 95 % quantile of what a plan took [s].
+      cpu_seconds: that the whole episode took, in all threads.
+    """
+
+    setting: Setting
+    seed: int
+    walk: Walk
+    seconds_allowed: float
+    tolerance: float
+    plan_seconds: tuple[float, float]
+    cpu_seconds: float
+
+
+def read_drives(path: Path) -> list[Drive]:
+    """The episodes of a file; none where there is no file.
+
+    Raises:
+      DataError: a line is not an episode.
+    """
+    if not path.exists():
+        return []
+    found = []
+    lines = read_text(path, "results", DataError, LARGEST_RESULTS).splitlines()
+    for number, line in enumerate(lines, 1):
+        try:
+            found.append(Drive.model_validate_json(line))
+        except ValidationError as error:
+            raise DataError(
+                f"{path}, line {number}, is no episode of `navigate`: {error}"
+            ) from None
+    return found
+
+
+def append_drive(path: Path, drive: Drive) -> None:
+    """Add a line, at once: whatever happens later, it is kept."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        file.write(drive.model_dump_json() + "\n")
+
+
+def drive_table(drives: Sequence[Drive]) -> Table:
+    """One row per setting."""
+    columns = ["who", "where", "hidden", "reached", "95 %", "median [s]", "slowest [s]"]
+    columns += ["plan, median [s]", "95 % below [s]", "CPU [s]"]
+    return table("", columns, [_row(group) for group in _groups(drives)])
+
+
+def drive_picture(drives: Sequence[Drive], path: Path) -> None:
+    """Paths from above, one picture per setting.
+
+    Raises:
+      DataError: there is no path to draw.
+    """
+    series = [
+        (_title(group[0].setting), style.MPPI, _navigation(group)) for group in _groups(drives)
+    ]
+    image = as_file(lambda: paths_from_above(series), "png")
+    if image is None:
+        raise DataError("Not one of these episodes has a path to draw.")
+    write_output(path, image)
+
+
+def _groups(drives: Sequence[Drive]) -> list[list[Drive]]:
+    groups: dict[str, list[Drive]] = {}
+    for drive in drives:
+        groups.setdefault(drive.setting.model_dump_json(), []).append(drive)
+    return list(groups.values())
+
+
+def _navigation(drives: Sequence[Drive]) -> Navigation:
+    return Navigation(
+        controller=drives[0].setting.model,
+        walks=tuple(drive.walk for drive in drives),
+        seconds_allowed=drives[0].seconds_allowed,
+        tolerance=drives[0].tolerance,
+    )
+
+
+def _row(drives: Sequence[Drive]) -> list[object]:
+    setting, navigation = drives[0].setting, _navigation(drives)
+    count, seconds = navigation.success, navigation.seconds_to_goal
+    interval = success_interval(count.reached, count.total, method="exact")
+    middle, late = np.median([drive.plan_seconds for drive in drives], axis=0)
+    return [
+        f"{setting.model} {setting.digest[:8]}".strip(),
+        _where(setting),
+        ", ".join(setting.hidden) or None,
+        f"{count.reached} of {count.total}",
+        f"{100 * interval.low:.0f}-{100 * interval.high:.0f} %",
+        navigation.median_seconds,
+        seconds[-1] if seconds else None,
+        float(middle),
+        float(late),
+        float(sum(drive.cpu_seconds for drive in drives)),
+    ]
+
+
+def _where(setting: Setting) -> str:
+    ground = f" on {', '.join(setting.terrain)}" if setting.terrain else ""
+    return f"{setting.course or setting.task}{ground}"
+
+
+def _title(setting: Setting) -> str:
+    told = f", told {', '.join(setting.effects)}" if setting.effects else ""
+    hidden = f", hidden {', '.join(setting.hidden)}" if setting.hidden else ""
+    return f"{setting.model} {setting.digest[:8]}, {_where(setting)}{told}{hidden}"

@@ -1,0 +1,236 @@
+"""How a command ends: one clean message, and an exit code that a script can rely on.
+
+`Commands` is the only place that turns an error into both. What was raised on purpose, and what the
+operating system refuses, is said in words; anything else is a bug of ours, and its traceback goes to a
+file in the system's temporary folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import platform
+import select
+import shlex
+import signal
+import stat
+import sys
+import tempfile
+import threading
+import traceback
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+from typer.exceptions import TyperException
+
+FAILED = 1  # a check did not pass, or a run could not go on
+USAGE = 2  # bad usage or bad input
+BUG = 70  # EX_SOFTWARE of sysexits.h: an error that nobody foresaw
+INTERRUPTED = 130  # stopped by Ctrl-C or SIGTERM; finished work is kept
+NOBODY_READS = 141  # as of a program that SIGPIPE ended: `flywheel list runs | head -1`
+
+CODES = """\
+[bold]Exit codes:[/bold] 0 all is well, 1 a check failed or a run could not go on, \
+2 bad usage or input, 70 a bug of flywheel (the message says where its traceback is), \
+130 interrupted (finished work is kept)."""
+TORCH_HAS_NO_MEMORY = "can't allocate memory"  # a RuntimeError
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a command ends that could not do what it was asked for.
+
+    Attributes:
+      code: of the exit.
+      message: for people.
+    """
+
+    code: int
+    message: str
+
+
+class Commands(TyperGroup):
+    """Turns every error of a command into a message and an exit code."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the command line."""
+        if any("\0" in argument for argument in args):
+            raise typer.BadParameter("An argument holds a character of zero (NUL).")
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was asked for."""
+        debug = bool(ctx.params.get("debug"))
+        try:
+            with _quiet(debug), _interruptible():
+                return super().invoke(ctx)
+        except (typer.Exit, typer.Abort, TyperException):
+            raise
+        except SystemExit as error:
+            if error.code != signal.SIGTERM:  # Ray makes this of SIGTERM while it starts
+                raise
+            _say("interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+        except (Exception, KeyboardInterrupt) as error:
+            if isinstance(error, BrokenPipeError) and _nobody_reads():
+                raise typer.Exit(NOBODY_READS) from None
+            if debug:
+                typer.echo(_trace(error), err=True)
+            ending = ending_of(error)
+            _say(ending.message)
+            raise typer.Exit(ending.code) from None
+
+
+def ending_of(error: BaseException) -> Ending:
+    """The message about an error, and the exit code that tells a script what kind it was."""
+    from flywheel.errors import FlywheelError
+    from flywheel.faults import fault_of, told
+    from flywheel.runtime.pool.jobs import JobFailed
+
+    if isinstance(error, KeyboardInterrupt):
+        return Ending(INTERRUPTED, "interrupted")
+    cause = error.__cause__ or error if isinstance(error, JobFailed) else error
+    if isinstance(cause, FlywheelError) and not isinstance(cause, JobFailed):
+        return Ending(exit_code(cause), str(cause))
+    if isinstance(cause, OSError) and (fault := fault_of(cause)):
+        return Ending(USAGE if fault.by_input else FAILED, told(cause))
+    if isinstance(cause, MemoryError) or TORCH_HAS_NO_MEMORY in str(cause):
+        return Ending(
+            FAILED,
+            "This takes more memory than there is. What was stored before is whole. Ask for less at once "
+            "(shorter logs, fewer workers or samples), or take a larger machine.",
+        )
+    if isinstance(cause, RecursionError):
+        return Ending(USAGE, "Something in the input is nested too deeply, or holds itself.")
+    return Ending(BUG, _bug(error, cause))
+
+
+def exit_code(error: Exception) -> int:
+    """The exit code for an error that was raised on purpose."""
+    from flywheel.errors import ModelError, RunError
+    from flywheel.runtime.pool.interrupts import Interrupted
+    from flywheel.runtime.pool.jobs import WorkerDied
+
+    if isinstance(error, Interrupted):
+        return INTERRUPTED
+    return FAILED if isinstance(error, (RunError, ModelError, WorkerDied)) else USAGE
+
+
+def _bug(error: BaseException, cause: BaseException) -> str:
+    from flywheel.runtime.pool.jobs import JobFailed
+
+    what = str(cause) if isinstance(cause, JobFailed) else f"{type(cause).__name__}: {cause}"
+    words = f"This is a bug of flywheel: {what}"
+    report = _report(error)
+    if (file := _kept(report)) is None:
+        return f"{words}\n{report}"
+    return f"{words}\nWhere it happened is in {file}; please report it with that file. --debug shows it here."
+
+
+def _report(error: BaseException) -> str:
+    """All that helps to find a bug."""
+    from flywheel import __version__
+
+    about = f"flywheel {__version__}, Python {platform.python_version()}, {platform.platform()}"
+    return f"{about}\n{shlex.join(sys.argv)}\n\n{_trace(error)}"
+
+
+def _trace(error: BaseException) -> str:
+    """Where an error was raised, in a worker too."""
+    here = "".join(traceback.format_exception(error))
+    return f"{here}\n{getattr(error, 'trace', '')}".rstrip() + "\n"
+
+
+def _kept(report: str) -> Path | None:
+    """The file in the system's temporary folder that a report was written to; None if there is no room."""
+    try:
+        folder = Path(tempfile.gettempdir())
+        if folder == Path.cwd() and not folder.stat().st_mode & stat.S_ISVTX:
+            return (
+                None  # what Python takes where no temporary folder can be written: the user's own
+            )
+        handle, name = tempfile.mkstemp(prefix="flywheel-crash-", suffix=".txt", dir=folder)
+    except OSError:
+        return None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(report)
+    except OSError:
+        with contextlib.suppress(OSError):
+            Path(name).unlink()
+        return None
+    return Path(name)
+
+
+def _say(message: str) -> None:
+    from flywheel.outputs import printable
+
+    with contextlib.suppress(OSError):  # nobody is left to read it
+        typer.secho(f"flywheel: {printable(message)}", err=True, fg=typer.colors.RED)
+
+
+@contextlib.contextmanager
+def _quiet(debug: bool) -> Iterator[None]:
+    """Nothing is shown but what commands say: no warnings for programmers, no tracebacks of threads."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(
+            stream, io.TextIOWrapper
+        ):  # a name may hold what the terminal's encoding lacks
+            stream.reconfigure(errors="backslashreplace")
+    before = threading.excepthook
+    if not debug:
+        threading.excepthook = _thread_ended
+        if not sys.warnoptions:
+            warnings.filterwarnings("ignore", append=True)
+    try:
+        yield
+    finally:
+        threading.excepthook = before
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """SIGTERM, and the end of the terminal, are what Ctrl-C is, unless someone has seen to them."""
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        signals = (signal.SIGTERM, signal.SIGHUP)
+        before = {each: signal.getsignal(each) for each in signals}
+        before = {each: was for each, was in before.items() if was is signal.SIG_DFL}
+    for each in before:
+        signal.signal(each, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for each, was in before.items():
+            signal.signal(each, was)
+
+
+def _thread_ended(failed: threading.ExceptHookArgs) -> None:
+    """The end of a thread does not end the command; it is said."""
+    if isinstance(failed.exc_value, Exception):
+        _say(ending_of(failed.exc_value).message)
+
+
+def _nobody_reads() -> bool:
+    """Whether the reader of the output is gone; if so, what is still to be flushed goes nowhere."""
+    gone = [stream for stream in (sys.stdout, sys.stderr) if _broken(stream)]
+    for stream in gone:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+    return bool(gone)
+
+
+def _broken(stream: Any) -> bool:
+    try:
+        asked = select.poll()
+        asked.register(stream.fileno(), select.POLLERR)
+        return any(event & select.POLLERR for _, event in asked.poll(0))
+    except (AttributeError, OSError, ValueError):  # closed, or no file
+        return False

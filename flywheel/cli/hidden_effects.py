@@ -1,0 +1,46 @@
+"""Plants with effects that nobody is told of: stand-ins for real robots, to rehearse with."""
+
+from __future__ import annotations
+
+from flywheel.cli.options import number
+from flywheel.cli.plants import adopted_file
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.effects import EFFECTS, AdoptedPlant, WrittenTerm
+from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds
+from flywheel.registry import lookup
+from flywheel.robots import Robot
+from flywheel.runtime.workers.episode_plan import Effects
+
+TIMES = Bounds(-1000, 1000)
+SIZE = ":"  # between an effect and how many times its typical size
+
+
+def hidden_effects(wanted: tuple[str, ...], robot: Robot) -> Effects:
+    """What a plant is to have without anybody being told.
+
+    Args:
+      wanted: effects of the library by name, "torque_speed", with their place, "weak_cable@long_03", and
+        how many times the typical size, "torque_speed:2"; or paths of adopted plants.
+      robot: of the plant.
+
+    Raises:
+      UnknownNameError: no such effect or place.
+      ConfigError: not a size, or a plant of another robot.
+    """
+    known = {candidate.name: candidate for candidate in candidates(robot, EFFECTS)}
+    found: list[WrittenTerm] = []
+    for text in wanted:
+        if (file := adopted_file(text)) is not None:
+            plant, its = AdoptedPlant.read(file)
+            if its.digest != robot.digest:
+                raise ConfigError(f"{text} was adopted for {its.name}, not for {robot.name}.")
+            found += plant.effects
+            continue
+        name, colon, size = text.partition(SIZE)
+        candidate = lookup(known, name, "hidden effect")
+        what = f"{text}: how many times the typical size, as in {name}{SIZE}2,"
+        times = number(size, what, TIMES) if colon else 1.0
+        term = candidate.term(tuple(times for _ in candidate.typical))
+        found.append(WrittenTerm.of(term, robot))
+    return tuple(found)

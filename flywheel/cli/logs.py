@@ -1,0 +1,46 @@
+"""Logs that a command is given, read for it alone: nothing is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from flywheel.cli.show import Out
+from flywheel.data.recordings import read_recording
+from flywheel.outputs import printable
+from flywheel.records import Trajectory
+from flywheel.robots import Robot
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recording: a log, or a part of one that has gaps.
+
+    Attributes:
+      name: for people.
+      trajectory: on the control steps of the model.
+    """
+
+    name: str
+    trajectory: Trajectory
+
+
+def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Recorded]:
+    """Read CSV logs, and say what was found and done in each.
+
+    Raises:
+      DataError: a log cannot be used.
+    """
+    recordings = []
+    for path in paths:
+        imported = read_recording(path, robot, dt=dt)
+        for f in imported.report.findings:
+            when = f"{f.kind} {f.subject}: {f.count} {f.action} at {f.when or 'all times'} s"
+            out.say(f"{imported.report.file}: {when}. {f.words}")
+        stem = printable(path.stem)
+        several = len(imported.episodes) > 1
+        for number, episode in enumerate(imported.episodes):
+            name = f"{stem} ({number})" if several else stem
+            recordings.append(Recorded(name, episode.trajectory))
+    return recordings

@@ -1,0 +1,281 @@
+"""`flywheel recordings`: logs of real robots into a store, and episodes out of it."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from flywheel.cli.show import Out, console, table
+from flywheel.data import TrajectoryStore
+from flywheel.data.recordings import (
+    Imported,
+    ImportReport,
+    Told,
+    counted,
+    read_map,
+    read_recording,
+    store_recording,
+    stored_recordings,
+    write_recording,
+)
+from flywheel.errors import DataError, FlywheelError
+from flywheel.files import MB
+from flywheel.outputs import check_folder, printable
+from flywheel.records import Split
+from flywheel.robots import Robot, load_robot
+from flywheel.runtime.pool.progress import Bars, Progress, Quiet, Stage
+
+ROOM = 3_000_000  # coordinates that are kept until all logs are read; the others are read again
+
+
+@dataclass(frozen=True)
+class Read:
+    """A log that was read and found good.
+
+    Attributes:
+      path: of the file.
+      report: what was done to it.
+      split: of its episodes.
+      imported: the episodes, unless they would take too much memory beside those of the other logs.
+    """
+
+    path: Path
+    report: ImportReport
+    split: Split
+    imported: Imported | None
+
+
+def import_logs(
+    logs: Sequence[Path],
+    place: Path,
+    robot_name: str | None,
+    split: str | None,
+    dt: float,
+    mapping: Path | None,
+    dry_run: bool,
+    as_json: bool,
+) -> None:
+    """Read all logs, and only if all can be used, store them; print what became of each.
+
+    Raises:
+      DataError: a log cannot be used; the others are not stored either.
+    """
+    robot = _robot(place, robot_name)
+    store = None if dry_run else _store(place)
+    how = read_map(mapping) if mapping else None
+
+    def read(log: Path) -> Imported:
+        with _progress().stage(escape(printable(log.name)), 1.0) as stage:
+            return read_recording(
+                log, robot, how=how, dt=dt, split=cast("Split | None", split), told=_told(stage)
+            )
+
+    found = _read_all(logs, read, keep=not dry_run)
+    outcomes = [("not stored (dry run)", "") for _ in found]
+    if store is not None:
+        outcomes = [_stored(store, one, read) for one in found]
+    if as_json:
+        shown = [_as_json(one, *outcome) for one, outcome in zip(found, outcomes, strict=True)]
+        typer.echo(json.dumps(shown, indent=1))
+        return
+    out = console()
+    for one, (state, _) in zip(found, outcomes, strict=True):
+        _show(out, one, state)
+    segments = [segment for _, segment in outcomes if segment]
+    if segments:
+        _show_setting(out, segments)
+
+
+def show_stored(place: Path, as_json: bool) -> None:
+    """Print the recordings in a store."""
+    from flywheel.cli.data import open_store
+
+    store = open_store(place)
+    rows = []
+    for segment, summaries in stored_recordings(store).items():
+        for summary, episode in zip(summaries, store.read_segment(segment), strict=True):
+            valid = episode.trajectory.observations.valid
+            rows.append(
+                {
+                    "episode": summary.id,
+                    "segment": segment,
+                    "split": summary.split,
+                    "seconds": summary.seconds,
+                    "dt": summary.dt,
+                    "robot": summary.robot,
+                    "points_seen": float(valid.mean()),
+                    "conditions": episode.provenance.conditions,
+                }
+            )
+    if as_json:
+        typer.echo(json.dumps(rows, indent=1))
+        return
+    out = console()
+    if not rows:
+        out.say(f"There is no recording in {store.url}.")
+        return
+    columns = [
+        "episode",
+        "split",
+        "duration [s]",
+        "dt [s]",
+        "points there [%]",
+        "robot",
+        "conditions",
+    ]
+    cells = [
+        (
+            row["episode"],
+            row["split"],
+            row["seconds"],
+            row["dt"],
+            100 * cast("float", row["points_seen"]),
+            str(row["robot"])[:12],
+            row["conditions"],
+        )
+        for row in rows
+    ]
+    out.print(table(f"Recordings in {store.url}", columns, cells))
+    _show_setting(out, list(dict.fromkeys(str(row["segment"]) for row in rows)))
+
+
+def export_episode(place: Path, episode: str, output: Path, robot_name: str | None) -> None:
+    """Write an episode as CSV, and say what a CSV has no place for."""
+    from flywheel.cli.data import open_store
+
+    robot = _robot(place, robot_name)
+    found = open_store(place).read(episode)
+    left = write_recording(found, output, robot)
+    out = console()
+    steps = found.trajectory.steps
+    out.say(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.")
+    if left:
+        out.say(f"A log has no place for: {', '.join(left)}; the CSV does not have it.")
+
+
+def _robot(place: Path, name: str | None) -> Robot:
+    """The robot that was named, else that of the run."""
+    if name is not None:
+        return load_robot(name)
+    if not _is_run(place):
+        raise DataError(
+            f"{place} is not a run's folder: say with --robot whose episodes these are."
+        )
+    from flywheel.runtime.run.folder import RunFolder
+
+    folder = RunFolder(place)
+    return folder.robot(folder.config())
+
+
+def _store(place: Path) -> TrajectoryStore:
+    """The store of a run, or the one at a path; a new one where there is nothing."""
+    check_folder(place, "store")
+    if _is_run(place):
+        from flywheel.cli.data import open_store
+
+        return open_store(place)
+    return TrajectoryStore(str(place))
+
+
+def _is_run(place: Path) -> bool:
+    """Whether it is a run's folder, asked without its classes, which load the network's engine."""
+    return (place / "config.yaml").exists()
+
+
+def _progress() -> Progress:
+    """Bars on a terminal; nothing in logs and pipes."""
+    errors = Console(stderr=True)
+    return Bars(errors) if errors.is_terminal else Quiet()
+
+
+def _told(stage: Stage) -> Told:
+    """Shows which share of a file is read, and how fast."""
+    began = time.monotonic()
+
+    def told(read: int, total: int) -> None:
+        rate = read / MB / max(time.monotonic() - began, 1e-3)
+        stage.update(read / max(total, 1), f"{rate:.0f} MB/s" if read < total else "now checked")
+
+    return told
+
+
+def _read_all(logs: Sequence[Path], read: Callable[[Path], Imported], keep: bool) -> list[Read]:
+    """Read all logs.
+
+    Args:
+      logs: their files.
+      read: how one is read.
+      keep: the episodes, as far as there is room.
+
+    Raises:
+      DataError: with the faults of all that cannot be used; or one log is there twice.
+    """
+    found, wrong, room = [], [], ROOM
+    for path in logs:
+        try:
+            one = read(path)
+        except FlywheelError as error:
+            wrong.append(str(error))
+            continue
+        room -= sum(episode.trajectory.observations.points.size for episode in one.episodes)
+        kept = keep and (room >= 0 or len(logs) == 1)
+        found.append(Read(path, one.report, one.episodes[0].split, one if kept else None))
+    if wrong:
+        others = f"\nNothing was stored of the {len(logs)} logs." if len(logs) > 1 else ""
+        raise DataError("\n".join(wrong) + others)
+    files: dict[str, str] = {}
+    for report in (one.report for one in found):
+        other = files.setdefault(report.digest, report.file)
+        if other != report.file:
+            raise DataError(f"{other} and {report.file} are the same log; name it once.")
+    return found
+
+
+def _stored(store: TrajectoryStore, log: Read, read: Callable[[Path], Imported]) -> tuple[str, str]:
+    one = log.imported or read(log.path)
+    if one.report.digest != log.report.digest:
+        raise DataError(f"{log.report.file} changed since it was read; it was not stored.")
+    segment, new = store_recording(store, one)
+    return ("stored" if new else f"there already, as {segment}"), segment
+
+
+def _as_json(log: Read, state: str, segment: str) -> dict[str, Any]:
+    return {"state": state, "segment": segment, "split": log.split, **log.report.as_dict()}
+
+
+def _show(out: Out, log: Read, state: str) -> None:
+    report = log.report
+    out.print(
+        f"[bold]{escape(report.file)}[/bold]: {report.rows} rows, {report.seconds:.4g} s at "
+        f"{1 / report.period:.4g} Hz; {100 * report.seen:.4g} % of the points' samples can be used; "
+        f"{counted(len(report.episodes), 'episode')} for {log.split}; {state}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if not report.findings:
+        out.print("Nothing was masked, repaired or resampled.")
+        return
+    out.print(
+        table(
+            f"What was done to {report.file}",
+            ["found", "done", "marker or column", "#count", "at [s]", "how"],
+            [
+                (f.kind, f.action, f.subject or "(all)", f.count, f.when, f.words)
+                for f in report.findings
+            ],
+        )
+    )
+
+
+def _show_setting(out: Out, segments: Sequence[str]) -> None:
+    """What makes a run learn from segments."""
+    setting = f"collect.recordings=[{','.join(segments)}]"
+    out.say(f"A run on this store learns from them with '{setting}'")

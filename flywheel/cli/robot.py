@@ -1,0 +1,240 @@
+"""`flywheel robot check`: what is read off an MJCF, whether the robot settles, and how to run it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import typer
+import yaml
+
+from flywheel.cli.exits import FAILED
+from flywheel.cli.show import Out, console, table
+from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
+from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.dynamics.plant import Plant, Settling, settling
+from flywheel.errors import ConfigError, MjcfError, ModelError, RobotError, UnknownNameError
+from flywheel.evaluation.statistics import shows_turn
+from flywheel.records import Floats, State
+from flywheel.robots import COURSES, ROBOTS, Attachment, Robot, load_robot
+from flywheel.robots.mjcf_source import read_mjcf
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.run.suitability import misfits
+
+NETWORKS = {"lean": NetworkConfig.lean(), "paper": NetworkConfig.paper()}
+EDGES = ("body", "cable", "contact")
+DT = 0.01  # between commands, unless it is given: what all commands take [s]
+NEAR = 0.01  # of the robot's length: nearer counts as where the keyframe says
+CONFIG = "configs/prism3.yaml"
+
+
+def check_robot(mjcf: str, dt: float | None) -> None:
+    """Print what the MJCF says; exit with 1 if it is none of a robot that can be used.
+
+    Args:
+      mjcf: a file, or a shipped robot's name.
+      dt: time between commands [s]; what suits the robot by default.
+
+    Raises:
+      MjcfError: there is no such file, it is no MJCF, or has too much in it or numbers that are none.
+      UnknownNameError: no such robot.
+      ConfigError: `dt` is no multiple of the MJCF's timestep.
+    """
+    out = console()
+    if _is_file(mjcf):
+        read_mjcf(mjcf)  # which says why a file cannot be read
+    try:
+        robot = load_robot(mjcf)
+    except MjcfError as error:  # there is no robot in it to be checked
+        raise MjcfError(f"{mjcf}: {error}") from None
+    except RobotError as error:
+        out.say(f"{mjcf} cannot be used:", style="red")
+        out.say(str(error))
+        raise typer.Exit(FAILED) from None
+    step = _control_step(robot, dt)
+    _show_robot(out, robot)
+    _show_graph(out, robot)
+    try:
+        found = settling(Plant(robot, step))
+    except ModelError as error:
+        out.say(str(error), style="red")
+        raise typer.Exit(FAILED) from None
+    usable, words = _verdict(robot, found)
+    out.say(words, style="red" if not usable else "green" if found.still else "yellow")
+    if not usable:
+        raise typer.Exit(FAILED)
+    for remark in _remarks(robot, found, step):
+        out.say(remark, style="yellow")
+    command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, robot, step)])
+    out.say(f"Run it with: {command}", style="bold")
+
+
+def _is_file(mjcf: str) -> bool:
+    """Whether a file is meant; if not, it is a shipped robot."""
+    if mjcf in ROBOTS:
+        return False
+    if Path(mjcf).suffix != ".xml":
+        raise UnknownNameError(
+            f"{mjcf!r} is neither a file ending in .xml nor a shipped robot: {', '.join(ROBOTS)}."
+        )
+    return True
+
+
+def _control_step(robot: Robot, dt: float | None) -> float:
+    steps = robot.control_steps(DT if dt is None else dt)
+    if dt is not None and steps != (dt,):
+        raise ConfigError(
+            f"--dt {dt:g} s is no multiple of the timestep of {robot.name}, {robot.timestep:g} s; "
+            f"{' or '.join(f'{step:.12g}' for step in steps)} s is."
+        )
+    return steps[0]
+
+
+def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
+    """Whether a robot can be used, by what it does while its winches hold, and a sentence."""
+    moved = f"{found.moved:.3g} m ({100 * found.moved / robot.length:.3g} % of L) from its keyframe"
+    if found.lost:
+        return False, f"It flies away: {moved}. Does something hold it, and is there a ground?"
+    if found.still:
+        return True, f"It settles: {moved}, at {found.speed:.3g} m/s, after some seconds."
+    speeds = f"from {found.early:.3g} to {found.late:.3g} m/s"
+    if found.grows:
+        return False, (
+            f"Its motion grows, {speeds}. Is the timestep too long for the stiffness of cables and "
+            "contacts, or their damping too large for it?"
+        )
+    return True, (
+        f"It swings, with a time constant of {found.time_constant:.3g} s ({speeds} within 10 s): episodes "
+        "begin like this. More damping of cables (biasprm's third number, damping) calms it sooner."
+    )
+
+
+def _remarks(robot: Robot, found: Settling, step: float) -> Iterator[str]:
+    """What can be used, but will surprise."""
+    if found.moved > NEAR * robot.length and found.rest is not None:
+        yield (
+            f"Its keyframe is {100 * found.moved / robot.length:.3g} % of L from where it rests, so every "
+            f"reset begins with a fall. Take this one:\n{key_line(found.rest)}"
+        )
+    if robot.control_steps(DT) != (DT,):
+        yield (
+            f"Its timestep of {robot.timestep:g} s does not divide the {DT:g} s that commands take by "
+            f"default. Give them --dt {step:.12g}."
+        )
+    if not robot.free:
+        yield (
+            "It has joints: it can be run as below, and power, design and recordings work; compare and "
+            "diagnose, which restart it from what is seen, cannot use it yet."
+        )
+    if dark := [body.name for body in robot.bodies if not shows_turn(robot, body)]:
+        yield (
+            f"How a body turns is not seen where its tracked points are one or in one place "
+            f"({', '.join(dark)}): give it more, if that matters."
+        )
+
+
+def key_line(state: State) -> str:
+    """A keyframe at a state (1,), as an MJCF has it."""
+
+    def numbers(values: Floats) -> str:
+        return " ".join(f"{value + 0.0:.7g}" for value in values.round(6))
+
+    return f'<key name="settled" qpos="{numbers(state.qpos[0])}" act="{numbers(state.act[0])}"/>'
+
+
+def _overrides(mjcf: str, robot: Robot, step: float) -> Iterator[str]:
+    """`key=value` with which the shipped configurations can be run with the robot."""
+    # Quotes for what YAML would take for a list or a number.
+    plain = _is_plain(mjcf)
+    yield f"robot={mjcf if plain else json.dumps(mjcf)}"
+    config = RunConfig.model_validate({"evaluate": {"unseen": list(COURSES)}})
+    yield from (misfit.override for misfit in misfits(config, robot, step))
+
+
+def _is_plain(text: str) -> bool:
+    """Whether YAML reads a text as that very text."""
+    try:
+        return bool(yaml.safe_load(text) == text)
+    except yaml.YAMLError:
+        return False
+
+
+def _show_robot(out: Out, robot: Robot) -> None:
+    mass = sum(body.mass for body in robot.bodies)
+    ground = "a ground plane" if robot.grounded else "no ground"
+    out.say(
+        f"{robot.name}: {len(robot.bodies)} bodies of {mass:.4g} kg in all, "
+        f"{len(robot.points)} tracked points, {len(robot.cables)} cables, "
+        f"{len(robot.winches)} winches, {ground}; L = {robot.length:.4g} m, "
+        f"timestep {robot.timestep:g} s, digest {robot.digest[:12]}",
+        style="bold",
+    )
+    out.print(
+        table(
+            "Bodies",
+            ["body", "mass [kg]", "#primitives", "tracked points"],
+            [
+                (
+                    b.name,
+                    b.mass,
+                    len(b.primitives),
+                    " ".join(robot.points[p].name for p in b.points),
+                )
+                for b in robot.bodies
+            ],
+        )
+    )
+    out.print(
+        table(
+            "Cables",
+            ["cable", "from", "to", "k [N/m]", "c [N s/m]", "rest length [m]", "winch"],
+            [
+                (
+                    c.name,
+                    *(_end(robot, end) for end in c.ends),
+                    c.stiffness,
+                    c.damping,
+                    c.rest_length,
+                    robot.winches[c.winch].name if c.winch >= 0 else "(passive)",
+                )
+                for c in robot.cables
+            ],
+        )
+    )
+    out.print(
+        table(
+            "Winches",
+            ["winch", "control", "lowest", "highest", "rest length [m]", "#cables", "measured"],
+            [
+                (
+                    w.name,
+                    "rate [m/s]" if w.kind == "rate" else "position [m]",
+                    *w.control_range,
+                    f"{w.rest_range[0]:.4g} to {w.rest_range[1]:.4g}",
+                    len(w.cables),
+                    "yes" if w.measured else "no",
+                )
+                for w in robot.winches
+            ],
+        )
+    )
+
+
+def _end(robot: Robot, end: Attachment) -> str:
+    return "world" if end.body < 0 else robot.bodies[end.body].name
+
+
+def _show_graph(out: Out, robot: Robot) -> None:
+    """What the two graph networks hold of the robot."""
+    rows = []
+    for name, config in NETWORKS.items():
+        graph = RobotGraph(robot, config)
+        edges = [
+            len(graph.relations[kind].senders) if kind in graph.relations else 0 for kind in EDGES
+        ]
+        weights = sum(p.numel() for p in ChunkNetwork(robot, config).parameters())
+        rows.append((name, graph.body_count, *edges, config.width, f"{weights:,}"))
+    columns = ["network", "#nodes", *(f"#{kind} edges" for kind in EDGES), "#width", "#weights"]
+    out.print(table("Graph (contact edges: as many as there can be at once)", columns, rows))

@@ -1,0 +1,76 @@
+"""`flywheel ui`: the MLflow dashboard of a run."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from flywheel.cli.show import console
+from flywheel.errors import ConfigError, DataError, RunError
+from flywheel.faults import told
+from flywheel.runtime.pool.caretaker import GRACE, Caretaker
+from flywheel.runtime.tracking.dashboard import DATABASE, HOST, damage, ui_command
+
+
+def serve(run: Path, port: int) -> None:
+    """Serve until Ctrl-C or SIGTERM.
+
+    Raises:
+      DataError: the run has no database of MLflow's, or a damaged one.
+      ConfigError: the port cannot be used.
+      RunError: MLflow's server ended by itself.
+    """
+    database = run / DATABASE
+    if not database.exists():
+        raise DataError(
+            f"There is no {DATABASE} in {run}. Is it a run's folder? A run with tracking.uri is "
+            "tracked on that server instead."
+        )
+    if problem := damage(database):
+        raise DataError(problem)
+    check_port(port)
+    command, settings, url = ui_command(run, port)
+    console().say(f"Open {url}   (Ctrl-C ends it)")
+    # A group of its own, ended as a whole: MLflow's server has children, and does not end them.
+    server = subprocess.Popen(command, env={**os.environ, **settings}, start_new_session=True)
+    with Caretaker(group=server.pid), _ended(server):
+        code = server.wait()
+    raise RunError(f"MLflow's server ended by itself, with the exit code {code}.")
+
+
+def check_port(port: int) -> None:
+    """Make sure that a server can listen at a port of this machine.
+
+    Raises:
+      ConfigError: another program does, or only root may.
+    """
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError as error:
+            why = (
+                "only root may use ports below 1024"
+                if error.errno == errno.EACCES
+                else told(error).rstrip(".")
+            )
+            raise ConfigError(f"Nothing can be served at port {port}: {why}.") from None
+
+
+@contextmanager
+def _ended(server: subprocess.Popen[bytes]) -> Iterator[None]:
+    """The server's group ends with the block; the caretaker sees to those that do not want to."""
+    try:
+        yield
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(server.pid, signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            server.wait(GRACE)

@@ -1,0 +1,107 @@
+"""Whether a model leaves nothing but noise, and if not, when and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.selection.score_test import ScoreTest
+from flywheel.records import Floats
+
+RARE = 1e-3
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """What is left after a model has explained what it can.
+
+    Attributes:
+      noise: variance of what is left, per degree of freedom; 1 for nothing but noise.
+      doubt: its standard deviation, from not knowing the noise exactly.
+      loudest: of one window, by how many standard deviations of noise alone it is above that.
+      correlation: of what is left, from one sample to the next; 0 for white noise.
+      inconstancy: of the fitted sizes over windows: squares of their differences over what noise exceeds
+        once in a thousand times, of the worst size; above 1 for sizes that are not the same everywhere.
+      by_window: (K,) mean square residual [sigma^2].
+      by_point: (P,) the same of each tracked point.
+    """
+
+    noise: float
+    doubt: float
+    loudest: float
+    correlation: float
+    inconstancy: float
+    by_window: Floats
+    by_point: Floats
+
+
+def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) -> Adequacy:
+    """Judge what a fit leaves; every window counts in full.
+
+    Args:
+      fitter, fit: the model.
+      test: on top of it.
+      known: (K, D, n) sensitivities of its fitted values; None without any.
+    """
+    windows = fitter.windows
+    shape = windows.measured.shape
+    squares = fit.residual.reshape(shape) ** 2
+    measured = np.isfinite(windows.measured)
+    by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(measured.sum(axis=(0, 1, 3)), 1)
+    return Adequacy(
+        noise=float(test.left @ test.left) / max(test.freedom, 1.0),
+        doubt=windows.doubt,
+        loudest=loudest(test.left, measured.sum(axis=(1, 2, 3)), test.freedom),
+        correlation=sample_correlation(test.left, shape),
+        inconstancy=_inconstancy(fit, test, known),
+        by_window=fitter.mean_squares(fit),
+        by_point=by_point,
+    )
+
+
+def loudest(left: Floats, measured: np.ndarray, freedom: float) -> float:
+    """Largest excess of the squares of one window, of which (K,) samples were measured."""
+    squares = (left.reshape(len(measured), -1) ** 2).sum(axis=1)
+    free = measured * freedom / max(1, measured.sum())
+    return float(((squares - free) / np.sqrt(2.0 * np.maximum(free, 1.0))).max())
+
+
+def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
+    """Correlation from one sample to the next of a projected residual (N,) of windows (K, T, P, 3)."""
+    count, size = shape[0], int(np.prod(shape[1:]))
+    in_time = residual.reshape(count, -1)[:, :size].reshape(shape)
+    power = float((in_time**2).sum())
+    return float((in_time[:, 1:] * in_time[:, :-1]).sum() / max(power, 1e-300))
+
+
+def _inconstancy(fit: Fit, test: ScoreTest, known: Floats | None) -> float:
+    """Chow's test of each size: is it the same in every window?"""
+    if known is None:
+        return 0.0
+    start = 0
+    worst = 0.0
+    for term in fit.terms:
+        count = len(term.effect.sizes)
+        for column in range(start, start + count):
+            worst = max(worst, _chow(test, known[..., column]))
+        start += len(term.values)
+    return worst
+
+
+def _chow(test: ScoreTest, column: Floats) -> float:
+    """Of one size whose sensitivities are (K, D)."""
+    projection = test.projection
+    starts = projection.of_starts(column[..., None])[..., 0]  # (K, D + X)
+    left = test.residual.reshape(starts.shape)
+    weight, pull = (starts**2).sum(axis=1), (starts * left).sum(axis=1)
+    enough = weight > 1e-3 * weight.sum()
+    if enough.sum() < 2:
+        return 0.0
+    off = pull[enough] / weight[enough]
+    mean = (weight[enough] * off).sum() / weight[enough].sum()
+    spread = (weight[enough] * (off - mean) ** 2).sum()
+    rare = chi2.ppf(1.0 - RARE, enough.sum() - 1)
+    return float(spread / rare / max(test.noise, 1.0))

@@ -1,0 +1,203 @@
+"""What noise alone would make of a model's error: a parametric bootstrap for any dynamics model.
+
+Were the model the truth, its predictions would still be off: measurements have noise, so have the
+pasts that it starts from, and what it has to guess there it may guess wrong. What that does depends on
+the model, the robot and the motion, so it is tried. In each draw the model moves through the recorded
+commands, from a while before every window; that is taken for the truth, noise is added, and the model
+predicts it from the noisy past.
+
+An untrained model can be wrong by metres through noise in its start alone, and so pass any test of the
+size of its error. But noise in the start moves predictions in few ways only. Half of the draws tell
+which these are; the other half tell how much is left of an error where those count as little as they
+should, and the model's error on the recording is held against that. What smaller time steps of a plant
+would change is numbers, not physics, and counts as little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flywheel.diagnosis.comparison.forecast_windows import Moments
+from flywheel.diagnosis.fitting.subject import Subject
+from flywheel.dynamics.plant import RestartedPlant, refined, with_effects
+from flywheel.records import Floats, Observation, Past
+
+ROWS = 1024  # predictions in one rollout call
+BAND = (0.025, 0.5, 0.975)
+
+
+@dataclass(frozen=True)
+class Null:
+    """A model's errors, and those in its own world, in noise variances.
+
+    Attributes:
+      by_lead: (draws, steps) mean square over the windows, in its own world.
+      left: (K,) mean square of each window beyond what noise does to starts.
+      own: (draws / 2, K) the same in its own world.
+    """
+
+    by_lead: Floats
+    left: Floats
+    own: Floats
+
+    @property
+    def band(self) -> Floats:
+        """(2, steps) within which noise alone keeps the mean square at each lead time in 95 %."""
+        return np.asarray(np.quantile(self.by_lead, (BAND[0], BAND[-1]), axis=0))
+
+    @property
+    def rms(self) -> tuple[float, float, float]:
+        """Root mean square by noise alone: lower bound of 95 %, median, upper bound [sigma]."""
+        low, middle, high = np.quantile(np.sqrt(np.nanmean(self.by_lead, axis=1)), BAND)
+        return float(low), float(middle), float(high)
+
+    @property
+    def excess(self) -> float:
+        """How many times more is left of windows than noise alone leaves."""
+        return float(self._excess(self.left))
+
+    @property
+    def probability(self) -> float:
+        """Of at least as much excess by noise alone."""
+        as_much = (self._excess(self.own) >= self._excess(self.left)).sum()
+        return float((1 + as_much) / (1 + len(self.own)))
+
+    def _excess(self, left: Floats) -> Floats:
+        """Geometric mean over windows, so that one that went another way counts as one."""
+        typical = np.median(self.own, axis=0)
+        return np.asarray(np.exp(np.log(left / typical).mean(axis=-1)))
+
+
+def null_of(
+    subject: Subject, moments: Moments, points: Floats, draws: int, rng: np.random.Generator
+) -> Null:
+    """Hold a model's error against those that it makes of itself.
+
+    Args:
+      subject: the model.
+      moments: the windows.
+      points: (K, steps + 1, P, 3) that it predicted there [m].
+      draws: of the noise.
+      rng: of the noise.
+
+    Raises:
+      ModelError: it does not predict finite numbers in its own world.
+    """
+    size = max(1, ROWS // draws)
+    parts, squares, counts = [], 0.0, 0.0
+    for begin in range(0, len(moments), size):
+        some = slice(begin, begin + size)
+        here = moments[some]
+        known = np.isfinite(here.measured)
+        wrong, noise = (np.where(known, p, 0.0) for p in _drawn(subject, here, draws, rng))
+        residual, numbers = (
+            np.where(known, (p - points[some, 1:]) / here.sigma, 0.0)
+            for p in (here.measured, _finer(subject, here, points[some])[:, 1:])
+        )
+        squares = squares + ((wrong + noise) ** 2).sum(axis=(1, 3, 4))
+        counts = counts + known.sum(axis=(0, 2, 3))
+        parts.append(_left(wrong, noise, residual, numbers, known.sum(axis=(1, 2, 3))))
+    left, own = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+    by_lead = np.where(counts, squares / np.maximum(counts, 1), np.nan)
+    return Null(np.asarray(by_lead), left, own)
+
+
+def _drawn(
+    subject: Subject, moments: Moments, draws: int, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Errors of predictions in the model's own world, and the noise of the measurements there.
+
+    Both are (draws, K, steps, P, 3) [sigma].
+    """
+    model, warmup, count = subject.dynamics, moments.warmup, len(moments)
+    origin = _repeated(moments.origin(subject), draws)
+    shaken = origin.observations.points
+    shaken = shaken + rng.normal(0.0, moments.sigma, shaken.shape)
+    origin = replace(origin, observations=Observation(shaken, origin.observations.winch))
+    world = model.rollout(origin, np.tile(moments.controls(warmup), (draws, 1, 1)))
+    noise = rng.normal(size=world.points.shape)
+    measured = moments.past(subject)
+    seen = _repeated(measured, draws).observations
+    now = slice(warmup - model.history, warmup + 1)
+    points = (world.points + moments.sigma * noise)[:, now]
+    past = replace(
+        _repeated(measured, draws),
+        observations=Observation(
+            np.where(np.isfinite(seen.points), points, np.nan),
+            np.where(np.isfinite(seen.winch), world.winch[:, now], np.nan),
+        ),
+        winch=world.winch[:, now],
+    )
+    predicted = model.rollout(past, np.tile(moments.controls(), (draws, 1, 1))).points[:, 1:]
+    wrong = (world.points[:, warmup + 1 :] - predicted) / moments.sigma
+    shape = (draws, count, *wrong.shape[1:])
+    return wrong.reshape(shape), noise[:, warmup + 1 :].reshape(shape)
+
+
+def _finer(subject: Subject, moments: Moments, points: Floats) -> Floats:
+    """What a plant predicts with smaller time steps, like points (K, steps + 1, P, 3) [m].
+
+    Of other models the points themselves.
+    """
+    model = subject.dynamics
+    if not isinstance(model, RestartedPlant):
+        return points
+    finer = replace(model, plant=with_effects(refined(model.plant), model.plant.terms))
+    past = moments.past(subject)
+    return finer.rollout(past, moments.controls()).points
+
+
+def _left(
+    wrong: Floats, noise: Floats, residual: Floats, numbers: Floats, known: Floats
+) -> tuple[Floats, Floats]:
+    """Mean squares of errors with what noise does to starts weighted by its size.
+
+    With errors by starts of covariance C and noise of covariance 1, the square of an error r is
+    r' (1 + C)^-1 r; C is that of the first half of the draws, and of the numbers.
+
+    Args:
+      wrong, noise: (draws, K, ...) errors in the model's own world, and noise [sigma].
+      residual: (K, ...) of the recording [sigma]. All are 0 where nothing was measured.
+      numbers: (K, ...) what smaller time steps change [sigma].
+      known: (K,) how many numbers were.
+
+    Returns:
+      (K,) of the recording, (draws / 2, K) of the second half of the draws.
+    """
+    draws, count = wrong.shape[:2]
+    half = draws // 2
+    by_start = np.swapaxes(wrong[:half].reshape(half, count, -1), 0, 1) / np.sqrt(half)
+    ways = np.concatenate([by_start, numbers.reshape(count, 1, -1)], axis=1)
+    _, size, ways = np.linalg.svd(ways, full_matrices=False)  # (K, n), (K, n, D)
+    own = (wrong + noise)[half:].reshape(draws - half, count, -1)
+    errors = np.concatenate([own, residual.reshape(1, count, -1)])
+    along = np.einsum("knd,ekd->ekn", ways, errors, optimize=True)
+    share = size**2 / (1.0 + size**2)
+    squares = (errors**2).sum(axis=-1) - (share * along**2).sum(axis=-1)
+    mean = squares / np.maximum(known, 1)
+    return mean[-1], mean[:-1]
+
+
+def mean_by_lead(squares: Floats) -> Floats:
+    """(steps,) mean over windows, points and axes of (K, steps, P, 3); NaN where nothing is known."""
+    count = np.isfinite(squares).sum(axis=(0, 2, 3))
+    total = np.nansum(squares, axis=(0, 2, 3))
+    return np.asarray(np.where(count, total / np.maximum(count, 1), np.nan))
+
+
+def _repeated(past: Past, count: int) -> Past:
+    """The batch, so many times one after the other."""
+
+    def many(array: Floats) -> Floats:
+        return np.tile(array, (count,) + (1,) * (array.ndim - 1))
+
+    seen = past.observations
+    return replace(
+        past,
+        observations=Observation(many(seen.points), many(seen.winch)),
+        controls=many(past.controls),
+        winch=many(past.winch),
+        terrains=past.terrains if len(past.terrains) == 1 else past.terrains * count,
+    )

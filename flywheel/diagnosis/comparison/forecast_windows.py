@@ -1,0 +1,263 @@
+"""Recordings tiled by windows, each predicted from the measured past before it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from flywheel.diagnosis.fitting.noise import noise_floor
+from flywheel.diagnosis.fitting.subject import Subject
+from flywheel.dynamics.plant import Reckoning
+from flywheel.effects import Scales, Terms
+from flywheel.errors import DataError
+from flywheel.evaluation import past_at, places
+from flywheel.evaluation.pasts import stacked
+from flywheel.records import Episode, Floats, Observation, Past, Provenance, Trajectory
+from flywheel.robots import Robot
+
+FEWEST_STEPS = 5  # of a window
+WARMUP = 0.55  # that a model moves by itself before it is taken for the truth [sqrt(L / g)]
+SMOOTHED = 0.3  # length of the parabolas that smooth measured positions [sqrt(L / g)]
+
+
+@dataclass(frozen=True)
+class Moments:
+    """K windows; each begins where all points are in sight, and lasts as long as the others.
+
+    Attributes:
+      robot: whose recordings they are.
+      recordings: as episodes.
+      names: of the recordings.
+      steps: of each window.
+      warmup: steps before each window in which a model can forget how it was started.
+      lead: steps before each window that belong to its past, the warm-up among them.
+      log: (K,) index of each window's recording.
+      first: (K,) step of the recording that is its present.
+      sigma: noise of each measured coordinate [m].
+    """
+
+    robot: Robot
+    recordings: tuple[Episode, ...]
+    names: tuple[str, ...]
+    steps: int
+    warmup: int
+    lead: int
+    log: np.ndarray
+    first: np.ndarray
+    sigma: float
+    # Winch positions, once for all parts of the windows, by what they were reckoned with.
+    _reckoned: dict[tuple[object, ...], tuple[Floats, ...]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+
+    @classmethod
+    def cut(
+        cls,
+        robot: Robot,
+        recordings: Sequence[Trajectory],
+        seconds: float,
+        history: int,
+        names: Sequence[str] = (),
+    ) -> Moments:
+        """Tile recordings.
+
+        Args:
+          robot: whose recordings they are.
+          recordings: unbatched, of one control step.
+          seconds: of a window; the longest that the recordings hold where none is as long.
+          history: past steps that the models look at.
+          names: of the recordings; numbers by default.
+
+        Raises:
+          DataError: recordings that cannot be used, or are too short.
+        """
+        _check(robot, recordings)
+        dt = recordings[0].dt
+        warmup = max(history, round(WARMUP * Scales.of(robot).time / dt))
+        lead = warmup + history
+        longest = max(t.steps for t in recordings) - lead
+        steps = min(round(seconds / dt), longest)
+        if steps < FEWEST_STEPS:
+            raise DataError(
+                f"Windows need {FEWEST_STEPS} steps of {dt:g} s after a past of {lead} steps; asked for "
+                f"{seconds:g} s, and the longest recording has {longest + lead} steps in all."
+            )
+        about = Provenance(robot.digest, source="recording", dataset="recording")
+        episodes = tuple(
+            Episode(f"recording-{i}", t, about, "test") for i, t in enumerate(recordings)
+        )
+        found = [(i, f) for i, e in enumerate(episodes) for f in _tiled(e, steps, lead)]
+        if not found:
+            raise DataError(
+                f"No recording has {steps * dt:g} s from where all points are in sight; see that markers "
+                "are not lost, or ask for a shorter horizon."
+            )
+        return cls(
+            robot=robot,
+            recordings=episodes,
+            names=tuple(names) or tuple(f"recording {i}" for i in range(len(episodes))),
+            steps=steps,
+            warmup=warmup,
+            lead=lead,
+            log=np.array([i for i, _ in found]),
+            first=np.array([f for _, f in found]),
+            sigma=noise_floor([t.observations.points for t in recordings]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    def __getitem__(self, some: slice) -> Moments:
+        """Some of the windows."""
+        return replace(self, log=self.log[some], first=self.first[some])
+
+    @property
+    def dt(self) -> float:
+        """Control step [s]."""
+        return self.recordings[0].trajectory.dt
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Names of the recordings without a window."""
+        used = set(self.log)
+        return tuple(name for i, name in enumerate(self.names) if i not in used)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What each window is called."""
+        begin = self.dt * self.first
+        end = begin + self.dt * self.steps
+        return tuple(
+            f"{self.names[i]}, {b:.2f} to {e:.2f} s"
+            for i, b, e in zip(self.log, begin, end, strict=True)
+        )
+
+    @cached_property
+    def measured(self) -> Floats:
+        """(K, steps, P, 3) what is to be predicted; NaN where missing [m]."""
+        return self.ahead([e.trajectory.observations.points for e in self.recordings])
+
+    @cached_property
+    def winch(self) -> tuple[Floats, ...]:
+        """Of each recording, (T + 1, W) positions of nominal winches: measured, or dead-reckoned [m]."""
+        return self._winches(())
+
+    @cached_property
+    def smooth(self) -> tuple[tuple[Floats, Floats], ...]:
+        """Of each recording, (T + 1, P, 3) places [m] and speeds [m/s], without noise or gaps."""
+        seconds = SMOOTHED * Scales.of(self.robot).time
+        points = [e.trajectory.observations.points for e in self.recordings]
+        return tuple(smoothed(each, self.dt, seconds) for each in points)
+
+    def controls(self, before: int = 0) -> Floats:
+        """(K, before + steps, W) commands from so many steps before the windows to their ends."""
+        return self._ahead([e.trajectory.controls for e in self.recordings], -before, 0)
+
+    def before(self, series: Sequence[Floats]) -> Floats:
+        """(K, steps, ...) of (T + 1, ...) for each recording, where each control begins to act."""
+        return self._ahead(series, 0, 0)
+
+    def ahead(self, series: Sequence[Floats]) -> Floats:
+        """The same one step later, where points are to be predicted."""
+        return self._ahead(series, 1, 1)
+
+    def past(self, subject: Subject) -> Past:
+        """(K,) measured pasts, as a model wants them."""
+        return self._pasts(subject, self.recordings, self.first)
+
+    def origin(self, subject: Subject) -> Past:
+        """(K,) pasts before the windows and their warm-up, of smoothed measurements."""
+        return self._pasts(subject, self._smooth_episodes, self.first - self.warmup)
+
+    def _pasts(self, subject: Subject, episodes: Sequence[Episode], first: np.ndarray) -> Past:
+        history, winch = subject.dynamics.history, self._winches(subject.terms)
+        return stacked(
+            [
+                past_at(episodes[i], self.robot, step, history, winch[i], subject.dataset)
+                for i, step in zip(self.log, first, strict=True)
+            ]
+        )
+
+    def _winches(self, terms: Terms) -> tuple[Floats, ...]:
+        """Of each recording, (T + 1, W) winch positions by what is known of the plant [m]."""
+        key = tuple((term.effect.name, term.place, term.values) for term in terms)
+        if key not in self._reckoned:
+            reckoning = Reckoning(self.robot, self.dt, terms)
+            known = (reckoning.known(episode.trajectory) for episode in self.recordings)
+            self._reckoned[key] = tuple(known)
+        return self._reckoned[key]
+
+    @cached_property
+    def _smooth_episodes(self) -> tuple[Episode, ...]:
+        made = []
+        for episode, (points, _) in zip(self.recordings, self.smooth, strict=True):
+            t = episode.trajectory
+            seen = Observation(points, t.observations.winch)
+            made.append(
+                Episode(episode.id, Trajectory(seen, t.controls, t.dt), episode.provenance, "test")
+            )
+        return tuple(made)
+
+    def _ahead(self, series: Sequence[Floats], begin: int, end: int) -> Floats:
+        return np.stack(
+            [
+                series[i][first + begin : first + self.steps + end]
+                for i, first in zip(self.log, self.first, strict=True)
+            ]
+        )
+
+
+def smoothed(points: Floats, dt: float, seconds: float) -> tuple[Floats, Floats]:
+    """Places [m] and speeds [m/s] by parabolas through the samples around each; gaps are bridged.
+
+    Args:
+      points: (T + 1, P, 3); NaN where missing [m].
+      dt: between them [s].
+      seconds: length of the parabolas [s].
+
+    Raises:
+      DataError: a point was never seen.
+    """
+    known = np.asarray(np.isfinite(points).all(axis=-1))
+    if not known.any(axis=0).all():
+        raise DataError(f"Tracked point {int(np.argmin(known.any(axis=0)))} was never seen.")
+    filled, time = points.copy(), np.arange(len(points))
+    for point, axis in np.ndindex(points.shape[1:]):
+        there = known[:, point]
+        filled[:, point, axis] = np.interp(time, time[there], points[there, point, axis])
+    size = min(2 * round(seconds / dt / 2) + 1, len(points) - 1 + len(points) % 2)  # odd
+    degree = min(2, size - 1)
+    return (
+        savgol_filter(filled, size, degree, axis=0),
+        savgol_filter(filled, size, degree, deriv=1, delta=dt, axis=0),
+    )
+
+
+def _tiled(episode: Episode, steps: int, lead: int) -> list[int]:
+    """Where windows of so many steps begin, one as soon as the one before has ended."""
+    if episode.trajectory.steps < lead + steps:
+        return []
+    found, free = [], lead
+    for place in places(episode, steps, lead):
+        if place >= free:
+            found.append(int(place))
+            free = place + steps
+    return found
+
+
+def _check(robot: Robot, recordings: Sequence[Trajectory]) -> None:
+    if not recordings:
+        raise DataError("There is no recording to compare with.")
+    if len(rates := sorted({round(t.dt, 9) for t in recordings})) > 1:
+        raise DataError(f"Recordings need one control step, got {rates} s.")
+    wanted = (len(robot.points), len(robot.winches))
+    for number, t in enumerate(recordings):
+        got = (t.observations.points.shape[-2], t.controls.shape[-1])
+        if got != wanted:
+            raise DataError(
+                f"Recording {number} has (points, winches) = {got}; robot {robot.name} has {wanted}."
+            )

@@ -1,0 +1,285 @@
+"""The experiment that tells given rivals apart best: many scripts are tried on the plant, the best varied.
+
+T-optimal design: Hunter and Reiner 1965, Atkinson and Fedorov 1975.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from flywheel.diagnosis.experiments.command_scripts import FAMILIES, PLAIN, Reach, varied
+from flywheel.diagnosis.experiments.information import SETTLING, Foresight, foresee, played
+from flywheel.diagnosis.experiments.power import ENOUGH
+from flywheel.diagnosis.selection.candidates import Candidate
+from flywheel.diagnosis.selection.rivals import Rival
+from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant.tautness import taut_share
+from flywheel.errors import DataError
+from flywheel.records import Floats, State
+
+ELITE = 6  # scripts that are varied
+WIDTHS = (0.3, 0.2, 0.12, 0.08)  # of the variations, round by round, as shares of the reach
+SLACKEST = 0.5  # share of cables and time that must be taut, of what is taut while lying still
+SHORTEST = 5  # control steps of a script
+
+Told = Callable[[int, float], None]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two rivals in an experiment.
+
+    Attributes:
+      first, second: the candidates that are hardest to tell apart.
+      likeness: |cosine| of what they change.
+      separation: what of the one the other cannot explain [sigma].
+      plain_likeness, plain: the same under plain random scripts, in the median.
+    """
+
+    first: Candidate
+    second: Candidate
+    likeness: float
+    separation: float
+    plain_likeness: float
+    plain: float
+
+
+@dataclass(frozen=True)
+class Design:
+    """A command script that tells rivals apart.
+
+    Attributes:
+      controls: (T, W) commands.
+      path: (T, W) winch positions that they lead to, step by step [m].
+      dt: control step [s].
+      family: of the script that it began as.
+      separation: of the rivals that it tells apart least [sigma].
+      plain: the same of plain random scripts, in the median.
+      pairs: of rivals.
+      history: best separation after the first scripts, and after each round.
+      tried: scripts in all.
+      unsafe: of them, those that were left out: diverging, or too slack.
+      sigma: noise [m].
+      size: of the rivals, in typical sizes.
+    """
+
+    controls: Floats
+    path: Floats
+    dt: float
+    family: str
+    separation: float
+    plain: float
+    pairs: tuple[Pair, ...]
+    history: tuple[float, ...]
+    tried: int
+    unsafe: int
+    sigma: float
+    size: float
+
+    @property
+    def enough(self) -> bool:
+        """It tells all rivals apart."""
+        return self.separation >= ENOUGH
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {
+            "separation": self.separation,
+            "plain": self.plain,
+            "enough": ENOUGH,
+            "family": self.family,
+            "pairs": [
+                {
+                    "rivals": [pair.first.label, pair.second.label],
+                    "likeness": pair.likeness,
+                    "separation": pair.separation,
+                    "plain_likeness": pair.plain_likeness,
+                    "plain_separation": pair.plain,
+                }
+                for pair in self.pairs
+            ],
+            "history": list(self.history),
+            "tried": self.tried,
+            "unsafe": self.unsafe,
+            "noise": {"value": self.sigma, "unit": "m"},
+            "size": self.size,
+        }
+
+
+@dataclass(frozen=True)
+class Tried:
+    """Scripts that were looked at, all of them safe.
+
+    Attributes:
+      path: (S, T, W) of the winches [m].
+      family: (S,) of each.
+      foresight: of each.
+      separation: (S,) of the rivals that are told apart least [sigma].
+      unsafe: further ones that were not.
+    """
+
+    path: Floats
+    family: tuple[str, ...]
+    foresight: Foresight
+    separation: Floats
+    unsafe: int
+
+    def __add__(self, other: Tried) -> Tried:
+        return Tried(
+            np.concatenate([self.path, other.path]),
+            self.family + other.family,
+            self.foresight + other.foresight,
+            np.concatenate([self.separation, other.separation]),
+            self.unsafe + other.unsafe,
+        )
+
+    @property
+    def count(self) -> int:
+        """Scripts in all."""
+        return len(self.path) + self.unsafe
+
+    @property
+    def best(self) -> float:
+        """Largest separation."""
+        return float(self.separation.max())
+
+
+class Designer:
+    """Looks for scripts that tell rivals apart.
+
+    Args:
+      plant: as it is known, with the effects that it has.
+      rivals: two or more.
+      sigma: noise of each coordinate [m].
+      size: of the rivals, in typical sizes.
+      start: (1,) where the experiment begins; None for the settled keyframe.
+
+    Raises:
+      DataError: fewer than two rivals, or one of them twice.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        rivals: Sequence[Rival],
+        sigma: float,
+        size: float = 1.0,
+        start: State | None = None,
+    ) -> None:
+        labels = [c.label for rival in rivals for c in rival.candidates]
+        if len(rivals) < 2 or len(set(labels)) < len(labels):
+            names = ", ".join(rival.name for rival in rivals)
+            raise DataError(f"A design needs two or more different rivals, got {names or 'none'}.")
+        self.plant, self.sigma, self.size = plant, sigma, size
+        self.start = plant.settle(SETTLING) if start is None else start
+        self.reach = Reach.around(plant.robot, plant.winch(self.start)[0], plant.dt)
+        self.library = tuple(c for rival in rivals for c in rival.candidates)
+        owner = [number for number, rival in enumerate(rivals) for _ in rival.candidates]
+        self.pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        for (i, a), (j, b) in combinations(enumerate(owner), 2):
+            if a != b:
+                self.pairs.setdefault((a, b), []).append((i, j))
+        self._least_taut = SLACKEST * float(taut_share(plant, self.start[:, None])[0])
+
+    def design(
+        self,
+        seconds: float = 3.0,
+        count: int = 64,
+        seed: int = 0,
+        told: Told = lambda tried, best: None,
+    ) -> Design:
+        """The best of many scripts, and of variations of the best of them.
+
+        Args:
+          seconds: length of the script [s].
+          count: scripts that are drawn; later as many again are variations.
+          seed: of all that is random.
+          told: called after the first scripts and after each round, with how many were tried and
+            the best separation so far [sigma].
+
+        Raises:
+          DataError: nothing to try, or no plain script is safe.
+        """
+        rng, steps = np.random.default_rng(seed), round(seconds / self.plant.dt)
+        if count < 1 or steps < SHORTEST:
+            raise DataError(
+                f"A design needs 1 script or more of {SHORTEST} steps or more, got {count} of {steps}."
+            )
+        names = [list(FAMILIES)[i % len(FAMILIES)] for i in range(count)]
+        drawn = self._tried([FAMILIES[name](self.reach, steps, rng) for name in names], names)
+        if PLAIN not in drawn.family:
+            raise DataError(
+                f"None of the plain ones among {count} scripts is safe for {self.plant.robot.name}; "
+                "more scripts may help."
+            )
+        tried, history = drawn, [drawn.best]
+        told(tried.count, tried.best)
+        for width in WIDTHS:
+            tried += self._varied(tried, width, max(1, count // len(WIDTHS)), rng)
+            history.append(tried.best)
+            told(tried.count, tried.best)
+        return self._design(drawn, tried, tuple(history))
+
+    def separation(self, foresight: Foresight, pairs: Sequence[tuple[int, int]]) -> Floats:
+        """(S,) least separation over pairs of candidates, either way round [sigma]."""
+        ways = [foresight.separation(*way) for i, j in pairs for way in ((i, j), (j, i))]
+        return self.size * np.asarray(np.min(ways, axis=0))
+
+    def _tried(self, wishes: Sequence[Floats], families: Sequence[str]) -> Tried:
+        path = self.reach.path(np.stack(wishes))
+        scripts = self.reach.commands(path)
+        motion = played(self.plant, scripts, self.start)
+        safe = motion.finite & (taut_share(self.plant, motion.states) >= self._least_taut)
+        kept = np.flatnonzero(safe)
+        foresight = foresee(self.plant, scripts[kept], motion[kept], self.library, self.sigma)
+        everyone = [pair for pairs in self.pairs.values() for pair in pairs]
+        return Tried(
+            path[kept],
+            tuple(families[i] for i in kept.tolist()),
+            foresight,
+            self.separation(foresight, everyone),
+            len(path) - len(kept),
+        )
+
+    def _varied(self, tried: Tried, width: float, count: int, rng: np.random.Generator) -> Tried:
+        elite = np.argsort(-tried.separation)[:ELITE]
+        parents = rng.choice(elite, (count, 2))
+        wishes = [varied(self.reach, tried.path[a], tried.path[b], width, rng) for a, b in parents]
+        return self._tried(wishes, [tried.family[a] for a, _ in parents])
+
+    def _design(self, drawn: Tried, tried: Tried, history: tuple[float, ...]) -> Design:
+        best = int(tried.separation.argmax())
+        plain = np.flatnonzero(np.array(drawn.family) == PLAIN)
+        return Design(
+            controls=self.reach.commands(tried.path[best]),
+            path=tried.path[best],
+            dt=self.plant.dt,
+            family=tried.family[best],
+            separation=float(tried.separation[best]),
+            plain=float(np.median(drawn.separation[plain])),
+            pairs=tuple(
+                self._pair(members, tried.foresight[[best]], drawn.foresight[plain])
+                for members in self.pairs.values()
+            ),
+            history=history,
+            tried=tried.count,
+            unsafe=tried.unsafe,
+            sigma=self.sigma,
+            size=self.size,
+        )
+
+    def _pair(self, members: Sequence[tuple[int, int]], best: Foresight, plain: Foresight) -> Pair:
+        i, j = min(members, key=lambda pair: self.separation(best, [pair])[0])
+        return Pair(
+            first=self.library[i],
+            second=self.library[j],
+            likeness=float(best.cosines(i, j)[0, 0]),
+            separation=float(self.separation(best, [(i, j)])[0]),
+            plain_likeness=float(np.median(plain.cosines(i, j)[:, 0])),
+            plain=float(np.median(self.separation(plain, members))),
+        )

@@ -1,0 +1,212 @@
+"""What experiments that nobody has made yet would say of each candidate, and which they would confuse.
+
+An experiment is a start, commands, and the noise of the measurements. The plant says what would be
+measured; what a diagnosis would do with it follows, without any data, from the same projected
+sensitivities as the score test (`score`): how large an effect must be to be seen, and how much of
+it another one could explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.simulation import Predictor
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import Candidate
+from flywheel.diagnosis.selection.score_test import (
+    CRITICAL,
+    DEAD,
+    Projection,
+    slices_of,
+    smallest_shown,
+)
+from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
+from flywheel.effects import Scales
+from flywheel.errors import DataError, ModelError
+from flywheel.records import Floats, Observation, State, Trajectory
+
+SETTLING = 1.0  # that the robot lies still before an experiment begins [s]
+AT_ONCE = 24  # windows whose sensitivities are in memory together
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """What each of S experiments would say.
+
+    Attributes:
+      candidates: that were looked at.
+      gram: (S, n, n) products of the projected sensitivities of every size of every shape of every
+        candidate, each at its typical size, in `ScoreTest` order [sigma^2].
+      slices: candidate -> shape -> its columns.
+      usual: candidate -> its shape of typical values.
+    """
+
+    candidates: tuple[Candidate, ...]
+    gram: Floats
+    slices: tuple[tuple[slice, ...], ...]
+    usual: tuple[int, ...]
+
+    def __getitem__(self, rows: Sequence[int] | np.ndarray) -> Foresight:
+        """Some of the experiments."""
+        return Foresight(self.candidates, self.gram[rows], self.slices, self.usual)
+
+    def __add__(self, other: Foresight) -> Foresight:
+        """The experiments of both, of the same candidates."""
+        gram = np.concatenate([self.gram, other.gram])
+        return Foresight(self.candidates, gram, self.slices, self.usual)
+
+    def smallest(self, index: int) -> Floats:
+        """(S,) size of a candidate that would just be seen, in typical sizes; infinite for none."""
+        own = self.slices[index][self.usual[index]]
+        return np.array([smallest_shown(gram) for gram in self.gram[:, own, own]])
+
+    def strength(self, index: int) -> Floats:
+        """(S,) what a candidate at its typical size would change that nothing known explains [sigma].
+
+        Of several sizes, the combination that shows least, and per size, as scores are.
+        """
+        own = self.slices[index][self.usual[index]]
+        return _weakest(self.gram[:, own, own]) / np.sqrt(own.stop - own.start)
+
+    def shown(self, index: int) -> np.ndarray:
+        """(S,) whether an experiment shows anything of a candidate that nothing known explains."""
+        own = self.slices[index][self.usual[index]]
+        return np.asarray(np.trace(self.gram[:, own, own], axis1=1, axis2=2) > DEAD**2)
+
+    def separation(self, index: int, rival: int) -> Floats:
+        """(S,) what of a candidate at its typical size no size and shape of a rival explains [sigma].
+
+        Negative sizes of the rival count, too, so that it is never overstated.
+        """
+        own = self.slices[index][self.usual[index]]
+        left = []
+        for other in self.slices[rival]:
+            cross = self.gram[:, own, other]
+            inverse = np.linalg.pinv(self.gram[:, other, other], rcond=1e-10, hermitian=True)
+            explained = cross @ inverse @ cross.swapaxes(1, 2)
+            left.append(_weakest(self.gram[:, own, own] - explained))
+        return np.asarray(np.min(left, axis=0))
+
+    def cosines(self, first: int, second: int) -> Floats:
+        """(S, m) |cosines| of what two candidates change, the largest first.
+
+        One of each common direction, of as many as the candidate of fewer sizes has; 0 where one of
+        them changes nothing.
+        """
+        a, b = (self.slices[i][self.usual[i]] for i in (first, second))
+        roots = [_inverse_root(self.gram[:, own, own]) for own in (a, b)]
+        values = np.linalg.svd(roots[0] @ self.gram[:, a, b] @ roots[1], compute_uv=False)
+        return np.minimum(values, 1.0)
+
+
+def played(plant: Plant, scripts: Floats, start: State | None = None) -> Motion:
+    """What a plant does under command scripts.
+
+    Args:
+      plant: with the effects that it has.
+      scripts: (S, T, W) commands.
+      start: (1,) state at which they begin; None for the keyframe after a second of holding still.
+    """
+    augmented, count = AugmentedPlant(plant), len(scripts)
+    state = plant.settle(SETTLING) if start is None else start
+    first = State(*(np.repeat(a, count, axis=0) for a in (state.qpos, state.qvel, state.act)))
+    terms = [plant.terms] * count
+    return augmented.simulate(first, augmented.commands(scripts, terms), terms)
+
+
+def foresee(
+    plant: Plant,
+    scripts: Floats,
+    motion: Motion,
+    library: Sequence[Candidate],
+    sigma: float,
+    seconds: float | None = None,
+) -> Foresight:
+    """Look at experiments before they are made.
+
+    Args:
+      plant: as it is known, with the effects that it has.
+      scripts: (S, T, W) commands.
+      motion: of the plant under them, see `played`.
+      library: candidates.
+      sigma: noise of each coordinate [m].
+      seconds: length of the windows [s]; None for what suits the robot.
+
+    Raises:
+      DataError: nothing to look at, no noise, or scripts too short for a window.
+      ModelError: the plant diverged.
+    """
+    if not library:
+        raise DataError("There is no effect to look for.")
+    if not sigma > 0:
+        raise DataError(f"The noise must be a positive length, got {sigma!r} m.")
+    if not motion.finite.all():
+        which = int(np.argmin(motion.finite))
+        raise ModelError(f"The simulation of {plant.robot.name} diverges under script {which}.")
+    tracks = [_track(plant, script, motion, row) for row, script in enumerate(scripts)]
+    slices, row = slices_of(library), 0
+    columns = slices[-1][-1].stop
+    parts = [np.empty((0, columns, columns))]
+    while row < len(tracks):
+        each = len(Windows.cut(plant.robot, tracks[row : row + 1], seconds, sigma))
+        stop = row + max(1, AT_ONCE // each)
+        windows = Windows.cut(plant.robot, tracks[row:stop], seconds, sigma)
+        parts.append(_grams(plant, windows, motion.states[row:stop], library))
+        row = stop
+    scales = Scales.of(plant.robot)
+    usual = tuple(_usual(candidate, scales) for candidate in library)
+    return Foresight(tuple(library), np.concatenate(parts), slices, usual)
+
+
+def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory:
+    """What would be measured without noise. Winch positions only say where the winches begin."""
+    seen = Observation(motion.points[row], plant.winch(motion.states[row]))
+    return Trajectory(seen, script, plant.dt)
+
+
+def _grams(plant: Plant, windows: Windows, states: State, library: Sequence[Candidate]) -> Floats:
+    """(S, n, n) of the candidates; every script by itself, as if it were the only recording."""
+    starts = states[windows.log, windows.first]
+    fitter = StartFitter(Predictor(windows, plant), starts)
+    fit = fitter.beginning(plant.terms)
+    terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
+    shared = [fitter.step_error(fit), Selection(fitter, library, CRITICAL).known(fit)]
+    nuisances = np.concatenate([part for part in shared if part is not None], axis=2)
+    nuisances = _each_log_its_own(nuisances, windows)
+    projection = Projection.of(fitter, fitter.linear(fit), nuisances, np.ones(len(windows)))
+    left = projection(fitter.columns(fit, terms)).reshape(len(windows), -1, len(terms))
+    grams = np.zeros((len(windows.logs), len(terms), len(terms)))
+    np.add.at(grams, windows.log, left.swapaxes(1, 2) @ left)
+    return grams
+
+
+def _each_log_its_own(columns: Floats, windows: Windows) -> Floats:
+    """(K, D, n * logs) of columns (K, D, n): zero in the windows of other logs."""
+    own = windows.log[:, None] == np.arange(len(windows.logs))
+    apart = columns[:, :, None, :] * own[:, None, :, None]
+    return apart.reshape(*columns.shape[:2], -1)
+
+
+def _usual(candidate: Candidate, scales: Scales) -> int:
+    """The shape nearest to the typical values."""
+    typical = np.array([shape.typical(scales) for shape in candidate.effect.shapes])
+    off = [np.abs(np.log(np.array(shape) / typical)).sum() for shape in candidate.shapes]
+    return int(np.argmin(off))
+
+
+def _weakest(grams: Floats) -> Floats:
+    """(S,) root of the least eigenvalue of (S, d, d)."""
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(grams)[:, 0], 0.0))
+
+
+def _inverse_root(grams: Floats) -> Floats:
+    """(S, d, d) inverse square roots; 0 where there is nothing."""
+    values, vectors = np.linalg.eigh(grams)
+    live = values > np.maximum(DEAD**2, 1e-10 * values[:, -1:])
+    roots = np.where(live, 1.0 / np.sqrt(np.where(live, values, 1.0)), 0.0)
+    return (vectors * roots[:, None, :]) @ vectors.swapaxes(1, 2)

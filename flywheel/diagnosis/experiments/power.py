@@ -1,0 +1,172 @@
+"""What an experiment could show, before it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flywheel.diagnosis.experiments.information import Foresight, foresee, played
+from flywheel.diagnosis.selection.candidates import Candidate, candidates
+from flywheel.diagnosis.selection.score_test import CRITICAL
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import EFFECTS, Effect
+from flywheel.records import Floats, State
+
+ENOUGH = float(np.sqrt(CRITICAL))  # sigmas from which an effect is seen, or two are told apart
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """What an experiment would say of one candidate.
+
+    Attributes:
+      candidate: which.
+      smallest: size that would be seen in 95 of 100 recordings, in typical sizes; infinite if nothing
+        changes.
+      strength: what it changes at the size asked about, after what is known was taken out [sigma].
+      rival: that would explain most of it; None if there is no other.
+      likeness: |cosine| of what the two change.
+      separation: what the rival, at whatever size, leaves of it [sigma].
+      taken_for: candidates that leave too little of it to be told from it; of one that would be seen.
+    """
+
+    candidate: Candidate
+    smallest: float
+    strength: float
+    rival: Candidate | None
+    likeness: float
+    separation: float
+    taken_for: tuple[Candidate, ...]
+
+    @property
+    def visible(self) -> bool:
+        """A size that the effect can have would be seen."""
+        return self.smallest <= self.candidate.effect.sizes[0].high
+
+    @property
+    def shown(self) -> bool:
+        """The size asked about would be seen, more often than not."""
+        return self.strength >= ENOUGH
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        parameters = zip(self.candidate.effect.sizes, self.candidate.typical, strict=True)
+        finite = np.isfinite(self.smallest)
+        return {
+            "effect": self.candidate.effect.name,
+            "location": self.candidate.location,
+            "visible": self.visible,
+            "smallest": self.smallest if finite else None,
+            "sizes": {
+                p.name: {"value": self.smallest * typical if finite else None, "unit": p.unit}
+                for p, typical in parameters
+            },
+            "strength": self.strength,
+            "rival": None if self.rival is None else self.rival.label,
+            "likeness": self.likeness,
+            "separation": None if self.rival is None else self.separation,
+            "taken_for": [candidate.label for candidate in self.taken_for],
+        }
+
+
+@dataclass(frozen=True)
+class Power:
+    """What an experiment would say of a library.
+
+    Attributes:
+      prospects: of every candidate, the most visible first.
+      likeness: (n, n) |cosine| of what they change, in that order.
+      size: that was asked about, in typical sizes.
+      sigma: noise of each coordinate [m].
+      dt: control step [s].
+      controls: (T, W) of the experiment.
+    """
+
+    prospects: tuple[Prospect, ...]
+    likeness: Floats
+    size: float
+    sigma: float
+    dt: float
+    controls: Floats
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {
+            "noise": {"value": self.sigma, "unit": "m"},
+            "seconds": len(self.controls) * self.dt,
+            "size": self.size,
+            "enough": ENOUGH,
+            "effects": [prospect.summary() for prospect in self.prospects],
+            "likeness": self.likeness.tolist(),
+        }
+
+
+def power(
+    plant: Plant,
+    controls: Floats,
+    sigma: float,
+    library: Mapping[str, Effect] = EFFECTS,
+    size: float = 1.0,
+    start: State | None = None,
+    seconds: float | None = None,
+) -> Power:
+    """Say what commands would show.
+
+    Args:
+      plant: as it is known, with the effects that it has.
+      controls: (T, W) commands.
+      sigma: noise of each coordinate [m].
+      library: effects that may be missing.
+      size: at which they are to be told apart, in typical sizes.
+      start: (1,) where the experiment begins; None for the settled keyframe.
+      seconds: length of the windows [s]; None for what suits the robot.
+
+    Raises:
+      DataError: too few commands for a window, no effect, or no noise.
+      ModelError: the plant diverges under the commands.
+    """
+    scripts, known = controls[None], candidates(plant.robot, library)
+    foresight = foresee(plant, scripts, played(plant, scripts, start), known, sigma, seconds)
+    apart, likeness = _pairs(foresight)
+    prospects = [_prospect(foresight, i, size, apart[i], likeness[i]) for i in range(len(known))]
+    order = np.argsort([prospect.smallest for prospect in prospects], kind="stable")
+    return Power(
+        prospects=tuple(prospects[i] for i in order),
+        likeness=likeness[np.ix_(order, order)],
+        size=size,
+        sigma=sigma,
+        dt=plant.dt,
+        controls=controls,
+    )
+
+
+def _pairs(foresight: Foresight) -> tuple[Floats, Floats]:
+    """(n, n) separation of each from each at typical size, and largest |cosine|, of one experiment."""
+    count = len(foresight.candidates)
+    apart, likeness = np.full((count, count), np.inf), np.ones((count, count))
+    for i in range(count):
+        for j in range(count):
+            if i != j:
+                apart[i, j] = foresight.separation(i, j)[0]
+                likeness[i, j] = foresight.cosines(i, j)[0, 0]
+    return apart, likeness
+
+
+def _prospect(
+    foresight: Foresight, index: int, size: float, apart: Floats, likeness: Floats
+) -> Prospect:
+    rival, alone = int(apart.argmin()), len(apart) == 1
+    strength = size * float(foresight.strength(index)[0])
+    close = np.flatnonzero((size * apart < ENOUGH) & (strength >= ENOUGH))
+    return Prospect(
+        candidate=foresight.candidates[index],
+        smallest=float(foresight.smallest(index)[0]),
+        strength=strength,
+        rival=None if alone else foresight.candidates[rival],
+        likeness=0.0 if alone else float(likeness[rival]),
+        separation=size * float(apart[rival]),
+        taken_for=tuple(foresight.candidates[i] for i in close),
+    )

@@ -1,0 +1,303 @@
+"""What a plant with effects predicts for every window, from given starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.initial_states import nominal_winch
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant, hasty, moved, refined, turning
+from flywheel.effects import Scales, TensionEffect, Terms, WinchEffect
+from flywheel.records import Floats, State
+
+Memories = dict[str, Floats]
+HASTY = 0  # in the place of a fineness: `hasty` steps of the plant's own length
+
+
+@dataclass(frozen=True)
+class Starts:
+    """The unknowns that belong to the windows and recordings, not to the robot.
+
+    Attributes:
+      mechanics: (K,) states at the windows' starts; their activations do not count.
+      winch: (logs, W) how far the winches were from where they were thought to be, when each
+        recording began [m].
+    """
+
+    mechanics: State
+    winch: Floats
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What windows take over from the ones before, under one set of terms.
+
+    Attributes:
+      winch: (K, W) winch positions at the windows' starts [m].
+      memory: effect name -> (K, C).
+    """
+
+    winch: Floats
+    memory: Memories
+
+
+class Predictor:
+    """Predicts windows with one plant, each in time steps of its own.
+
+    Args:
+      windows: to be predicted.
+      plant: without effects.
+      busy: called before every simulation.
+
+    Attributes:
+      fineness: (K,) how many times shorter than the plant's MuJoCo's steps are in each window; see `finer`
+        and `HASTY`.
+    """
+
+    def __init__(
+        self, windows: Windows, plant: Plant, busy: Callable[[], None] = lambda: None
+    ) -> None:
+        self.windows, self.plant, self._busy = windows, plant, busy
+        self.fineness = np.ones(len(windows), int)
+        self.augmented = AugmentedPlant(plant)
+        self._engines = {1: self.augmented}  # by fineness, in common with all finer ones
+        self.nominal = nominal_winch(windows)[:, 0]
+        scales = Scales.of(windows.robot)
+        angles = turning(plant)
+        # one unit of each entry of a change of start: positions, then velocities
+        length, time = scales.length, scales.time
+        self.unit = np.concatenate(
+            [np.where(angles, 1.0, length), np.where(angles, 1.0, length) / time]
+        )
+        self.length = length
+
+    def finer(self, where: np.ndarray | bool = True) -> Predictor:
+        """The same with steps of half the length in windows `where` (K,), by default in all."""
+        finer = copy(self)
+        finer.fineness = np.where(where, 2 * self.fineness, self.fineness)
+        return finer
+
+    def roughly(self, where: np.ndarray | bool = True) -> Predictor:
+        """The same with `hasty` steps of the plant's own length in windows `where` (K,)."""
+        rough = copy(self)
+        rough.fineness = np.where(where, HASTY, self.fineness)
+        return rough
+
+    @property
+    def tangent(self) -> int:
+        """Length of a change of one window's start."""
+        return len(self.unit)
+
+    def told(self, terms: Sequence[Terms]) -> list[Floats]:
+        """Per log, what the winches are told (n, T, W) under each of n sets of terms."""
+        return [
+            self.augmented.commands(np.repeat(log.controls[None], len(terms), axis=0), terms)
+            for log in self.windows.logs
+        ]
+
+    def chained(self, starts: Starts, terms: Sequence[Terms]) -> tuple[Floats, list[Carried]]:
+        """Predict all windows of a log, under each of n sets of terms.
+
+        Winch positions and what cables remember go on from window to window.
+
+        Returns:
+          (n, K, steps + 1, P, 3) points [m], NaN where the simulation diverged; and what each window
+          began with.
+        """
+        ways = (self._beside_each_other, self._one_after_the_other)
+        apart = np.array([self.apart(each) for each in terms])
+        points = np.empty((len(terms), *self.windows.measured.shape))
+        carried: dict[int, Carried] = {}
+        for predict, members in zip(ways, (apart, ~apart), strict=True):
+            if members.any():
+                rows = np.flatnonzero(members)
+                points[rows], began = predict(starts, [terms[int(i)] for i in rows])
+                carried |= dict(zip(rows.tolist(), began, strict=True))
+        return points, [carried[i] for i in range(len(terms))]
+
+    def apart(self, terms: Terms) -> bool:
+        """Whether what a window begins with is known without simulating those before."""
+        return bool(self.windows.robot.rate_driven.all()) and not any(
+            isinstance(term.effect, WinchEffect)
+            or (isinstance(term.effect, TensionEffect) and term.effect.remembers)
+            for term in terms
+        )
+
+    def _beside_each_other(
+        self, starts: Starts, terms: Sequence[Terms]
+    ) -> tuple[Floats, list[Carried]]:
+        """See `chained`: all windows at once, as steps of large batches cost less."""
+        self._busy()
+        windows, count, told = self.windows, len(terms), self.told(terms)
+        winch = self._winches(starts.winch, told)
+        at = list(zip(windows.log, windows.first, strict=True))
+        commands = np.stack([told[log][:, f : f + windows.steps] for log, f in at], axis=1)
+        rows = (count * len(windows), -1)
+        state = self.with_winch(_tiled(starts.mechanics, count), winch.reshape(rows))
+        each = [t for t in terms for _ in range(len(windows))]
+        members = np.tile(np.arange(len(windows)), count)
+        motion = self._simulated(
+            members, state, commands.reshape(rows[0], *commands.shape[2:]), each
+        )
+        seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+        points = seen.reshape(count, *windows.measured.shape)
+        return points, [Carried(winch[i], {}) for i in range(count)]
+
+    def began(self, winch: Floats, terms: Terms) -> Carried:
+        """What windows begin with under terms that leave them `apart`, with offsets (logs, W) [m]."""
+        return Carried(self._winches(winch, self.told([terms]))[0], {})
+
+    def _winches(self, offsets: Floats, told: Sequence[Floats]) -> Floats:
+        """(n, K, W) where windows begin, of what each log is told (n, T, W), with offsets (logs, W)."""
+        windows = self.windows
+        begins = self.nominal[windows.first == 0] + offsets
+        wound = [self._wound(*each) for each in zip(begins, told, strict=True)]
+        at = zip(windows.log, windows.first, strict=True)
+        return np.stack([wound[log][:, first] for log, first in at], axis=1)
+
+    def _wound(self, start: Floats, told: Floats) -> Floats:
+        """(n, T + 1, W) positions of rate-driven winches that begin at (W,) and are told (n, T, W)."""
+        plant, robot = self.plant, self.windows.robot
+        speed = plant.winch_speed
+        now = np.repeat(np.clip(start, robot.rest_low, robot.rest_high)[None], len(told), axis=0)
+        positions = [now]
+        for step in range(told.shape[1]):
+            now = robot.wound(now, told[:, step] * speed, plant.dt)
+            positions.append(now)
+        return np.stack(positions, axis=1)
+
+    def _one_after_the_other(
+        self, starts: Starts, terms: Sequence[Terms]
+    ) -> tuple[Floats, list[Carried]]:
+        """See `chained`."""
+        windows, count = self.windows, len(terms)
+        told = self.told(terms)
+        points = np.empty((count, *windows.measured.shape))
+        winch = np.empty((count, len(windows), len(windows.robot.winches)))
+        memory: Memories = {}
+        kept: list[tuple[np.ndarray, Memories]] = []
+        held = np.repeat((self.nominal[windows.first == 0] + starts.winch)[None], count, axis=0)
+        for members in windows.ranks:
+            self._busy()
+            logs = windows.log[members]
+            state = _tiled(starts.mechanics[members], count)
+            now = held[:, logs]
+            winch[:, members] = now
+            state = self.with_winch(state, now.reshape(-1, now.shape[-1]))
+            each = [t for t in terms for _ in members]
+            pieces = [
+                told[log][:, windows.first[k] : windows.first[k] + windows.steps]
+                for log, k in zip(logs, members, strict=True)
+            ]
+            commands = np.stack(pieces, axis=1).reshape(-1, *pieces[0].shape[1:])
+            carried = _of_logs(memory, count, logs)
+            motion = self._simulated(np.tile(members, count), state, commands, each, carried)
+            kept.append((members, _started_with(carried, motion.memory)))
+            seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+            points[:, members] = seen.reshape(count, len(members), *seen.shape[1:])
+            last = self.plant.winch(motion.states[:, -1]).reshape(count, len(members), -1)
+            held[:, logs] = last
+            memory = _to_logs(motion.memory, count, logs, len(windows.logs))
+        return points, [self._carried(winch[i], kept, i, count) for i in range(count)]
+
+    def parallel(
+        self,
+        starts: State,
+        carried: Carried,
+        terms: Terms,
+        members: np.ndarray,
+        winch: Floats | None = None,
+    ) -> Floats:
+        """Predict windows by themselves, each from a start of its own.
+
+        Args:
+          starts: (n,) states; activations do not count.
+          carried: under these terms.
+          terms: of all simulations.
+          members: (n,) which window each belongs to.
+          winch: (n, W) winch positions at the starts [m]; None for those carried over.
+
+        Returns:
+          (n, steps + 1, P, 3) points [m]; NaN where the simulation diverged.
+        """
+        self._busy()
+        windows = self.windows
+        told = self.told([terms])
+        places = zip(windows.log[members], windows.first[members], strict=True)
+        commands = np.stack([told[i][0, f : f + windows.steps] for i, f in places])
+        memory = {name: values[members] for name, values in carried.memory.items()}
+        state = self.with_winch(starts, carried.winch[members] if winch is None else winch)
+        motion = self._simulated(members, state, commands, [terms] * len(members), memory)
+        return np.where(motion.finite[:, None, None, None], motion.points, np.nan)
+
+    def _simulated(
+        self,
+        members: np.ndarray,
+        state: State,
+        told: Floats,
+        terms: Sequence[Terms],
+        memory: Memories | None = None,
+    ) -> Motion:
+        """Of windows `members` (n,), each in steps as short as it needs; see `AugmentedPlant.simulate`."""
+        fineness = self.fineness[members]
+        pieces, order = [], []
+        for times in np.unique(fineness).tolist():
+            if times not in self._engines:
+                plant = hasty(self.plant) if times == HASTY else refined(self.plant, times)
+                self._engines[times] = AugmentedPlant(plant)
+            rows = np.flatnonzero(fineness == times)
+            part = {name: held[rows] for name, held in (memory or {}).items()}
+            here = [terms[int(row)] for row in rows]
+            pieces.append(self._engines[times].simulate(state[rows], told[rows], here, part))
+            order.append(rows)
+        return Motion.joined(pieces, order)
+
+    def with_winch(self, state: State, winch: Floats) -> State:
+        """The states with winches at (n, W) [m], within their ranges."""
+        robot = self.windows.robot
+        within = np.clip(winch, robot.rest_low, robot.rest_high)
+        return State(state.qpos, state.qvel, self.plant.activation(within))
+
+    def moved(self, state: State, change: Floats) -> State:
+        """States (n,) changed by (n, tangent), in units of `unit`."""
+        position, velocity = np.split(change * self.unit, 2, axis=1)
+        return moved(self.plant, state, position, velocity)
+
+    def _carried(
+        self, winch: Floats, kept: list[tuple[np.ndarray, Memories]], index: int, count: int
+    ) -> Carried:
+        memory: Memories = {}
+        for members, part in kept:
+            for name, values in part.items():
+                rows = values.reshape(count, len(members), -1)[index]
+                whole = memory.setdefault(name, np.zeros((len(self.windows), rows.shape[-1])))
+                whole[members] = rows
+        return Carried(winch, memory)
+
+
+def _tiled(state: State, count: int) -> State:
+    return State(*(np.tile(a, (count, 1)) for a in (state.qpos, state.qvel, state.act)))
+
+
+def _of_logs(memory: Memories, count: int, logs: np.ndarray) -> Memories:
+    """Of (count, all logs, C), what these logs remember, as rows."""
+    return {name: v[:, logs].reshape(count * len(logs), -1) for name, v in memory.items()}
+
+
+def _to_logs(memory: Memories, count: int, logs: np.ndarray, total: int) -> Memories:
+    """The inverse: rows as (count, all logs, C)."""
+    spread: Memories = {}
+    for name, values in memory.items():
+        rows = values.reshape(count, len(logs), -1)
+        spread[name] = np.zeros((count, total, rows.shape[-1]))
+        spread[name][:, logs] = rows
+    return spread
+
+
+def _started_with(before: Memories, after: Memories) -> Memories:
+    """What simulations began with; nothing where the law was not there yet."""
+    return {name: before.get(name, np.zeros_like(values)) for name, values in after.items()}

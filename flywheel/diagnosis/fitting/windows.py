@@ -1,0 +1,157 @@
+"""Recordings cut into windows, each with a start of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.noise import noise_doubt, noise_floor
+from flywheel.effects import Scales
+from flywheel.errors import DataError
+from flywheel.records import Floats, Trajectory
+from flywheel.robots import Robot
+
+WINDOW = 1.8  # length of a window [sqrt(L / g)]
+REMNANT = 0.5  # of that, below which a recording gives no window if others do
+FEWEST_SAMPLES = 0.3  # share of its samples that a window needs
+
+
+@dataclass(frozen=True)
+class Log:
+    """What one recording says, on the model's time grid.
+
+    Attributes:
+      points: (T + 1, P, 3) measured points [m]; NaN where missing.
+      controls: (T, W) commands.
+      winch: (T + 1, W) measured winch positions [m]; NaN where not measured.
+    """
+
+    points: Floats
+    controls: Floats
+    winch: Floats
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> Log:
+        """From an unbatched trajectory."""
+        seen = trajectory.observations
+        return cls(seen.points, trajectory.controls, seen.winch)
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Equally long windows that tile each log, row by row.
+
+    Attributes:
+      robot: whose logs they are.
+      logs: the recordings.
+      dt: control step [s].
+      steps: of each window.
+      log: (K,) index of each window's log.
+      first: (K,) the step of the log at which each begins.
+      measured: (K, steps + 1, P, 3) [m].
+      sigma: noise of each coordinate [m].
+      doubt: standard deviation of one over its square, relative to that; 0 where it was given.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    dt: float
+    steps: int
+    log: np.ndarray
+    first: np.ndarray
+    measured: Floats
+    sigma: float
+    doubt: float = 0.0
+
+    @classmethod
+    def cut(
+        cls,
+        robot: Robot,
+        trajectories: Sequence[Trajectory],
+        seconds: float | None = None,
+        sigma: float | None = None,
+    ) -> Windows:
+        """Cut trajectories into windows of about `seconds`.
+
+        Args:
+          robot: whose trajectories they are.
+          trajectories: unbatched, of one control step.
+          seconds: of a window; None for what suits the robot's size.
+          sigma: noise of a coordinate [m]; None to estimate it.
+
+        Raises:
+          DataError: nothing to cut, different control steps, or too few measurements.
+        """
+        if not trajectories:
+            raise DataError("There is no recording to look at.")
+        steps_of = {round(t.dt, 9) for t in trajectories}
+        if len(steps_of) > 1:
+            raise DataError(f"Recordings need one control step, got {sorted(steps_of)} s.")
+        dt = trajectories[0].dt
+        wanted = seconds or WINDOW * Scales.of(robot).time
+        logs = tuple(Log.of(t) for t in trajectories)
+        lengths = [len(log.controls) for log in logs]
+        # What is left behind a gap may be too short for a window, and does not shorten all others.
+        shortest = min([n for n in lengths if n * dt >= REMNANT * wanted] or lengths)
+        steps = shortest // max(1, round(shortest * dt / wanted))
+        if steps < 2:
+            raise DataError(f"A recording of {shortest} steps is too short for a window.")
+        places = [
+            (index, first)
+            for index, log in enumerate(logs)
+            for first in range(0, len(log.controls) - steps + 1, steps)
+        ]
+        measured = np.stack([logs[i].points[f : f + steps + 1] for i, f in places])
+        known = np.isfinite(measured).all(axis=-1).mean(axis=(1, 2))
+        if (known < FEWEST_SAMPLES).all():
+            raise DataError(
+                f"No window has {FEWEST_SAMPLES:.0%} of its points measured; the fullest has "
+                f"{known.max():.0%}."
+            )
+        return cls(
+            robot=robot,
+            logs=logs,
+            dt=dt,
+            steps=steps,
+            log=np.array([i for i, _ in places]),
+            first=np.array([f for _, f in places]),
+            measured=measured,
+            sigma=noise_floor([log.points for log in logs]) if sigma is None else sigma,
+            doubt=noise_doubt([log.points for log in logs]) if sigma is None else 0.0,
+        )
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    @property
+    def ranks(self) -> list[np.ndarray]:
+        """Windows that are the first of their logs, those that are the second, and so on."""
+        number = self.first // self.steps
+        return [np.flatnonzero(number == rank) for rank in range(number.max() + 1)]
+
+    def mean_square(self, off: Floats) -> Floats:
+        """(K, ...) of what each window is off (K, D, ...), per measured coordinate."""
+        measured = np.isfinite(self.measured).sum(axis=(1, 2, 3))
+        whole: Floats = (off**2).sum(axis=1)
+        return (whole.T / np.maximum(measured, 1)).T
+
+    def residual(self, points: Floats) -> Floats:
+        """(K, D) measured minus predicted (K, steps + 1, P, 3), in sigmas; 0 where missing."""
+        return self.residual_of(np.arange(len(self)), points)
+
+    def residual_of(self, members: np.ndarray, points: Floats) -> Floats:
+        """The same of windows `members` (n,): (n, D) of (n, steps + 1, P, 3)."""
+        off = (self.measured[members] - points) / self.sigma
+        return np.nan_to_num(off, nan=0.0).reshape(len(members), -1)
+
+    def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
+        """(n, D, m) in sigmas, of windows `members` (n,) that differ by (n, m, steps + 1, P, 3) in a step.
+
+        0 where nothing was measured, or predicted.
+        """
+        seen = np.isfinite(self.measured[members])[:, None]
+        slope = np.where(seen, difference / (step * self.sigma), 0.0)
+        flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
+        return flat.swapaxes(1, 2)

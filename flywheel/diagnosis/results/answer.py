@@ -1,0 +1,166 @@
+"""An answer of a diagnosis as it is read again, from `Diagnosis.summary()` or from a file."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, StrictFloat
+
+from flywheel.diagnosis.results.verdict import Verdict
+from flywheel.effects import WrittenTerm
+from flywheel.effects.written import MOST_PARAMETERS
+from flywheel.effects.written import Value as EffectValue
+from flywheel.errors import DataError
+from flywheel.quantities import Name
+from flywheel.validation import validated
+
+CLEAR = (Verdict.EFFECT, Verdict.PARTIAL)
+EVIDENCE = ("verdict", "error", "held_out", "residual", "recordings", "held_out_recordings")
+MOST_ANSWERS = 1000  # also of the effects of one
+MOST_NAMED = 20  # alternatives, in a message
+LARGEST_EVIDENCE = 200_000  # characters, as JSON: a plant's file must stay one that is read
+
+
+class _Part(BaseModel):
+    """Of an answer; what other versions add to it is left out."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Fitted(_Part):
+    """A value of an effect, with its 95 % interval.
+
+    Attributes:
+      value, low, high: in the unit.
+      in_plant: the value that fits the plant's own time steps; None for the same.
+    """
+
+    value: EffectValue
+    low: StrictFloat
+    high: StrictFloat
+    unit: Name
+    in_plant: EffectValue | None = None
+
+
+class FoundEffect(_Part):
+    """An effect with its values; `Found.summary()`."""
+
+    effect: Name
+    location: Name = ""
+    parameters: dict[Name, Fitted] = Field(max_length=MOST_PARAMETERS)
+
+    def written(self) -> WrittenTerm:
+        """As a plant has it."""
+        values = {
+            name: each.value if each.in_plant is None else each.in_plant
+            for name, each in self.parameters.items()
+        }
+        return WrittenTerm(effect=self.effect, location=self.location, parameters=values)
+
+    def intervals(self) -> dict[str, Any]:
+        """As evidence."""
+        values = {name: [each.low, each.high, each.unit] for name, each in self.parameters.items()}
+        return {"effect": self.effect, "location": self.location, **values}
+
+
+Together = Annotated[tuple[FoundEffect, ...], Field(max_length=MOST_ANSWERS)]
+
+
+class HeldOut(_Part):
+    """Root mean squares on held-out recordings, before and after [m]. May be NaN."""
+
+    baseline: StrictFloat
+    augmented: StrictFloat
+
+
+class AboutRobot(_Part):
+    """What was diagnosed."""
+
+    name: Name = ""
+    digest: Name = ""
+
+
+class Answer(_Part):
+    """What is read of `Diagnosis.summary()`, or of the JSON of `flywheel diagnose`.
+
+    Attributes:
+      verdict: in a word.
+      answer_set: alternatives, each of effects that act together.
+      calibration: what the plant was not sure of.
+      held_out: what was kept to judge the answer by; None for nothing.
+      robot: that was diagnosed.
+    """
+
+    verdict: Name = "(none)"
+    answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
+    calibration: Together = ()
+    held_out: HeldOut | None = None
+    robot: AboutRobot = AboutRobot()
+
+    @classmethod
+    def of(cls, summary: Mapping[str, Any]) -> Self:
+        """Read it.
+
+        Raises:
+          DataError: something in it has another type than it must have.
+        """
+        return validated(cls, dict(summary), "The answer cannot be used", DataError)
+
+    def chosen(self, number: int | None) -> tuple[FoundEffect, ...]:
+        """The effects of an alternative, from 1, or of the first of a clear verdict.
+
+        Raises:
+          DataError: there is none, or it is not clear which.
+        """
+        alternatives = [each for each in self.answer_set if each]
+        if not alternatives and self.verdict == Verdict.NOISE_ONLY and self.calibration:
+            return ()
+        if not alternatives:
+            raise DataError(f"The verdict is {self.verdict}: there is no effect to adopt.")
+        if number is None and self.verdict not in set(CLEAR):
+            named = "; ".join(
+                f"{number}: {' with '.join(each.effect for each in alternative)}"
+                for number, alternative in enumerate(alternatives[:MOST_NAMED], 1)
+            )
+            raise DataError(
+                f"The verdict is {self.verdict}: say which answer to adopt. There are {named}."
+            )
+        number = 1 if number is None else number
+        if not 1 <= number <= len(alternatives):
+            raise DataError(f"There are answers 1 to {len(alternatives)}, got {number}.")
+        return alternatives[number - 1]
+
+    def check_held_out(self) -> None:
+        """Refuse effects that held-out recordings speak against.
+
+        Raises:
+          DataError: they do.
+        """
+        if self.held_out is None:
+            return
+        before, after = self.held_out.baseline, self.held_out.augmented
+        if not (math.isfinite(after) and after < before):
+            raise DataError(
+                f"On the held-out recordings the error is {1000 * after:.3g} mm with these effects and "
+                f"{1000 * before:.3g} mm without: they do not carry over. Name the answer to adopt it "
+                "none the less."
+            )
+
+
+def evidence_of(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """What is kept of an answer beside its effects: for people, and as it is.
+
+    Raises:
+      DataError: it is too large.
+    """
+    kept = {key: summary[key] for key in EVIDENCE if summary.get(key) is not None}
+    size = len(json.dumps(kept, default=str))
+    if size > LARGEST_EVIDENCE:
+        raise DataError(
+            f"The answer's evidence ({', '.join(EVIDENCE)}) has {size:,} characters as JSON; at most "
+            f"{LARGEST_EVIDENCE:,} are kept with a plant."
+        )
+    return kept

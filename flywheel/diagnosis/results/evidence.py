@@ -1,0 +1,133 @@
+"""What people look at: predictions beside measurements, and who is easily taken for whom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.selection.candidates import Candidate
+from flywheel.diagnosis.selection.score_test import ScoreTest
+from flywheel.diagnosis.selection.step import Step
+from flywheel.records import Floats
+
+RIVALS = 8  # candidates in the table of who is like whom
+LAGS = 20  # of the autocorrelation
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model of the ladder from the plant as it was to the last one.
+
+    Attributes:
+      label: what it has more than the one before.
+      error: root mean square on the recordings [m].
+    """
+
+    label: str
+    error: float
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Predictions beside measurements; K windows, T steps, P points.
+
+    Attributes:
+      points, cables: names of the tracked points, and of the cables.
+      log, first: (K,) recording and step at which each window begins.
+      dt: [s].
+      sigma: noise [m].
+      measured, before, after: (K, T + 1, P, 3) [m].
+      ladder: of models.
+      rivals: the best candidates.
+      likeness: (n, n) |cosine| between them, of what they change and nothing else explains.
+      lags_before, lags_after: autocorrelation of the residuals at lags 1 to LAGS.
+      band: within which it lies for white noise, at 95 %.
+    """
+
+    points: tuple[str, ...]
+    cables: tuple[str, ...]
+    log: np.ndarray
+    first: np.ndarray
+    dt: float
+    sigma: float
+    measured: Floats
+    before: Floats
+    after: Floats
+    ladder: tuple[Rung, ...]
+    rivals: tuple[Candidate, ...]
+    likeness: Floats
+    lags_before: Floats
+    lags_after: Floats
+    band: float
+
+    @classmethod
+    def of(cls, fitter: Fitter, steps: Sequence[Step]) -> Evidence:
+        """Of the steps of a selection."""
+        windows = fitter.windows
+        first, last = steps[0].fit, steps[-1].fit
+        rivals, likeness = _likeness(steps[0])
+        return cls(
+            points=tuple(point.name for point in windows.robot.points),
+            cables=tuple(cable.name for cable in windows.robot.cables),
+            log=windows.log,
+            first=windows.first,
+            dt=windows.dt,
+            sigma=windows.sigma,
+            measured=windows.measured,
+            before=first.points,
+            after=last.points,
+            ladder=tuple(
+                Rung(_label(windows, steps, i), fitter.rms(step.fit))
+                for i, step in enumerate(steps)
+            ),
+            rivals=rivals,
+            likeness=likeness,
+            lags_before=_autocorrelation(windows, first),
+            lags_after=_autocorrelation(windows, last),
+            band=float(1.96 / np.sqrt(np.isfinite(windows.measured).sum())),
+        )
+
+    def squares(self, points: Floats) -> Floats:
+        """(K, P) mean square of measured minus these points, in noise variances."""
+        with np.errstate(invalid="ignore"):
+            off = ((self.measured - points) / self.sigma) ** 2
+        return np.nanmean(np.where(np.isfinite(off), off, np.nan), axis=(1, 3))
+
+
+def _label(windows: Windows, steps: Sequence[Step], index: int) -> str:
+    if index == 0:
+        return "as it was"
+    known = {(t.effect.name, t.place) for t in steps[index - 1].fit.terms}
+    added = [t for t in steps[index].fit.terms if (t.effect.name, t.place) not in known]
+    return "+ " + ", ".join(t.label(windows.robot) for t in added)
+
+
+def _likeness(step: Step) -> tuple[tuple[Candidate, ...], Floats]:
+    """The best candidates, and the |cosine| of the directions that they would explain."""
+    test: ScoreTest = step.test
+    place = {id(c): i for i, c in enumerate(test.candidates)}
+    chosen, directions = [], []
+    for score in step.scores[:RIVALS]:
+        columns = test.columns[:, test.slices[place[id(score.candidate)]][score.shape]]
+        weights = np.array(score.sizes) if any(score.sizes) else np.ones(columns.shape[1])
+        direction = columns @ weights
+        norm = np.linalg.norm(direction)
+        if norm > 0:
+            chosen.append(score.candidate)
+            directions.append(direction / norm)
+    if not directions:
+        return (), np.zeros((0, 0))
+    stacked = np.stack(directions)
+    return tuple(chosen), np.abs(stacked @ stacked.T)
+
+
+def _autocorrelation(windows: Windows, fit: Fit) -> Floats:
+    """(LAGS,) of the residuals along time, over all windows and coordinates together."""
+    left = fit.residual.reshape(len(windows), windows.steps + 1, -1)
+    power = (left**2).sum()
+    lags = range(1, min(LAGS, windows.steps) + 1)
+    return np.array([(left[:, lag:] * left[:, :-lag]).sum() / power for lag in lags])

@@ -1,0 +1,149 @@
+"""What to record next, given what the recordings at hand have said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from flywheel.diagnosis.equivalence import SAME
+from flywheel.diagnosis.results.evidence import Evidence
+from flywheel.diagnosis.results.verdict import Alternative, Verdict
+from flywheel.diagnosis.selection.candidates import Candidate
+from flywheel.diagnosis.selection.probes import PROBES
+from flywheel.diagnosis.selection.score_test import Score
+
+SHOWN = 3  # effects whose best experiment is named
+AGAIN = (
+    "Record the same commands once more from the same start: what comes back at the same moment belongs "
+    "to the robot, what does not came from outside or happened once."
+)
+REST = "Begin with the robot lying still for a second, so that the state it starts from is known."
+LONGER = (
+    "Every effect of the library would have shown at its typical size; smaller ones need longer "
+    "recordings."
+)
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What is to be recorded next.
+
+    Attributes:
+      aim: what the experiment is for.
+      about: the effects whose best experiments (`Effect.shown_by`) it is to resemble.
+      rivals: between which it has to decide; none if there is nothing to decide.
+    """
+
+    aim: str
+    about: tuple[Candidate, ...] = ()
+    rivals: tuple[Candidate, ...] = ()
+
+    @property
+    def shown_by(self) -> dict[str, str]:
+        """Name of each effect it is about, and the experiment that shows it best."""
+        return {each.effect.name: each.effect.shown_by for each in self.about}
+
+    @property
+    def command(self) -> str:
+        """What writes its commands, without the robot; "" where there is nothing to decide."""
+        names = " ".join(each.name for each in self.rivals)
+        return f"flywheel design {names}" if names else ""
+
+    def summary(self) -> dict[str, Any]:
+        """As in JSON."""
+        return {"aim": self.aim, "shown_by": self.shown_by, "command": self.command}
+
+
+def next_experiment(
+    verdict: Verdict,
+    answers: Sequence[Alternative],
+    ranking: Sequence[Score],
+    evidence: Evidence,
+    other_law: str = "",
+) -> NextExperiment:
+    """The experiment that the verdict asks for.
+
+    Args:
+      verdict, answers: what was found.
+      ranking: of all candidates on top of the model as it was.
+      evidence: who is easily taken for whom.
+      other_law: of `probes`, whose form an answer has that leaves nothing else; "" for none.
+    """
+    if verdict is Verdict.NOT_CONVERGED:
+        return NextExperiment(REST)
+    if verdict in (Verdict.PARTIAL, Verdict.OUTSIDE_LIBRARY):
+        return _form(other_law) if other_law else NextExperiment(AGAIN)
+    if verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT):
+        return _unseen(ranking)
+    named = [_candidates(answer, ranking) for answer in answers]
+    return _confirming(named[0], evidence) if len(named) == 1 else _deciding(named, evidence)
+
+
+def _form(law: str) -> NextExperiment:
+    """Learn the form of what was found."""
+    return NextExperiment(
+        f"To learn its form, what shows {law} best: {PROBES[law].shown_by}. An effect of that form can be "
+        "added to the library (docs/effects.md)."
+    )
+
+
+def _deciding(answers: Sequence[Sequence[Candidate]], evidence: Evidence) -> NextExperiment:
+    """Tell alternatives apart, where that can be done."""
+    everyone = list(dict.fromkeys(each for answer in answers for each in answer))
+    rivals = tuple(each for each in everyone if not all(each in answer for answer in answers))
+    alike = min((_likeness(evidence, rivals[0], other) for other in rivals[1:]), default=0.0)
+    if alike > SAME:
+        return NextExperiment(
+            f"{_listed(rivals)} change these recordings in the same way (|cos| {alike:.4f}): only "
+            "measuring one of them by itself tells them apart.",
+            rivals,
+        )
+    return NextExperiment(f"To be told apart: {_listed(rivals)}.", rivals, rivals)
+
+
+def _confirming(answer: Sequence[Candidate], evidence: Evidence) -> NextExperiment:
+    """Tell an answer from what it is taken for most easily."""
+    pairs = [(own, other) for own in answer for other in evidence.rivals if other not in answer]
+    if not pairs:
+        return NextExperiment("For a narrower interval, make the effect larger.", tuple(answer))
+    own, other = max(pairs, key=lambda pair: _likeness(evidence, *pair))
+    return NextExperiment(
+        f"Of all others, {other.label} would do most nearly what {own.label} does here (|cos| "
+        f"{_likeness(evidence, own, other):.2f}): commands that part the two put the answer to the test.",
+        (own,),
+        (own, other),
+    )
+
+
+def _unseen(ranking: Sequence[Score]) -> NextExperiment:
+    """Show what could be there at its typical size, unseen."""
+    unseen: dict[str, Candidate] = {}
+    for score in sorted(ranking, key=lambda s: -s.smallest):
+        if score.smallest > 1.0:
+            unseen.setdefault(score.candidate.effect.name, score.candidate)
+    if not unseen:
+        return NextExperiment(LONGER)
+    return NextExperiment(
+        f"Could be there at its typical size without having shown: {', '.join(unseen)}.",
+        tuple(unseen.values())[:SHOWN],
+    )
+
+
+def _candidates(answer: Alternative, ranking: Sequence[Score]) -> list[Candidate]:
+    """Of the effects of an answer."""
+    known = {(s.candidate.effect.name, s.candidate.location): s.candidate for s in ranking}
+    places = [(each.effect, each.location) for each in answer]
+    return [known[place] for place in places if place in known]
+
+
+def _listed(candidates: Iterable[Candidate]) -> str:
+    return ", ".join(each.label for each in candidates)
+
+
+def _likeness(evidence: Evidence, first: Candidate, second: Candidate) -> float:
+    """|cosine| of what two candidates change; 0 where one is not among the best."""
+    rivals = evidence.rivals
+    if first not in rivals or second not in rivals:
+        return 0.0
+    return float(evidence.likeness[rivals.index(first), rivals.index(second)])

@@ -1,0 +1,350 @@
+"""The Ray door: the only file that imports ray.
+
+A worker is a plain class. Here it becomes an actor with a second, tiny thread of its own that
+answers "how far are you?" while the job runs. Ray's own restarts and retries stay off: the pool
+counts and reports them instead.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import re
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+# Before `import ray`: no re-creation of the environment on every worker under `uv run`, no usage
+# reports, no warning about accelerators.
+os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
+os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+
+import ray
+from ray import exceptions
+
+from flywheel.errors import FlywheelError, RunError
+from flywheel.faults import fault_of
+from flywheel.runtime.pool.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
+from flywheel.runtime.pool.preflight import check_fits, check_reachable
+from flywheel.runtime.pool.ray_folder import marking, ray_folder
+
+LOG = logging.getLogger(__name__)
+STARTS = 3  # of a local cluster, on a machine so busy that its start takes too long
+OBJECT_STORE_BYTES = 200_000_000
+_DEATHS = (
+    exceptions.RayActorError,  # also ActorDiedError and ActorUnavailableError
+    exceptions.WorkerCrashedError,
+    exceptions.NodeDiedError,
+    exceptions.OwnerDiedError,
+    exceptions.ObjectLostError,
+    exceptions.OutOfMemoryError,
+)
+
+
+@dataclass(frozen=True)
+class ClusterConfig:
+    """Where the workers live.
+
+    Attributes:
+      address: of an existing cluster ("host:6379", "auto"), or None to start one here.
+      cpus: of the local cluster.
+      gpus: of the local cluster.
+      object_store_bytes: shared memory of the local cluster.
+    """
+
+    address: str | None = None
+    cpus: int = 2
+    gpus: int = 0
+    object_store_bytes: int = OBJECT_STORE_BYTES
+
+
+class Cluster:
+    """A connection to Ray for as long as a `with` block lasts.
+
+    A Ray that is already initialised in this process is used as it is and left running.
+    """
+
+    def __init__(self, config: ClusterConfig) -> None:
+        self._config = config
+        self._own = ExitStack()  # what ends with the block, because it began with it
+
+    def __enter__(self) -> Self:
+        if not ray.is_initialized():
+            with ExitStack() as own, _translated(self._config.address):
+                self._connect(own)
+                self._own = own.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._own.close()
+
+    def _connect(self, own: ExitStack) -> None:
+        _log_obituaries()
+        quiet = {"log_to_driver": False, "logging_level": "ERROR"}
+        if self._config.address is not None:
+            check_reachable(self._config.address)
+            own.callback(ray.shutdown)
+            ray.init(address=self._config.address, **quiet)
+            return
+        # A cluster on the loopback of this machine needs no token, and none is left in HOME.
+        os.environ.setdefault("RAY_AUTH_MODE", "disabled")
+        folder = own.enter_context(ray_folder())
+        own.callback(ray.shutdown)
+        for attempt in range(STARTS):
+            try:
+                with marking(folder), _loopback_only():
+                    self._start_local(folder, quiet)
+                return
+            except Exception as error:  # Ray's own words for a start that took over 30 s
+                ray.shutdown()
+                if "timed out during startup" not in str(error) or attempt == STARTS - 1:
+                    raise
+
+    def _start_local(self, folder: Path, quiet: dict[str, Any]) -> None:
+        ray.init(
+            address="local",  # never one that happens to run on this machine
+            _temp_dir=str(folder),
+            num_cpus=self._config.cpus,
+            num_gpus=self._config.gpus,
+            object_store_memory=self._config.object_store_bytes,
+            include_dashboard=False,
+            **quiet,
+        )
+
+    @property
+    def cpus(self) -> int:
+        """Cores of the whole cluster."""
+        return int(ray.cluster_resources().get("CPU", 1))
+
+    def check_fits(self, groups: Iterable[Group]) -> None:
+        """Compare what the groups book with what the cluster has.
+
+        Raises:
+          ConfigError: too little; Ray itself would wait for ever without a word.
+        """
+        check_fits(groups, ray.cluster_resources())
+
+
+@contextmanager
+def _translated(address: str | None) -> Any:
+    """Turn Ray's connection errors into one line of advice."""
+    try:
+        yield
+    except FlywheelError:
+        raise
+    except OSError as error:
+        if address is None and fault_of(error):  # e.g. a full disk
+            raise
+        raise _no_connection(error, address) from error
+    except Exception as error:  # Ray raises almost anything, down to bare Exceptions
+        raise _no_connection(error, address) from error
+
+
+def _no_connection(error: Exception, address: str | None) -> RunError:
+    first = next(iter(str(error).strip().splitlines()), type(error).__name__)
+    if address is None:
+        return RunError(f"No Ray could be started here: {first}")
+    token = "auth" in f"{type(error).__name__} {error}".lower()
+    advice = (
+        "It wants a token: set RAY_AUTH_MODE=token and RAY_AUTH_TOKEN (or ~/.ray/auth_token) "
+        "as on its head node."
+        if token
+        else "Is it running, is the address host:port as seen from here, and the Ray version "
+        f"the same ({ray.__version__})?"
+    )
+    return RunError(f"No connection to the Ray cluster at {address}: {first} {advice}")
+
+
+def _log_obituaries() -> None:
+    """Ray prints a paragraph about every dead worker on stdout, whatever `log_to_driver` says."""
+    from ray._private import worker  # no public switch; without this attribute nothing changes
+
+    if hasattr(worker, "print_to_stdstream"):
+        worker.print_to_stdstream = lambda data, ignore_prefix: LOG.info(
+            "%s: %s", data.get("pid"), " ".join(map(str, data.get("lines", ())))
+        )
+
+
+@contextmanager
+def _loopback_only() -> Iterator[None]:
+    """Have Ray listen to this machine alone: whoever reaches its ports can run programs.
+
+    Ray has a switch for machines that are in no cluster, though it is named for others; it is read when
+    Ray is imported, so that it is set here for this process and for those that are started.
+    """
+    from ray._private import (
+        ray_constants,
+    )  # no public switch; without this attribute nothing changes
+
+    before = getattr(ray_constants, "ENABLE_RAY_CLUSTER", True)
+    ray_constants.ENABLE_RAY_CLUSTER = False
+    os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+    try:
+        yield
+    finally:
+        ray_constants.ENABLE_RAY_CLUSTER = before
+        del os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"]
+
+
+class _Actor:
+    """Holds a plain worker and answers for it."""
+
+    def __init__(self, factory: type, arguments: tuple[Any, ...]) -> None:
+        self._worker = factory(*arguments)
+
+    def ready(self) -> Answer:
+        return Answer()
+
+    def work(self, job: str, method: str, *arguments: Any) -> Answer:
+        _name_thread(job)
+        begun = time.process_time()
+        try:
+            value = getattr(self._worker, method)(*arguments)
+            return Answer(value, time.process_time() - begun)
+        finally:
+            _name_thread("idle")
+
+    def beat(self) -> Beat | None:
+        return getattr(self._worker, "beat", None)
+
+
+def _name_thread(name: str) -> None:
+    """Show what this thread does in `top -H` and /proc; Ray's own process titles do not last."""
+    with contextlib.suppress(OSError):
+        Path(f"/proc/self/task/{threading.get_native_id()}/comm").write_text(name[:15])
+
+
+class RayColleagues:
+    """Actors that other actors ask (`jobs.Colleagues`).
+
+    Args:
+      workers: the actors.
+      seconds: that an answer may take [s].
+    """
+
+    def __init__(self, workers: Sequence[Any], seconds: float = 60.0) -> None:
+        self._workers, self._seconds = tuple(workers), seconds
+
+    def ask(self, method: str, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
+        """Call a method of them all at once and wait; None where one is gone."""
+        asked = [
+            self._workers[i % len(self._workers)].work.remote(method, method, *call)
+            for i, call in enumerate(calls)
+        ]
+        return [self._answer(ticket) for ticket in asked]
+
+    def _answer(self, ticket: Any) -> Any:
+        try:
+            return ray.get(ticket, timeout=self._seconds).value
+        except exceptions.RayTaskError as error:
+            if isinstance(error.cause, FlywheelError):
+                raise error.cause from None
+            raise
+        except (*_DEATHS, exceptions.GetTimeoutError):
+            return None
+
+
+class RayBackend:
+    """Workers as Ray actors (`jobs.Backend`)."""
+
+    def __init__(self) -> None:
+        self._beats: dict[Any, tuple[Any, Beat | None]] = {}
+
+    def start(self, group: Group) -> Any:
+        """Begin to start an actor; it lives until it is killed or the driver ends."""
+        threads = str(group.threads)
+        names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "FLYWHEEL_THREADS")
+        actor = ray.remote(
+            num_cpus=group.cpus,
+            num_gpus=group.gpus,
+            max_restarts=0,
+            max_task_retries=0,
+            concurrency_groups={"status": 1},
+            runtime_env={"env_vars": dict.fromkeys(names, threads)},
+        )(_Actor)
+        return actor.remote(group.factory, group.arguments)
+
+    def ready(self, worker: Any) -> Any:
+        """A ticket for the end of its start."""
+        return worker.ready.remote()
+
+    def submit(self, worker: Any, job: Job) -> Any:
+        """Send the job."""
+        self._beats.pop(worker, None)
+        return worker.work.remote(job.id, job.method, *job.arguments)
+
+    def wait(self, tickets: Sequence[Any], seconds: float) -> list[Any]:
+        """Those that are finished."""
+        if not tickets:
+            return []
+        done, _ = ray.wait(list(tickets), num_returns=1, timeout=seconds)
+        if done:  # others may have finished in the same moment
+            done, _ = ray.wait(list(tickets), num_returns=len(tickets), timeout=0)
+        return done
+
+    def result(self, ticket: Any) -> Answer:
+        """Of a finished ticket."""
+        try:
+            answer: Answer = ray.get(ticket, timeout=60)
+            return answer
+        except exceptions.RayTaskError as error:
+            cause = error.cause or error
+            if isinstance(cause, FlywheelError):
+                raise cause from None
+            raise JobFailed(f"{type(cause).__name__}: {cause}", str(error)) from cause
+        except (*_DEATHS, exceptions.GetTimeoutError) as error:
+            raise WorkerDied(_obituary(error)) from None
+
+    def beat(self, worker: Any) -> Beat | None:
+        """The last one known; asks for the next without waiting."""
+        question, known = self._beats.get(worker, (None, None))
+        if question is not None:
+            if not ray.wait([question], timeout=0)[0]:
+                return known
+            try:
+                known = ray.get(question, timeout=1)
+            except exceptions.RayError:
+                return known  # its death is noticed where its job is waited for
+        asked = worker.beat.options(concurrency_group="status").remote()
+        self._beats[worker] = (asked, known)
+        return known
+
+    def kill(self, worker: Any) -> None:
+        """End it at once."""
+        self._beats.pop(worker, None)
+        ray.kill(worker, no_restart=True)
+
+    def colleagues(self, workers: Sequence[Any]) -> RayColleagues:
+        """Let other actors ask these."""
+        return RayColleagues(workers)
+
+    def share(self, value: Any) -> Any:
+        """Put it in the object store once; workers on a node share one copy, read-only."""
+        return ray.put(value)
+
+
+def _obituary(error: BaseException) -> str:
+    """One line of Ray's paragraph about a dead actor."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if lines and "creation task" in lines[0]:
+        return f"it could not be made: {lines[-1][:300]}"
+    text = " ".join(lines)
+    detail = re.search(r"exit detail: ([^.]*)", text)
+    return f"{type(error).__name__}: {detail.group(1) if detail else text[:200]}"
+
+
+def versions() -> dict[str, str]:
+    """Of Ray, for the record of a run."""
+    return {"ray": ray.__version__}

@@ -1,0 +1,205 @@
+"""A run that is under way: what every stage has at hand, and what files say about the past."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flywheel.data import Snapshot, TrajectoryStore
+from flywheel.errors import RunError
+from flywheel.faults import fault_of, told
+from flywheel.records import Split
+from flywheel.robots import Robot
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.measures import Errors
+from flywheel.runtime.pool.jobs import Job, JobFailed, PoolReport
+from flywheel.runtime.pool.pool import WorkerPool
+from flywheel.runtime.pool.progress import Progress
+from flywheel.runtime.results import Arm, IterationResult
+from flywheel.runtime.run.folder import RunFolder, name_of
+from flywheel.runtime.tracking.tracker import Tracker
+from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluation
+from flywheel.runtime.workers.model_weights import Weights
+from flywheel.runtime.workers.sharded import Helpers
+from flywheel.runtime.workers.sim_worker import EpisodeNote
+
+# Roughly how long a core is busy with a second of an episode [s]; for the time left that is shown.
+SIMULATING, PLANNING = 0.02, 0.3
+HELPERS = "rollout"
+
+
+@dataclass(frozen=True)
+class Model:
+    """A trained model.
+
+    Attributes:
+      arm, iteration: that made it.
+      digest: of the weights.
+      path: of the weights.
+    """
+
+    arm: Arm
+    iteration: int
+    digest: str
+    path: Path
+
+
+@dataclass
+class Run:
+    """A run that is under way.
+
+    Attributes:
+      config: resolved.
+      folder: its files.
+      robot: it is about.
+      store: of its episodes.
+      pool: of its workers.
+      tracker: None where nothing is tracked.
+      progress: shows people how far it is.
+    """
+
+    config: RunConfig
+    folder: RunFolder
+    robot: Robot
+    store: TrajectoryStore
+    pool: WorkerPool
+    tracker: Tracker | None
+    progress: Progress
+    _shared: dict[str, Any] = field(default_factory=dict)
+    _helpers: Any = None
+
+    def arms(self, iteration: int) -> list[Arm]:
+        """Arms that have an iteration of their own; iteration 0 is common to both."""
+        return ["mppi", "control"] if iteration and self.config.control_arm else ["mppi"]
+
+    def arm_of(self, iteration: int, arm: Arm) -> Arm:
+        """Whose iteration it is that an arm builds on."""
+        return arm if arm in self.arms(iteration) else "mppi"
+
+    def finished(self, arm: Arm) -> list[IterationResult]:
+        """What an arm has produced so far, iteration 0 included."""
+        iterations = range(self.config.iterations + 1)
+        results = [self.folder.finished(i, self.arm_of(i, arm)) for i in iterations]
+        return [result for result in results if result is not None]
+
+    def latest(self, arm: Arm) -> IterationResult | None:
+        """The iteration that an arm goes on from; None before the first.
+
+        That is the champion's; the control arm, without a gate, goes on from its last usable model.
+        """
+        chosen = [r for r in self.finished(arm) if r.gate is None or r.gate.promoted]
+        return next((r for r in reversed(chosen) if usable(r.validation)), None)
+
+    def latest_model(self, arm: Arm) -> Model | None:
+        """The model that an arm plans with and trains on from; None before the first."""
+        result = self.latest(arm)
+        return None if result is None else self.model_of(result)
+
+    def model_of(self, result: IterationResult) -> Model:
+        """The model that an iteration produced."""
+        path = self.folder.weights(result.iteration, result.arm)
+        return Model(result.arm, result.iteration, result.model, path)
+
+    def weights(self, model: Model) -> Any:
+        """The model's weights, shared with all workers once, for as long as the run lasts."""
+        if model.digest not in self._shared:
+            self._shared[model.digest] = self.pool.share(
+                Weights.read(model.path, self.robot, model.digest)
+            )
+        return self._shared[model.digest]
+
+    def snapshot(self, name: str) -> Snapshot | None:
+        """A sealed snapshot, or None."""
+        return self.store.snapshot(name) if name in self.store.snapshots() else None
+
+    def effects(self, iteration: int) -> Effects:
+        """What an iteration's plant has beyond the MJCF."""
+        note = self.folder.diagnosis(self.plant_since(iteration))
+        return self.config.effects if note is None else note.effects
+
+    def plant_since(self, iteration: int) -> int:
+        """The iteration that first had the plant that this one has."""
+        changed = (i for i in range(iteration, 0, -1) if self.changes_plant(i))
+        return next(changed, 0)
+
+    def changes_plant(self, iteration: int) -> bool:
+        """A diagnosis before this iteration added to the plant."""
+        note = self.folder.diagnosis(iteration)
+        return note is not None and note.adopted
+
+    def test_episodes(self, iteration: int) -> list[str]:
+        """Ids of simulated test episodes on the plant of an iteration.
+
+        Those of the first collection on it, and closed-loop ones up to the iteration.
+        """
+        begun = self.plant_since(iteration)
+        first = self.store.snapshot(name_of(begun, "mppi"))
+        turns = range(begun, iteration + 1)
+        plans = [p.id for i in turns for p in evaluation(self.config, i, "mppi")]
+        there = self.store.committed()
+        own = [e.id for e in first.episodes if e.split == "test" and e.source == "sim"]
+        return own + [p for p in plans if p in there]
+
+    def test_recordings(self) -> list[str]:
+        """Ids of the recordings that are kept for tests; the same ones in every iteration."""
+        return self.logs("test")
+
+    def logs(self, split: Split) -> list[str]:
+        """Ids of the recordings of a split; the same ones in every iteration."""
+        first = self.store.snapshot(name_of(0, "mppi"))
+        return [e.id for e in first.episodes if e.split == split and e.source == "recording"]
+
+    def do(self, jobs: Sequence[Job], title: str) -> PoolReport:
+        """Run jobs on the pool.
+
+        Raises:
+          RunError: the operating system refused something: the disk is full, say.
+          JobFailed: a job raised an error.
+        """
+        self._helpers = None  # whoever asks next finds out who is still there
+        if not jobs:
+            return PoolReport()
+        try:
+            return self.pool.run(jobs, progress=self.progress, title=title)
+        except JobFailed as error:
+            cause = error.__cause__
+            if isinstance(cause, OSError) and fault_of(cause):
+                raise RunError(told(cause)) from error
+            raise
+
+    def recordings(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
+        """Jobs that record episodes. Those already in the store only report what they are."""
+        return [
+            Job(
+                plan.id,
+                "sim",
+                "record",
+                (plan, *(self._planning(model) if plan.controller == "mppi" else ())),
+                size=plan.seconds * (SIMULATING if plan.task_seed is None else PLANNING),
+            )
+            for plan in plans
+        ]
+
+    def _planning(self, model: Model | None) -> tuple[Any, ...]:
+        """Weights to plan with, and those who roll them out if that is not the planner itself."""
+        if model is None:
+            raise RunError("MPPI wants to collect, but there is no model yet.")
+        weights = self.weights(model)
+        if not self.config.workers.remote_rollouts:
+            return (weights,)
+        if self._helpers is None:
+            self._helpers = self.pool.colleagues(HELPERS)
+        return (weights, Helpers(self._helpers, weights))
+
+
+def usable(errors: Errors | None) -> bool:
+    """The errors are finite numbers."""
+    return errors is not None and math.isfinite(errors.short.e_pos_rmse)
+
+
+def notes(report: PoolReport, plans: Sequence[EpisodePlan]) -> list[EpisodeNote]:
+    """What came of planned episodes, in the order of the plans; quarantined ones are missing."""
+    return [report.results[plan.id] for plan in plans if plan.id in report.results]

@@ -1,0 +1,287 @@
+"""Where a run keeps what, and whether a folder may be begun or continued.
+
+    config.yaml               resolved configuration
+    run.json                  who the run is
+    run.lock                  held by its one driver
+    store/                    trajectory store (unless the configuration names another)
+    cache/<snapshot>/         windows for training, made from a snapshot; may be deleted
+    models/i0001-mppi/        checkpoints and weights
+    iterations/i0001-mppi.json  what the iteration produced; its presence means that it is done
+    iterations/i0001-diagnosis.json  what the plant was found to lack before it, with a page
+    result.json               the run so far, for reports
+
+There is no file that says how far a run is: what is there says it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import time
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from flywheel.errors import ConfigError, RunError
+from flywheel.files import file_name
+from flywheel.robots import Robot, load_robot
+from flywheel.runtime.config.loading import differences, yaml_of
+from flywheel.runtime.config.run_config import RunConfig, config_digest, decisive, load_config
+from flywheel.runtime.measures import DiagnosisNote
+from flywheel.runtime.results import (
+    NOTHING,
+    RESULT_FILE,
+    Arm,
+    IterationResult,
+    read,
+    save,
+)
+from flywheel.runtime.run.identity import HOW, RUN_FILE, Begun, Identity, read_begun, write_identity
+from flywheel.runtime.tracking.pyfunc_model import WEIGHTS
+from flywheel.seals import Seal, file_sha256
+from flywheel.validation import lines
+
+ITERATION, DIAGNOSIS = "iteration", "diagnosis"
+UNFINISHED = re.compile(r"\..*|.*\.(lock|part|tmp)")  # or left by someone who was killed
+POOLED = "pooled-tests"  # the snapshot of the test episodes of all iterations
+SEGMENT, SNAPSHOT = "segments/", "snapshots/"  # begin the names of what is in a store, on a seal
+ARMS: tuple[Arm, ...] = ("mppi", "control")
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The files of one run.
+
+    Attributes:
+      path: of the folder.
+    """
+
+    path: Path
+
+    @property
+    def lock(self) -> Path:
+        """Held by the driver."""
+        return self.path / "run.lock"
+
+    @property
+    def there(self) -> bool:
+        """A run was begun here, whatever is left of it."""
+        return self.config_file.exists() or os.path.lexists(self.path / RUN_FILE)
+
+    @property
+    def config_file(self) -> Path:
+        """Resolved configuration."""
+        return self.path / "config.yaml"
+
+    @property
+    def robot_file(self) -> Path:
+        """Copy of the MJCF that the run was begun with."""
+        return self.path / "robot.xml"
+
+    def config(self) -> RunConfig:
+        """The configuration that the run was begun with.
+
+        Raises:
+          Unsound: the file, or run.json, is not what it was then.
+          ConfigError: it is not a configuration.
+        """
+        read_begun(self.path).check(self.path, self.config_file.name)
+        return load_config(self.config_file)
+
+    def robot(self, config: RunConfig) -> Robot:
+        """The robot that the run was begun with, wherever its MJCF is now.
+
+        Raises:
+          Unsound: its copy is not what it was then.
+          RobotError: a run from before there were copies, and the MJCF cannot be used.
+        """
+        if self.config_file.exists():
+            read_begun(self.path).check(self.path, self.robot_file.name)
+        if self.robot_file.exists():
+            return Robot.from_mjcf(self.robot_file)
+        return load_robot(config.robot)
+
+    @property
+    def cache(self) -> Path:
+        """Windows for training; made again where missing."""
+        return self.path / "cache"
+
+    def store_url(self, config: RunConfig) -> str:
+        """Where the episodes are."""
+        return config.store or str((self.path / "store").absolute())
+
+    def model(self, iteration: int, arm: Arm) -> Path:
+        """Folder of an iteration's checkpoints and weights."""
+        return (self.path / "models" / name_of(iteration, arm)).absolute()
+
+    def model_files(self, iteration: int, arm: Arm) -> list[Path]:
+        """All files in that folder that are not being written."""
+        found = sorted(self.model(iteration, arm).rglob("*"))
+        return [path for path in found if not path.is_dir() and not UNFINISHED.fullmatch(path.name)]
+
+    def weights(self, iteration: int, arm: Arm) -> Path:
+        """The weights of an iteration's model, in a folder that `served.read_served` reads."""
+        return self.model(iteration, arm) / "served" / WEIGHTS
+
+    def finished(self, iteration: int, arm: Arm) -> IterationResult | None:
+        """What an iteration produced, or None if it is not done.
+
+        Raises:
+          Unsound: the file that says so was altered, or is another's.
+        """
+        found = self.kept(iteration, arm)
+        return None if found is None else found[0]
+
+    def kept(self, iteration: int, arm: Arm) -> tuple[IterationResult, Seal | None] | None:
+        """The same with its seal, which names all that it rests on."""
+        path = self._result(iteration, arm)
+        if not os.path.lexists(path):
+            return None
+        return read(IterationResult, path, Seal(ITERATION, path.stem, self.begun().owner))
+
+    def finish(self, result: IterationResult, rests_on: Mapping[str, str] = NOTHING) -> None:
+        """Note that an iteration is done, in one atomic step.
+
+        Args:
+          result: of it.
+          rests_on: see `seals.Seal`.
+        """
+        path = self._result(result.iteration, result.arm)
+        save(result, path, Seal(ITERATION, path.stem, self.begun().identity.key, rests_on))
+
+    def diagnosis(self, iteration: int) -> DiagnosisNote | None:
+        """What was found before an iteration; None if nobody asked yet.
+
+        Raises:
+          Unsound: the file that says so was altered, or is another's.
+        """
+        found = self._kept_diagnosis(iteration)
+        return None if found is None else found[0]
+
+    def page_of(self, iteration: int) -> Mapping[str, str]:
+        """Path and sha256 of the page about a diagnosis, where that is known."""
+        found = self._kept_diagnosis(iteration)
+        return found[1].rests_on if found and found[1] else NOTHING
+
+    def _kept_diagnosis(self, iteration: int) -> tuple[DiagnosisNote, Seal | None] | None:
+        path = self._diagnosis(iteration).with_suffix(".json")
+        if not os.path.lexists(path):
+            return None
+        return read(DiagnosisNote, path, Seal(DIAGNOSIS, path.stem, self.begun().owner))
+
+    def keep_diagnosis(self, iteration: int, note: DiagnosisNote, page: str) -> DiagnosisNote:
+        """Write the page, then the note: with it, the diagnosis is done."""
+        path = self._diagnosis(iteration)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        html = path.with_suffix(".html")
+        html.write_text(page, encoding="utf-8")
+        note = note.model_copy(update={"page": str(html.relative_to(self.path))})
+        rests_on = {note.page: file_sha256(html, "page")}
+        seal = Seal(DIAGNOSIS, path.name, self.begun().identity.key, rests_on)
+        save(note, path.with_suffix(".json"), seal)
+        return note
+
+    def forget(self, iteration: int, arm: Arm) -> None:
+        """Take an iteration as not done, so that it is done again."""
+        self._result(iteration, arm).unlink(missing_ok=True)
+
+    def begun(self) -> Begun:
+        """Who the run is, and what it was begun with.
+
+        Raises:
+          Unsound: run.json is missing or was altered.
+        """
+        return read_begun(self.path)
+
+    def begin(self, config: RunConfig, resume: bool) -> Identity:
+        """Begin a run here, or go on with the one that is here.
+
+        Raises:
+          ConfigError: there is a run and `resume` is false, or its configuration or MJCF was another.
+          Unsound: what the run was begun with is not what it was then.
+          RobotError: the MJCF cannot be used.
+        """
+        if not self.config_file.exists():
+            self._check_empty()
+            return self._created(config)
+        if not resume:
+            raise ConfigError(
+                f"There is a run in {self.path} already. Continue it with --resume, or give "
+                "another folder."
+            )
+        stored = self.config()
+        if changes := list(differences(decisive(stored), decisive(config))):
+            raise ConfigError(
+                f"The run in {self.path} was begun with another configuration:\n{lines(changes)}\n"
+                "Resume it with the one it has, or begin a new run in another folder."
+            )
+        self._check_robot(config)
+        return self.begun().identity
+
+    def _check_empty(self) -> None:
+        """Refuse the folder of a run whose configuration is gone."""
+        left = [
+            name for name in (RESULT_FILE, "iterations", "models") if (self.path / name).exists()
+        ]
+        if left:
+            raise ConfigError(
+                f"{self.path} has no {self.config_file.name}, but is the folder of a run: it has "
+                f"{' and '.join(left)}. {HOW}"
+            )
+
+    def _check_robot(self, config: RunConfig) -> None:
+        """Refuse an MJCF that was edited since; one that is gone is not missed."""
+        if config.robot.endswith(".xml") and not Path(config.robot).exists():
+            return
+        now, kept = load_robot(config.robot), self.robot(config)
+        if now.digest != kept.digest:
+            raise ConfigError(
+                f"The robot {config.robot} has changed since the run in {self.path} was begun (digest "
+                f"{kept.digest[:12]} -> {now.digest[:12]}): its episodes are of the MJCF kept in "
+                f"{self.robot_file.name}. Begin a new run in another folder, or restore that MJCF."
+            )
+
+    def check_space(self, least_gb: float) -> None:
+        """Raises RunError where the disk is almost full."""
+        free = shutil.disk_usage(self.path).free / 1e9
+        if free < least_gb:
+            raise RunError(
+                f"Only {free:.1f} GB are free where {self.path} lies; a run wants at least "
+                f"{least_gb:g} GB (workers.least_free_gb)."
+            )
+
+    def _created(self, config: RunConfig) -> Identity:
+        self.check_space(config.workers.least_free_gb)  # a run that is refused leaves nothing
+        identity = Identity(
+            key=f"{_plain(config.name)}-{uuid.uuid4().hex[:8]}",
+            config_digest=config_digest(config),
+            begun=time.strftime("%F %T"),
+        )
+        self.robot_file.write_text(load_robot(config.robot).xml)
+        temporary = self.config_file.with_suffix(".tmp")
+        temporary.write_text(yaml_of(config), encoding="utf-8")
+        digests = {
+            self.config_file.name: file_sha256(temporary, "configuration"),
+            self.robot_file.name: file_sha256(self.robot_file, "MJCF"),
+        }
+        write_identity(self.path, identity, digests)
+        temporary.replace(self.config_file)  # last: with it, the run has begun
+        return identity
+
+    def _diagnosis(self, iteration: int) -> Path:
+        return self.path / "iterations" / f"i{iteration:04d}-diagnosis"
+
+    def _result(self, iteration: int, arm: Arm) -> Path:
+        return self.path / "iterations" / f"{name_of(iteration, arm)}.json"
+
+
+def _plain(name: str) -> str:
+    """A name in the few letters that keys of runs are made of."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", file_name(name)).strip("-") or "run"
+
+
+def name_of(iteration: int, arm: Arm) -> str:
+    """What snapshots, models and results of an iteration are called."""
+    return f"i{iteration:04d}-{arm}"

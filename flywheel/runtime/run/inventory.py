@@ -1,0 +1,385 @@
+"""What lies in a run's folder and its store, and whether that is what the run left there.
+
+Everything that a later step relies on has a seal, or is named with its digest on the seal of another file:
+
+    run.json                         config.yaml, robot.xml
+    iterations/i0001-mppi.json       its snapshot, the episodes it recorded, its model's files, its video
+    iterations/i0001-diagnosis.json  its page
+    result.json, of a finished run   the episodes and videos of its end
+    the store                        see `flywheel.data`
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from flywheel.data import Damage, Snapshot, TrajectoryStore
+from flywheel.dynamics.gnn.weights import read_about
+from flywheel.errors import DataError, FlywheelError, RunError
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.results import RESULT_FILE, IterationResult, RunResult
+from flywheel.runtime.run.folder import (
+    ARMS,
+    SEGMENT,
+    SNAPSHOT,
+    UNFINISHED,
+    RunFolder,
+    name_of,
+)
+from flywheel.runtime.run.identity import HOW, RUN_FILE
+from flywheel.runtime.tracking.dashboard import DATABASE
+from flywheel.seals import Kind, Seal, Unsound, file_sha256, misplaced
+
+TOLD = 8  # faults, and episodes of one, that a message names
+OURS = re.compile(
+    r"config\.yaml|robot\.xml|run\.json|store|cache|models|iterations|videos|figures|aside|result\.json|"
+    rf"report\.html|{re.escape(DATABASE)}.*|mlflow-artifacts|outbox\..*"
+)
+_TURN = re.compile(r"i(\d{4,})-(mppi|control)")
+_DIAGNOSIS = re.compile(r"i(\d{4,})-diagnosis")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something in a run's folder or store that is not what the run left there.
+
+    Attributes:
+      kind: of what is wrong.
+      where: path in the folder, or in the store.
+      what: is wrong.
+      since: the first iteration that rests on it, which has to be done again; one more than the last for
+        the end of the run; None where the run itself rests on it.
+      idle: nothing that a run does rests on it.
+    """
+
+    kind: Kind
+    where: str
+    what: str
+    since: int | None = None
+    idle: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.what.removesuffix('.')}."
+
+
+class Inventory:
+    """Looks at everything in a run's folder and its store.
+
+    Args:
+      folder: of the run.
+      store: of its episodes.
+      thorough: hash every file; else only texts, names and what is small.
+    """
+
+    def __init__(self, folder: RunFolder, store: TrajectoryStore, thorough: bool = True) -> None:
+        self.folder, self.store, self.thorough = folder, store, thorough
+        self._config: RunConfig | None = None
+        self._turns: dict[str, tuple[IterationResult, Seal | None]] = {}
+        self._result: tuple[RunResult, Seal | None] | None = None
+        self._pages: dict[str, tuple[str, int]] = {}
+        self._snapshots: dict[str, Snapshot] = {}
+
+    def faults(self) -> list[Fault]:
+        """All that is wrong, in the order in which a run comes about."""
+        found = [*self._beginning(), *self._folders()]
+        # Without run.json it cannot be told whose the other files are.
+        if not any(fault.where == RUN_FILE for fault in found):
+            found += [*self._iterations(), *self._end(), *self._missing()]
+            found += [*self._models(), *self._unsealed_models()]
+        self._snapshots = dict(self._sound_snapshots())
+        stored = list(self._of_store())
+        told = {fault.where for fault in stored}
+        found += self._named()
+        if "segments" not in told:
+            found += [fault for fault in self._compared() if fault.where not in told]
+        return found + stored
+
+    def remedy(self, faults: Iterable[Fault]) -> str:
+        """What can be done about faults that the run rests on."""
+        resting = [fault for fault in faults if not fault.idle]
+        since = [fault.since for fault in resting if fault.since is not None]
+        if any(fault.since is None for fault in resting):
+            return (
+                f"{HOW} With store={self.folder.path / 'store'} that takes over the episodes, if it has the "
+                "same configuration."
+            )
+        if not since:
+            return ""
+        first = min(since)
+        what = "the end of the run" if first == self.end else f"all from iteration {first} on"
+        command = f"`flywheel data rewind {self.folder.path} {first}`"
+        return (
+            f"Put back copies, and names that were exchanged. Or {command} sets {what} aside, and --resume "
+            "does it again."
+        )
+
+    def strangers(self) -> list[str]:
+        """Names in the folder that no run gives; they do no harm."""
+        names = (path.name for path in self.folder.path.iterdir())
+        return sorted(n for n in names if not OURS.fullmatch(n) and not UNFINISHED.fullmatch(n))
+
+    @property
+    def end(self) -> int:
+        """The number after that of the last iteration."""
+        if self._config is not None:
+            return self._config.iterations + 1
+        return 1 + max(map(_number, self._turns), default=0)
+
+    def _fault(
+        self, error: FlywheelError, where: str, since: int | None = None, idle: bool = False
+    ) -> Fault:
+        other: Kind = "unreadable" if isinstance(error, DataError) else "altered"
+        kind = error.kind if isinstance(error, Unsound) else other
+        what = str(error).replace(f"The file {self.folder.path / where} ", "it ")
+        return Fault(kind, where, what, since, idle)
+
+    def _rested_on(self, since: int) -> str:
+        return "the end of the run" if since == self.end else f"iteration {since}"
+
+    def _beginning(self) -> Iterator[Fault]:
+        try:
+            begun = self.folder.begun()
+        except DataError as error:
+            yield self._fault(error, RUN_FILE)
+            return
+        try:
+            self._config = self.folder.config()
+        except FlywheelError as error:
+            yield self._fault(error, self.folder.config_file.name)
+        try:
+            begun.check(self.folder.path, self.folder.robot_file.name)
+        except FlywheelError as error:
+            yield self._fault(error, self.folder.robot_file.name)
+
+    def _folders(self) -> Iterator[Fault]:
+        """Folders that are none, or cannot be read."""
+        for part in ("iterations", "models"):
+            path = self.folder.path / part
+            if os.path.lexists(path) and not (path.is_dir() and os.access(path, os.R_OK | os.X_OK)):
+                yield Fault("unreadable", part, "it is no folder that can be read", 0)
+
+    def _iterations(self) -> Iterator[Fault]:
+        """What is wrong with the files of iterations and diagnoses themselves."""
+        found: list[Fault] = []
+        own: dict[str, str] = {}
+        for path in _entries(self.folder.path / "iterations"):
+            where, name = f"iterations/{path.name}", path.name.removesuffix(".json")
+            if path.name == f"{path.stem}.html" and _DIAGNOSIS.fullmatch(path.stem):
+                continue  # a page, which the diagnosis names
+            if path.suffix != ".json" or not (_TURN.fullmatch(name) or _DIAGNOSIS.fullmatch(name)):
+                yield Fault("foreign", where, "it is no file of a run", idle=True)
+                continue
+            own[name] = name
+            try:
+                self._read(name)
+            except DataError as error:
+                own[name] = (isinstance(error, Unsound) and error.instead) or name
+                found.append(self._fault(error, where, min(_number(name), self.end)))
+        yield from _told_apart(found, own, lambda where: Path(where).stem)
+
+    def _read(self, name: str) -> None:
+        if (turn := _TURN.fullmatch(name)) is None:
+            iteration = _number(name)
+            self.folder.diagnosis(iteration)
+            self._pages |= {n: (d, iteration) for n, d in self.folder.page_of(iteration).items()}
+            return
+        arm = next(arm for arm in ARMS if arm == turn[2])
+        if (kept := self.folder.kept(int(turn[1]), arm)) is not None:
+            self._turns[name] = kept
+
+    def _end(self) -> Iterator[Fault]:
+        if not os.path.lexists(self.folder.path / RESULT_FILE):
+            return
+        try:
+            self._result = RunResult.read(self.folder.path)
+        except DataError as error:
+            yield self._fault(error, RESULT_FILE, self.end)
+            return
+        result = self._result[0]
+        if result.key != self.folder.begun().identity.key:
+            yield Fault("foreign", RESULT_FILE, f"it is of the run {result.key}", self.end)
+        for each in result.iterations:
+            name = name_of(each.iteration, each.arm)
+            if name in self._turns and not _same(self._turns[name][0], each):
+                what = f"of {name} it says otherwise than iterations/{name}.json"
+                yield Fault("altered", RESULT_FILE, what, self.end)
+
+    def _missing(self) -> Iterator[Fault]:
+        """Iterations that others came after, or that the result tells of."""
+        told = self._result[0].iterations if self._result else ()
+        wanted = {name_of(each.iteration, each.arm): "result.json tells of it" for each in told}
+        arms = ARMS if self._config is None or self._config.control_arm else ARMS[:1]
+        for iteration in range(max(map(_number, self._turns), default=0)):
+            for arm in arms if iteration else ARMS[:1]:
+                wanted.setdefault(name_of(iteration, arm), "a later one is there")
+        for name, why in sorted(wanted.items()):
+            path = self.folder.path / "iterations" / f"{name}.json"
+            if not os.path.lexists(path):
+                what = f"it is missing, though {why}"
+                yield Fault("missing", f"iterations/{path.name}", what, _number(name))
+
+    def _models(self) -> Iterator[Fault]:
+        for path in _entries(self.folder.path / "models"):
+            turn = _TURN.fullmatch(path.name)
+            if turn is None or int(turn[1]) >= self.end or not path.is_dir():
+                what = "it is no model of this run"
+                yield Fault("foreign", f"models/{path.name}", what, idle=True)
+
+    def _unsealed_models(self) -> Iterator[Fault]:
+        """Models of before, which no seal names, that are not those of their iterations."""
+        for name, (result, seal) in self._turns.items():
+            if seal is not None or not result.model:
+                continue
+            path = self.folder.weights(result.iteration, result.arm)
+            where = path.relative_to(self.folder.path.absolute()).as_posix()
+            try:
+                digest = read_about(path)["digest"]
+            except FlywheelError as error:
+                yield self._fault(error, where, _number(name))
+                continue
+            if digest != result.model:
+                what = f"{name} made weights of digest {result.model[:12]}, these are {digest[:12]}"
+                yield Fault("altered", where, what, _number(name))
+
+    def _seals(self) -> Iterator[tuple[str, str, int]]:
+        """Name and digest of all that something sealed rests on, and the iteration that does."""
+        seals = [(seal, _number(name)) for name, (_, seal) in self._turns.items()]
+        seals += [(self._result[1], self.end)] if self._result else []
+        for seal, since in seals:
+            for name, digest in seal.rests_on.items() if seal else ():
+                yield name, digest, since
+        for name, (result, _) in self._turns.items():  # runs of before have no seals
+            yield f"{SNAPSHOT}{name}", result.snapshot, _number(name)
+
+    def _compared(self) -> Iterator[Fault]:
+        """What is not in the store that something rests on, or is another there."""
+        there = {f"{SEGMENT}{name}": one.sha256 for name, one in self.store.committed().items()}
+        there |= {f"{SNAPSHOT}{name}": one.digest for name, one in self._snapshots.items()}
+        for name, digest, since in dict.fromkeys(self._seals()):
+            if not name.startswith((SEGMENT, SNAPSHOT)) or there.get(name) == digest:
+                continue
+            where = f"{name}.json" if name.startswith(SNAPSHOT) else name
+            if name in there:
+                what = f"rests on its digest {digest[:12]}, but it has {there[name][:12]} now"
+                yield Fault("altered", where, f"{self._rested_on(since)} {what}", since)
+            else:
+                what = f"it is missing; {self._rested_on(since)} rests on it"
+                yield Fault("missing", where, what, since)
+
+    def _named(self) -> Iterator[Fault]:
+        """What is wrong with files of the folder that something rests on."""
+        wanted = {n: (d, i) for n, d, i in self._seals() if not n.startswith((SEGMENT, SNAPSHOT))}
+        wanted |= self._pages
+        names: dict[tuple[str, str], str] = {}
+        for name, (digest, _) in wanted.items():
+            names[digest, _role(name)] = name
+        found: list[Fault] = []
+        own = {name: name for name in wanted}
+        for name, (digest, since) in wanted.items():
+            idle = "/served/" not in name  # the others are for people, and for doing it again
+            if idle and not self.thorough:
+                continue
+            try:
+                there = file_sha256(self.folder.path / name, "file")
+            except Unsound as error:
+                found.append(self._fault(error, name, since, idle))
+                continue
+            if there != digest:
+                own[name] = names.get((there, _role(name)), name)
+                found.append(Fault("altered", name, "it was altered", since, idle))
+        yield from _told_apart(found, own, lambda where: where)
+
+    def _sound_snapshots(self) -> Iterator[tuple[str, Snapshot]]:
+        try:
+            names = self.store.snapshots()
+        except DataError:  # which the store tells
+            return
+        for name in names:
+            try:
+                yield name, self.store.snapshot(name)
+            except DataError:
+                continue
+
+    def _of_store(self) -> Iterator[Fault]:
+        listed: dict[str, int] = {}
+        for name, one in self._snapshots.items():
+            for segment in one.segments:
+                since = _number(name) if _TURN.fullmatch(name) else self.end
+                listed[segment] = min(since, listed.get(segment, since))
+        for name, _, since in self._seals():
+            segment = name.removeprefix(SEGMENT)
+            listed[segment] = min(since, listed.get(segment, since))
+        for damage in self.store.verify(arrays=self.thorough):
+            what = damage.what
+            if damage.episodes:
+                told = damage.episodes if self.thorough else damage.episodes[:TOLD]
+                more = " ..." if len(told) < len(damage.episodes) else ""
+                what = f"{what.rstrip('.')}. Episodes: {', '.join(told)}{more}"
+            yield Fault(damage.kind, damage.path, what, *self._rests(damage, listed))
+
+    def _rests(self, damage: Damage, listed: Mapping[str, int]) -> tuple[int | None, bool]:
+        """The first iteration that rests on what is damaged, and whether none does."""
+        kind, _, name = damage.segment.rpartition(" ")
+        if kind == "":
+            return listed.get(name), name not in listed
+        if kind == "snapshot":
+            turn = _TURN.fullmatch(name)
+            return min(int(turn[1]), self.end) if turn else self.end, False
+        return None, kind == "file" and damage.kind in ("missing", "foreign")
+
+
+def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
+    """Refuse to go on from what is not what the run left there; what nothing rests on may be so.
+
+    Raises:
+      RunError: it names what is wrong, and what can be done.
+    """
+    look = Inventory(folder, store, thorough=False)
+    found = [fault for fault in look.faults() if not fault.idle]
+    if not found:
+        return
+    lines = [f"  {fault.kind}: {fault}" for fault in found[:TOLD]]
+    if len(found) > TOLD:
+        lines.append(f"  and {len(found) - TOLD} more")
+    text = "\n".join(lines)
+    raise RunError(
+        f"The run in {folder.path} cannot go on, it is not what it was left as:\n{text}\n"
+        f"{look.remedy(found)} `flywheel data verify {folder.path}` looks at every byte."
+    )
+
+
+def _told_apart(
+    found: Iterable[Fault], own: Mapping[str, str], name_of: Callable[[str], str]
+) -> Iterator[Fault]:
+    """Faults, where something lies under another's name with how that came about."""
+    how = misplaced(own)
+    for fault in found:
+        kind, what = how.get(name_of(fault.where), (fault.kind, fault.what))
+        yield replace(fault, kind=kind, what=what)
+
+
+def _entries(folder: Path) -> list[Path]:
+    """What is in a folder, but what is being written; nothing where it cannot be read."""
+    try:
+        found = sorted(folder.iterdir())
+    except OSError:  # which is told apart
+        return []
+    return [path for path in found if not UNFINISHED.fullmatch(path.name)]
+
+
+def _role(name: str) -> str:
+    """What a file is in its model: "served/weights.npz"."""
+    return name.split("/", 2)[-1] if name.startswith("models/") else ""
+
+
+def _number(name: str) -> int:
+    """Of the iteration that a name begins with."""
+    return int(name[1:].partition("-")[0])
+
+
+def _same(one: IterationResult, other: IterationResult) -> bool:
+    return one.model_dump_json() == other.model_dump_json()  # NaN is not itself

@@ -1,0 +1,193 @@
+"""Whether a robot can do what a configuration asks for, before anything starts.
+
+Each thing that it cannot do comes with the override that leaves it out, so that nobody finds out after
+hours, one thing after the other.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from flywheel.control import MppiConfig, refuse_fixed
+from flywheel.control.gaits import Gait
+from flywheel.dynamics.plant import Plant, Reckoning
+from flywheel.effects import NAMED
+from flywheel.errors import ConfigError, ModelError, RobotError
+from flywheel.robots import Robot, draw_terrain
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.workers.episode_plan import GAITS, collection, evaluation, unseen
+from flywheel.runtime.workers.episode_recorder import Recorder
+
+ENOUGH = 10  # episodes with random controls, for training, validation and tests
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Something that a run asks of a robot that cannot do it.
+
+    Attributes:
+      asked: for by this setting.
+      why: it cannot, as a sentence.
+      override: `key=value` that leaves it out.
+    """
+
+    asked: str
+    why: str
+    override: str
+
+
+def check_suits(config: RunConfig, robot: Robot) -> None:
+    """Refuse a run that its robot cannot do.
+
+    Raises:
+      ConfigError: it asks for something the robot cannot do; the message has the overrides without it.
+        Or iteration 0 would record too little.
+      UnknownNameError: an effect is of a place that the robot does not have.
+      ModelError: the robot does not even come to rest.
+    """
+    found = misfits(config, robot) or list(_tasks(config, robot))
+    if found:
+        lines = "\n".join(f"  {misfit.asked}: {misfit.why}" for misfit in found)
+        raise ConfigError(
+            f"The run asks for what {robot.name} cannot do:\n{lines}\n"
+            f"Without it: {overrides_without(found)}"
+        )
+    collection(config, 0, "mppi")
+
+
+def misfits(config: RunConfig, robot: Robot, dt: float | None = None) -> list[Misfit]:
+    """All that a configuration asks for and a robot cannot do by its kind, before anything is simulated.
+
+    Args:
+      config: of a run.
+      robot: that it is for.
+      dt: control step that is wanted in place of the configuration's [s].
+    """
+    step = robot.control_steps(config.network.dt if dt is None else dt)[0]
+    found = [*_times(config, robot, step), *_kinds(config, robot)]
+    return [*found, *_too_little(config, found)]
+
+
+def overrides_without(found: list[Misfit]) -> str:
+    """The overrides that leave out what a robot cannot do, as one types them."""
+    return shlex.join(dict.fromkeys(misfit.override for misfit in found))
+
+
+def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
+    """What a robot of another kind could do."""
+    collect, evaluate, terrain = config.collect, config.evaluate, config.terrain
+
+    def fixed() -> None:
+        refuse_fixed(robot)
+
+    def jointed(to_be: str) -> Callable[[], None]:
+        return lambda: robot.require_free(to_be)
+
+    wanted: list[tuple[object, str, str, Callable[[], None]]] = [
+        (
+            collect.gaits,
+            f"collect.gaits={collect.gaits}",
+            "0",
+            lambda: _refuse_gaits(config, robot),
+        ),
+        (collect.drops, f"collect.drops={collect.drops}", "0", fixed),
+        (config.task.name == "obstacle_course", "task.name=obstacle_course", "reach", fixed),
+        (evaluate.unseen, f"evaluate.unseen={_listed(evaluate.unseen)}", "[]", fixed),
+        (
+            terrain.kinds,
+            f"terrain.kinds={_listed(terrain.kinds)}",
+            "[]",
+            lambda: _refuse_terrain(config, robot),
+        ),
+        (evaluate.floor, "evaluate.floor=true", "false", jointed("restarted from its points")),
+        (config.diagnose.on, "diagnose.on=true", "false", jointed("diagnosed")),
+        (
+            _feels_load(config, robot),
+            "effects=...",
+            "[]",
+            jointed("reckoned with winches that feel their load"),
+        ),
+    ]
+    for asked, setting, instead, check in wanted:
+        if asked and (why := _reason(check)):
+            yield Misfit(setting, why, f"{setting.partition('=')[0]}={instead}")
+
+
+def _times(config: RunConfig, robot: Robot, dt: float) -> Iterator[Misfit]:
+    """Times that are no multiples of the time steps of which they must be, with control steps of `dt` [s]."""
+    if dt != config.network.dt:
+        why = (
+            f"Time steps of {robot.name} are {robot.timestep:g} s, of which it is to be a multiple."
+        )
+        yield Misfit(f"network.dt={config.network.dt:g}", why, f"network.dt={dt:.12g}")
+    for name in MppiConfig.TIMES:
+        seconds = getattr(config.mppi, name)
+        count = max(1, round(seconds / dt))
+        if not np.isclose(count * dt, seconds, rtol=1e-6):
+            why = f"It is no multiple of the control step of {dt:.12g} s."
+            yield Misfit(f"mppi.{name}={seconds:g}", why, f"mppi.{name}={count * dt:.12g}")
+
+
+def _too_little(config: RunConfig, found: list[Misfit]) -> Iterator[Misfit]:
+    """What iteration 0 lacks without the gaits and drops that a robot cannot do."""
+    overrides = {misfit.override for misfit in found}
+    none = {kind: 0 for kind in ("gaits", "drops") if f"collect.{kind}=0" in overrides}
+    rest = config.model_copy(update={"collect": config.collect.model_copy(update=none)})
+    if none and (why := _reason(lambda: collection(rest, 0, "mppi"))):
+        yield Misfit(f"collect.random={config.collect.random}", why, f"collect.random={ENOUGH}")
+
+
+def _tasks(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
+    """Tasks that cannot be drawn for a robot, such as a course that is too narrow for it."""
+    recorder, task, courses = Recorder(config, robot), config.task.name, config.evaluate.unseen
+    wanted = [(f"task.name={task}", evaluation(config, 0, "mppi"), "task.name=reach")]
+    for course in courses:
+        others = _listed(tuple(other for other in courses if other != course))
+        plans = unseen(config, course)
+        wanted.append((f"evaluate.unseen={course}", plans, f"evaluate.unseen={others}"))
+    for asked, plans, override in wanted:
+        for plan in plans[:1]:
+            try:
+                recorder.task(plan)
+            except ConfigError as error:
+                yield Misfit(asked, str(error), override)
+
+
+def _refuse_gaits(config: RunConfig, robot: Robot) -> None:
+    """Refuse a robot that knows no gaits, or cannot be dropped, which is how they begin."""
+    for gait in GAITS:
+        Gait(robot, gait, config.network.dt)
+    refuse_fixed(robot)
+
+
+def _refuse_terrain(config: RunConfig, robot: Robot) -> None:
+    """Refuse a robot that cannot stand on the ground a run asks for."""
+    robot.require_free("put on ground that is not level")
+    rough = tuple(kind for kind in config.terrain.kinds if kind != "flat")
+    terrain = config.terrain.model_copy(update={"kinds": rough})
+    drawn = draw_terrain(terrain, robot.length, np.random.default_rng(config.seed))
+    Plant(robot, robot.timestep, terrain=drawn)
+
+
+def _feels_load(config: RunConfig, robot: Robot) -> bool:
+    """Whether where a winch is, which nobody measures, depends on its load."""
+    terms = tuple(effect.term(robot, NAMED) for effect in config.effects)
+    reckoning = Reckoning(robot, config.network.dt, terms)
+    return reckoning.loaded and not all(winch.measured for winch in robot.winches)
+
+
+def _reason(check: Callable[[], object]) -> str:
+    """Why a check fails; "" where it does not."""
+    try:
+        check()
+    except (RobotError, ConfigError, ModelError) as error:
+        return str(error)
+    return ""
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return f"[{','.join(names)}]"

@@ -1,0 +1,235 @@
+"""The driver's record of a run: put on disk first, delivered whenever the receiver answers.
+
+`Tracker` turns what happened into records and puts them into an outbox; a thread delivers them. So
+the loop never waits, and nothing is lost while the receiver is down. Records carry their own time
+stamps, and each can be delivered twice without harm. What is logged of an iteration stands in
+`publishing`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Protocol
+
+from pydantic import BaseModel, ConfigDict
+
+from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds, Name, Place, WaitingSeconds
+from flywheel.runtime.measures import GateDecision
+from flywheel.runtime.tracking.outbox import Courier, Outbox, Record
+
+Status = Literal["FINISHED", "FAILED", "KILLED"]
+
+
+class TrackingConfig(BaseModel):
+    """Where a run is tracked.
+
+    Attributes:
+      uri: "" for an SQLite file in the run folder, "http://host:port" of a tracking server, or any
+        other tracking URI of MLflow.
+      experiment: name of MLflow's experiment.
+      registered_model: name in the model registry; "" for "flywheel-<robot>".
+      request_seconds: after which a silent server counts as down [s].
+      close_seconds: that the end of a run waits for what is not yet delivered [s].
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    uri: Place = ""
+    experiment: Name = "flywheel"
+    registered_model: Name = ""
+    request_seconds: Annotated[int, Bounds(1, 3600, "s")] = 5
+    close_seconds: WaitingSeconds = 60.0
+
+
+class Receiver(Protocol):
+    """Where records go; MLflow in earnest (`tracking.MlflowReceiver`), a list in tests."""
+
+    def deliver(self, record: Record) -> None:
+        """Do what the record says; the same record again changes nothing. Raises if it failed."""
+        ...
+
+    def hopeless(self, error: Exception) -> bool:
+        """Whether this error of `deliver` would come again for ever."""
+        ...
+
+    @property
+    def chart_url(self) -> str:
+        """Where people look at the run."""
+        ...
+
+
+class Tracker:
+    """Tells MLflow what the driver saw. No call waits for MLflow; each is on disk when it returns.
+
+    Made by `tracking.open_tracker`.
+
+    Args:
+      folder: of the run; holds the outbox and everything that is logged as a file.
+      key: unique name of the run; a resumed run has the same one. It is the parent run's key.
+      receiver: does what the records say.
+      close_seconds: that `close` waits for what is not yet delivered [s].
+      retry_seconds: first and longest pause after a failed delivery [s].
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        key: str,
+        receiver: Receiver,
+        close_seconds: float = 60.0,
+        retry_seconds: tuple[float, float] = (1.0, 60.0),
+    ) -> None:
+        if not re.fullmatch(r"[A-Za-z0-9._-]+", key):
+            raise ConfigError(f"A run's key is made of letters, digits and . _ -, got {key!r}.")
+        self.key = key
+        self._folder = Path(folder).absolute()
+        self._outbox = Outbox(self._folder)
+        self._logged = {point for record in self._outbox.records() for point in _points(record)}
+        self._open: set[str] = set()
+        self._receiver = receiver
+        self._close_seconds = close_seconds
+        self._courier = Courier(self._outbox, receiver.deliver, receiver.hopeless, retry_seconds)
+
+    def open(self, run: str, name: str, tags: Mapping[str, str], parent: str = "") -> None:
+        """Open a run under its key, or open it again."""
+        if run not in self._open:
+            self._open.add(run)
+            self._put("open", run, name=name, parent=parent, tags=dict(tags))
+
+    def log(self, run: str, values: Mapping[str, float], step: int = 0) -> None:
+        """Log numbers at a step; see `log_rows`."""
+        self.log_rows(run, [(step, values)])
+
+    def log_rows(self, run: str, rows: Iterable[tuple[int, Mapping[str, float]]]) -> None:
+        """Log numbers at several steps. Each is logged once per run, name and step.
+
+        One that is not finite would spoil its chart: it becomes a tag `nonfinite/<name>`, and
+        health/nonfinite becomes 1.
+        """
+        finite: dict[tuple[str, int], float] = {}
+        odd: dict[str, str] = {}
+        for step, values in rows:
+            for name, value in values.items():
+                if math.isfinite(value):
+                    finite[name, step] = float(value)
+                else:
+                    odd[f"nonfinite/{name}"] = f"{value} at {step}"
+                    finite["health/nonfinite", step] = 1.0
+        if odd:
+            self.describe(run, tags=odd)
+        new = {point: v for point, v in finite.items() if (run, *point) not in self._logged}
+        if new:
+            self._logged.update((run, *point) for point in new)
+            self._put("log", run, values=[[name, step, v] for (name, step), v in new.items()])
+
+    def describe(
+        self, run: str, params: Mapping[str, str] = {}, tags: Mapping[str, str] = {}
+    ) -> None:
+        """Add parameters (which never change again) and tags (which may) to a run."""
+        self._put("describe", run, params=dict(params), tags=dict(tags))
+
+    def dataset(self, run: str, name: str, digest: str, profile: Mapping[str, float]) -> None:
+        """Name the snapshot that a run's model was trained on.
+
+        Args:
+          digest: of the snapshot; MLflow keeps 36 characters of it, the tag the whole.
+          profile: numbers about it, e.g. episodes.
+        """
+        self._put("dataset", run, name=name, digest=digest, profile=dict(profile))
+
+    def artifact(self, run: str, path: str | Path) -> None:
+        """Log a file of the run folder. It must still be there when MLflow is back."""
+        self._put("artifact", run, path=self._relative(path))
+
+    def model(
+        self,
+        run: str,
+        name: str,
+        digest: str,
+        folder: str | Path,
+        shape: tuple[int, int],
+        tags: Mapping[str, str],
+        step: int = 0,
+    ) -> None:
+        """Log and register a model.
+
+        Args:
+          digest: of its weights.
+          folder: inside the run folder, written by `served.write_served`.
+          shape: (tracked points, winches) of its robot, for the signature.
+          step: of the run that made it.
+        """
+        fields = {"name": name, "digest": digest, "folder": self._relative(folder)}
+        self._put("model", run, **fields, shape=list(shape), tags=dict(tags), step=step)
+
+    def promote(self, digest: str, decision: GateDecision) -> None:
+        """Move the alias `champion` to a logged model. Nothing else moves it.
+
+        Args:
+          digest: of the model's weights.
+          decision: of the gate, with the number that earned it.
+
+        Raises:
+          ConfigError: the gate did not say so, or its number is not finite.
+        """
+        if not decision.promoted or not math.isfinite(decision.number):
+            raise ConfigError(
+                f"Only a model that passed the gate with a finite number becomes champion; got "
+                f"promoted={decision.promoted}, {decision.measure} = {decision.number}."
+            )
+        words = {name: str(value) for name, value in decision.model_dump().items()}
+        self._put("promote", self.key, digest=digest, decision=words)
+
+    def end(self, run: str, status: Status = "FINISHED") -> None:
+        """Say how a run ended. The end of the parent ends every run still open."""
+        runs = [*sorted(self._open - {run}), run] if run == self.key else [run]
+        for each in runs:
+            self._open.discard(each)
+            self._put("end", each, status=status)
+
+    @property
+    def problem(self) -> str:
+        """Why delivery does not work at present, or ""."""
+        return self._courier.problem
+
+    def pending(self) -> int:
+        """Records on disk that MLflow has not taken yet."""
+        return self._outbox.pending()
+
+    def chart_url(self) -> str:
+        """Where the charts are; with SQLite, once `flywheel ui` serves them."""
+        return self._receiver.chart_url
+
+    def flush(self, seconds: float) -> bool:
+        """Wait until MLflow has everything, at most `seconds`. Returns whether it has."""
+        return self._courier.flush(seconds)
+
+    def close(self, seconds: float | None = None) -> bool:
+        """Deliver for at most `seconds`, then stop. Returns whether everything went.
+
+        The default is `close_seconds`. What is left is delivered by the folder's next `Tracker`.
+        """
+        return self._courier.close(self._close_seconds if seconds is None else seconds)
+
+    def _put(self, kind: str, run: str, **fields: Any) -> None:
+        now = int(1000 * time.time())
+        self._outbox.append({"kind": kind, "run": run, "time": now, **fields})
+        self._courier.wake()
+
+    def _relative(self, path: str | Path) -> str:
+        try:
+            return str((self._folder / path).relative_to(self._folder))
+        except ValueError:
+            raise ConfigError(f"Artifacts lie inside {self._folder}, got {path}.") from None
+
+
+def _points(record: Record) -> Iterator[tuple[str, str, int]]:
+    """(run, name, step) of each number in a record."""
+    if record["kind"] == "log":
+        for name, step, _ in record["values"]:
+            yield (record["run"], name, step)

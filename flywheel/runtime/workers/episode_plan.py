@@ -1,0 +1,213 @@
+"""Which episodes a run records: names, seeds and splits, from the configuration alone.
+
+The plan never depends on what has happened so far, so that a resumed run knows what is missing.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flywheel.effects import WrittenTerm
+from flywheel.errors import ConfigError
+from flywheel.records import Split
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.results import Arm
+from flywheel.runtime.run.seeds import derive_seed
+
+GAITS = ("roll", "cw", "ccw")
+ORACLE = "oracle"
+# From the 5 ms of icosa6 to about the one in which contacts hardly change any more.
+STAND_IN_FINENESS = 4
+Effects = tuple[WrittenTerm, ...]
+
+
+@dataclass(frozen=True)
+class EpisodePlan:
+    """One episode to be recorded. Its segment in the store has the same name.
+
+    Attributes:
+      id: of the episode ("i0001-mppi-collect-0003").
+      controller: "gait:roll", "random", "drop", "mppi" or "oracle".
+      iteration: that it belongs to; -1 for the oracle's.
+      split: fixed here, before anything is known about the episode.
+      dataset: index into the configuration's data sets: which plant.
+      seconds: longest duration [s].
+      seed: of start, controls, noise and planner.
+      task_seed: of the task; None without one. Evaluation uses the same ones in every iteration.
+      effects: of the plant, beyond its MJCF.
+      samples: plans that MPPI tries at a time; None for as many as configured.
+      course: that its task leads through, in place of the configured task; "" for that one.
+      hidden: what the plant really has in place of `effects`, which is what all that learns, plans and
+        reckons is told: a stand-in for a real robot. None where nothing is hidden.
+    """
+
+    id: str
+    controller: str
+    iteration: int
+    split: Split
+    dataset: int
+    seconds: float
+    seed: int
+    task_seed: int | None = None
+    effects: Effects = ()
+    samples: int | None = None
+    course: str = ""
+    hidden: Effects | None = None
+
+    @property
+    def plant_effects(self) -> Effects:
+        """What the plant has beyond its MJCF."""
+        return self.effects if self.hidden is None else self.hidden
+
+    @property
+    def fineness(self) -> int:
+        """How many times shorter the plant's MuJoCo steps are than its MJCF's.
+
+        What stands in for a real robot must not have the very time steps of the model it is compared with:
+        what those do to contacts is in no real recording.
+        """
+        return 1 if self.hidden is None else STAND_IN_FINENESS
+
+
+def collection(
+    config: RunConfig, iteration: int, arm: Arm, effects: Effects = (), anew: bool = False
+) -> list[EpisodePlan]:
+    """Episodes that iteration `iteration` of an arm adds to the data.
+
+    Args:
+      config, iteration, arm: of the run.
+      effects: of the plant.
+      anew: the plant is another than before: the gaits, random controls and drops of iteration 0
+        are recorded again, for all arms in common.
+    """
+    if iteration == 0:
+        return _first_collection(config, effects)
+    again = list(_first_episodes(config, effects, iteration)) if anew else []
+    return again + _further(config, iteration, arm, effects)
+
+
+def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> list[EpisodePlan]:
+    collect = config.collect
+    splits = _splits(config, collect.mppi, collect.validation, 0.0, iteration)
+    controller = "mppi" if arm == "mppi" else "random"
+    return [
+        EpisodePlan(
+            id=f"i{iteration:04d}-{arm}-collect-{index:04d}",
+            controller=controller,
+            iteration=iteration,
+            split=split,
+            dataset=0,
+            seconds=collect.mppi_seconds,
+            # Both arms begin from the same starts.
+            seed=derive_seed(config.seed, "collect", iteration, index),
+            task_seed=derive_seed(config.seed, "collect-task", iteration, index)
+            if arm == "mppi"
+            else None,
+            effects=effects,
+            samples=collect.mppi_samples if arm == "mppi" else None,
+        )
+        for index, split in enumerate(splits)
+    ]
+
+
+def evaluation(
+    config: RunConfig, iteration: int, arm: Arm, effects: Effects = ()
+) -> list[EpisodePlan]:
+    """Closed-loop episodes that judge a model, and test data; the same tasks in every iteration."""
+    return _navigation(config, f"i{iteration:04d}-{arm}-evaluate", "mppi", iteration, effects)
+
+
+def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
+    """The same tasks for the planner that knows the plant itself."""
+    return _navigation(config, ORACLE, ORACLE, -1, effects) if config.evaluate.oracle else []
+
+
+def unseen(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
+    """Closed-loop episodes of the last champion on a course that is not the run's."""
+    return _elsewhere(_navigation(config, unseen_name(course), "mppi", -1, effects), course)
+
+
+def unseen_ceiling(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
+    """The same for the planner that knows the plant itself."""
+    if not config.evaluate.oracle:
+        return []
+    name = f"{unseen_name(course)}-{ORACLE}"
+    return _elsewhere(_navigation(config, name, ORACLE, -1, effects), course)
+
+
+def unseen_name(course: str) -> str:
+    """Of a path its hash: names of episodes have few letters."""
+    return f"unseen-{zlib.crc32(course.encode()):08x}" if "." in course else f"unseen-{course}"
+
+
+def _elsewhere(plans: list[EpisodePlan], course: str) -> list[EpisodePlan]:
+    return [replace(plan, course=course) for plan in plans]
+
+
+def _navigation(
+    config: RunConfig, name: str, controller: str, iteration: int, effects: Effects
+) -> list[EpisodePlan]:
+    return [
+        EpisodePlan(
+            id=f"{name}-{index:04d}",
+            controller=controller,
+            iteration=iteration,
+            split="test",
+            dataset=0,
+            seconds=config.task.seconds,
+            seed=derive_seed(config.seed, "evaluate", index),
+            task_seed=derive_seed(config.seed, "evaluate-task", index),
+            effects=effects,
+        )
+        for index in range(config.evaluate.tasks)
+    ]
+
+
+def _first_collection(config: RunConfig, effects: Effects) -> list[EpisodePlan]:
+    plans = list(_first_episodes(config, effects, 0))
+    present = {plan.split for plan in plans}
+    if missing := {"train", "validation", "test"} - present:
+        raise ConfigError(
+            f"Iteration 0 would record no {' and no '.join(sorted(missing))} episode. Raise "
+            "collect.gaits, collect.random or collect.drops, or the shares collect.validation "
+            f"(now {config.collect.validation}) and collect.test (now {config.collect.test})."
+        )
+    return plans
+
+
+def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iterator[EpisodePlan]:
+    collect = config.collect
+    kinds = (
+        ("gait", collect.gaits, collect.gait_seconds),
+        ("random", collect.random, collect.random_seconds),
+        ("drop", collect.drops, collect.drop_seconds),
+    )
+    for kind, count, seconds in kinds:
+        splits = _splits(config, count, collect.validation, collect.test, 0, kind)
+        for index, split in enumerate(splits):
+            yield EpisodePlan(
+                id=f"i{iteration:04d}-{kind}-{index:04d}",
+                controller=f"gait:{GAITS[index % len(GAITS)]}" if kind == "gait" else kind,
+                iteration=iteration,
+                split=split,
+                dataset=index % len(config.datasets),
+                seconds=seconds,
+                seed=derive_seed(config.seed, "collect", 0, kind, index),
+                effects=effects,
+            )
+
+
+def _splits(
+    config: RunConfig, count: int, validation: float, test: float, *what: str | int
+) -> list[Split]:
+    """Shares of each kind of episode by count, so that few episodes still give every split."""
+    splits: list[Split] = ["train"] * count
+    order = np.random.default_rng(derive_seed(config.seed, "split", *what)).permutation(count)
+    wanted_validation = round(count * validation)
+    for rank, index in enumerate(order[: wanted_validation + round(count * test)]):
+        splits[index] = "validation" if rank < wanted_validation else "test"
+    return splits

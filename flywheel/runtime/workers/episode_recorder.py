@@ -1,0 +1,229 @@
+"""Recording one planned episode: which plant, which start, which controller, which task."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel import __version__
+from flywheel.control import (
+    Controller,
+    Hold,
+    Mppi,
+    RandomControls,
+    above_ground,
+    random_drop,
+    record_episode,
+    standing,
+)
+from flywheel.control.gaits import Gait
+from flywheel.control.protocol import OnPiece, Piece
+from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, with_effects
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.effects import NAMED, Terms, WrittenTerm
+from flywheel.errors import DataError
+from flywheel.records import Episode, Provenance, State
+from flywheel.robots import Robot, draw_terrain
+from flywheel.runtime.config.run_config import RunConfig, config_digest
+from flywheel.runtime.measures import Walk
+from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
+from flywheel.tasks import Task, TaskConfig, sample_task
+from flywheel.terrain import Terrain
+
+WALK_SECONDS = 0.5  # between two points of a walk
+SETTLE_SECONDS = 2.0
+GROUND = 1  # beside a seed: purpose of random numbers
+
+
+class Recorder:
+    """Makes planned episodes; the same plan and weights give the same episode anywhere.
+
+    Args:
+      config: of the run.
+      robot: of the run.
+    """
+
+    def __init__(self, config: RunConfig, robot: Robot) -> None:
+        self.config, self.robot = config, robot
+        self._digest = config_digest(config)
+        self._settled: dict[tuple[int, Effects], State] = {}
+
+    def terrain(self, plan: EpisodePlan) -> Terrain | None:
+        """The ground of a planned episode: of its task, so that all models meet the same, or its own."""
+        seed = plan.seed if plan.task_seed is None else plan.task_seed
+        rng = np.random.default_rng([seed, GROUND])
+        return draw_terrain(self.config.terrain, self.robot.length, rng)
+
+    def plant(
+        self,
+        dataset: int,
+        effects: Effects = (),
+        task: Task | None = None,
+        terrain: Terrain | None = None,
+        fineness: int = 1,
+    ) -> Plant:
+        """The plant of a data set, with effects, the obstacles of a task, a ground, and shorter steps."""
+        plant = Plant(
+            self.robot,
+            self.config.network.dt,
+            parameters=self.config.datasets[dataset].plant,
+            obstacles=() if task is None else task.obstacles,
+            threads=self.config.sim_threads,
+            terrain=terrain,
+        )
+        return with_effects(refined(plant, fineness), self._terms(effects))
+
+    def task(self, plan: EpisodePlan) -> Task | None:
+        """The task of a planned episode."""
+        if plan.task_seed is None:
+            return None
+        settled = self._settled_state(0, plan.effects)
+        points = self.plant(0, plan.effects).observe(settled).points[0]
+        rng = np.random.default_rng(plan.task_seed)
+        task = self._task_config(plan)
+        return sample_task(task.name, self.robot, points, rng, task)
+
+    def _task_config(self, plan: EpisodePlan) -> TaskConfig:
+        task = self.config.task
+        if not plan.course:
+            return task
+        return task.model_copy(update={"name": "obstacle_course", "course": plan.course})
+
+    def record(
+        self,
+        plan: EpisodePlan,
+        dynamics: Dynamics | None,
+        model: str,
+        watch: Watch,
+        on_piece: OnPiece | None = None,
+    ) -> Episode:
+        """Record it.
+
+        Args:
+          plan: what to record.
+          dynamics: that MPPI plans with; None where nothing is planned.
+          model: digest of its weights, or "".
+          watch: told how far the episode is.
+          on_piece: also told what happened.
+
+        Raises:
+          ModelError: the plant diverged, or the model did.
+        """
+        task = self.task(plan)
+        plant = self.plant(
+            plan.dataset, plan.plant_effects, task, self.terrain(plan), plan.fineness
+        )
+        if plan.controller == ORACLE:
+            dynamics = PlantDynamics(plant)
+
+        def told(piece: Piece) -> None:
+            watch.progress(min(1.0, piece.done * plant.dt / plan.seconds))
+            if on_piece is not None:
+                on_piece(piece)
+
+        return record_episode(
+            plant,
+            self.config.measurement,
+            self._controller(plan, dynamics, model),
+            task,
+            start=self._start(plan, plant, task),
+            seconds=plan.seconds,
+            seed=plan.seed,
+            episode_id=plan.id,
+            provenance=self._provenance(plan, model),
+            split=plan.split,
+            reckoning=Reckoning(self.robot, plant.dt, self._terms(plan.effects)),
+            on_piece=told,
+        )
+
+    def check_own(self, episode: Episode) -> None:
+        """Refuse what another run has recorded under the same name.
+
+        Raises:
+          DataError: it has.
+        """
+        if episode.provenance.config != self._digest:
+            raise DataError(
+                f"The store has an episode {episode.id} of another run (configuration "
+                f"{episode.provenance.config[:12] or 'unknown'}, this one's is {self._digest[:12]}). "
+                "Give this run a store of its own; recordings can be imported into that, too."
+            )
+
+    def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
+        """The episode seen from above; None without a task."""
+        task = self.task(plan)
+        if task is None or episode.outcome is None:
+            return None
+        trajectory = episode.trajectory
+        stride = max(1, round(WALK_SECONDS / trajectory.dt))
+        points = trajectory.observations.points
+        if trajectory.states is not None:  # as it was, not as it was measured
+            points = self.plant(0, plan.plant_effects).observe(trajectory.states).points
+        centre = task.place(points[::stride])
+        return Walk(
+            path=tuple((float(x), float(y)) for x, y in np.round(centre, 4)),
+            goal=(float(task.last_goal[0]), float(task.last_goal[1])),
+            reached=episode.outcome.success,
+            seconds=episode.outcome.seconds,
+            distance=episode.outcome.distance,
+            seed=plan.seed,
+            obstacles=task.obstacles,
+        )
+
+    def _terms(self, effects: Effects) -> Terms:
+        return tuple(effect.term(self.robot, NAMED) for effect in effects)
+
+    def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
+        kind, _, gait = plan.controller.partition(":")
+        dt = self.config.network.dt
+        if kind == "gait":
+            return Gait(self.robot, gait, dt, variation=self.config.collect.gait_variation)
+        if kind == "random":
+            return RandomControls(self.robot, dt)
+        if kind == "drop":
+            return Hold(self.robot, dt)
+        assert dynamics is not None, "MPPI plans with a model"
+        search = self.config.mppi
+        if plan.samples is not None:
+            search = search.model_copy(update={"samples": plan.samples})
+        return Mppi(dynamics, search, plan.controller, model)
+
+    def _start(self, plan: EpisodePlan, plant: Plant, task: Task | None) -> State:
+        kind, _, _ = plan.controller.partition(":")
+        if kind in ("drop", "gait"):
+            dropped = random_drop(plant, np.random.default_rng(plan.seed), 1)
+            return dropped if kind == "drop" else plant.settle(SETTLE_SECONDS, start=dropped)
+        state = self._settled_state(plan.dataset, plan.plant_effects)
+        if task is not None and task.begin is not None:
+            state = standing(plant, state, task.begin.place, task.begin.turn)
+        if plant.terrain is None:
+            return state
+        return plant.settle(SETTLE_SECONDS, start=above_ground(plant, state))
+
+    def _settled_state(self, dataset: int, effects: Effects) -> State:
+        key = (dataset, effects)
+        if key not in self._settled:
+            self._settled[key] = self.plant(dataset, effects).settle(SETTLE_SECONDS)
+        return self._settled[key]
+
+    def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
+        data = self.config.datasets[plan.dataset]
+        return Provenance(
+            robot=self.robot.digest,
+            dataset=data.name,
+            controller=plan.controller,
+            model=model,
+            task=self._task_config(plan).name if plan.task_seed is not None else "",
+            seed=plan.seed,
+            iteration=plan.iteration,
+            config=self._digest,
+            code=__version__,
+            plant=data.plant.changed(),
+            effects={effect.label: effect.parameters for effect in plan.plant_effects},
+        )
+
+
+def effects_of(episode: Episode) -> Effects:
+    """Of the plant that an episode was recorded on, beyond its MJCF."""
+    there = episode.provenance.effects
+    return tuple(WrittenTerm.labelled(label, values) for label, values in there.items())

@@ -1,0 +1,130 @@
+"""What happens inside a trainer's process: a plain class that a test can call without a cluster."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.errors import ModelError
+from flywheel.records import Split
+from flywheel.robots import Robot
+from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.measures import TrainingPoint
+from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.pool.jobs import Beat
+from flywheel.runtime.pool.lock import hold
+from flywheel.runtime.workers.episode_plan import Effects
+from flywheel.runtime.workers.winches import EpisodeWinches
+from flywheel.training import Trainer, TrainingProgress
+
+SPLITS: tuple[Split, ...] = ("train", "validation")
+
+
+@dataclass(frozen=True)
+class TrainingOrder:
+    """What to train.
+
+    Attributes:
+      snapshot: its name.
+      folder: for checkpoints and weights.
+      cache: folder for the windows.
+      initial: weights to start from, or None.
+      seed: of the training.
+      effects: adopted so far.
+    """
+
+    snapshot: str
+    folder: Path
+    cache: Path
+    initial: Path | None
+    seed: int
+    effects: Effects = ()
+
+
+@dataclass(frozen=True)
+class TrainingNote:
+    """What the driver is told about a finished training.
+
+    Attributes:
+      weights: their file.
+      digest: of them.
+      curve: of the training.
+      problem: why there are no weights, or "".
+    """
+
+    weights: Path = Path()
+    digest: str = ""
+    curve: tuple[TrainingPoint, ...] = ()
+    problem: str = ""
+
+
+class TrainerWorker:
+    """Trains models.
+
+    Args:
+      config: of the run.
+      store: URL of the trajectory store.
+      robot: of the run.
+    """
+
+    def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
+        self._config, self._robot = config, robot
+        self._store = TrajectoryStore(store)
+        self._watch = Watch()
+
+    @property
+    def beat(self) -> Beat:
+        """Latest sign of progress."""
+        return self._watch.beat
+
+    def train(self, order: TrainingOrder) -> TrainingNote:
+        """Train from the last checkpoint in the order's folder, or from the beginning."""
+        self._watch.start("reading the snapshot")
+        # A trainer whose driver was killed lives on for some seconds.
+        with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
+            snapshot = self._store.snapshot(order.snapshot)
+            winches = EpisodeWinches(self._robot, order.effects)
+            train, validation = (
+                WindowCache.build(
+                    self._store,
+                    snapshot,
+                    split,
+                    order.cache,
+                    self._robot,
+                    winches,
+                    winches.belief,
+                )
+                for split in SPLITS
+            )
+            trainer = Trainer(
+                self._config.training.model_copy(update={"seed": order.seed}),
+                self._config.network,
+                self._robot,
+                train,
+                validation,
+                order.folder,
+                order.initial,
+            )
+            try:
+                result = trainer.run(self._progress)
+            except ModelError as error:
+                return TrainingNote(problem=str(error))
+        points = tuple(
+            TrainingPoint(
+                step=p.step,
+                loss=p.loss,
+                learning_rate=p.learning_rate,
+                validation_e_pos_rmse=p.e_pos_rmse,
+                validation_e_rot=p.e_rot,
+            )
+            for p in result.curve
+        )
+        return TrainingNote(result.weights, result.digest, points)
+
+    def _progress(self, now: TrainingProgress) -> None:
+        words = (
+            f"step {now.point.step} of {now.steps} ({now.steps_per_second:.1f}/s), "
+            f"loss {now.point.loss:.3g}"
+        )
+        self._watch.progress(now.point.step / now.steps, words)

@@ -1,0 +1,93 @@
+"""A truth simulator with hidden effects, to test a diagnosis that does not share its code.
+
+`HIDDEN` are the effects that a diagnosis is expected to name, `OUTSIDE` those it should say it has no
+name for.
+"""
+
+from flywheel.registry import lookup
+from flywheel.truth_simulator.body_effects import AirDrag, Payload
+from flywheel.truth_simulator.cable_effects import (
+    CableDamping,
+    CableFriction,
+    Capstan,
+    Creep,
+    Hysteresis,
+    Stiffening,
+    WeakCable,
+)
+from flywheel.truth_simulator.effect import EffectTruth, HiddenEffect
+from flywheel.truth_simulator.ground_effects import (
+    ContactSoftness,
+    GroundFriction,
+    RollingResistance,
+    Slope,
+)
+from flywheel.truth_simulator.outside import (
+    CableSlip,
+    Cogging,
+    Gust,
+    QuadraticDamping,
+    RodFlex,
+    StiffnessDrift,
+)
+from flywheel.truth_simulator.sensing_effects import MarkerOffset, SensorLatency
+from flywheel.truth_simulator.simulator import HiddenMotion, TruthSimulator
+from flywheel.truth_simulator.winch_effects import (
+    ActuatorLag,
+    CommandDelay,
+    TorqueSpeed,
+    WinchBacklash,
+    WinchGain,
+)
+
+HIDDEN: dict[str, type[HiddenEffect]] = {
+    "cable_damping": CableDamping,
+    "cable_friction": CableFriction,
+    "capstan": Capstan,
+    "hysteresis": Hysteresis,
+    "creep": Creep,
+    "stiffening": Stiffening,
+    "weak_cable": WeakCable,
+    "winch_backlash": WinchBacklash,
+    "command_delay": CommandDelay,
+    "actuator_lag": ActuatorLag,
+    "winch_gain": WinchGain,
+    "torque_speed": TorqueSpeed,
+    "ground_friction": GroundFriction,
+    "rolling_resistance": RollingResistance,
+    "slope": Slope,
+    "contact_softness": ContactSoftness,
+    "air_drag": AirDrag,
+    "payload": Payload,
+    "marker_offset": MarkerOffset,
+    "sensor_latency": SensorLatency,
+}
+
+OUTSIDE: dict[str, type[HiddenEffect]] = {
+    "gust": Gust,
+    "cogging": Cogging,
+    "cable_slip": CableSlip,
+    "quadratic_damping": QuadraticDamping,
+    "stiffness_drift": StiffnessDrift,
+    "rod_flex": RodFlex,
+}
+
+
+def hidden_effect(name: str) -> type[HiddenEffect]:
+    """The effect of this name, from either list.
+
+    Raises:
+      UnknownNameError: no such effect.
+    """
+    return lookup(HIDDEN | OUTSIDE, name, "hidden effect")
+
+
+__all__ = [
+    "HIDDEN",
+    "OUTSIDE",
+    "EffectTruth",
+    "HiddenEffect",
+    "HiddenMotion",
+    "TruthSimulator",
+    "hidden_effect",
+]

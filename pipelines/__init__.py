@@ -1,1 +1,0 @@
-"""The entry points: each module parses, builds from `flywheel.*`, calls, and shows."""

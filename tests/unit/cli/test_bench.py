@@ -1,0 +1,44 @@
+"""`flywheel bench` measures in turns, says what it measured on, and refuses nonsense."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from flywheel.cli.bench import BENCHES, parsed_threads
+from flywheel.cli.main import app
+from flywheel.errors import ConfigError
+
+run = CliRunner().invoke
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "bench.json"
+    done = run(
+        app,
+        ["bench", "--only", name, "--threads", "1", "--seconds", "0.01", "--output", str(file)],
+        catch_exceptions=False,
+    )
+    assert done.exit_code == 0
+    record = json.loads(file.read_text())
+    assert record["machine"]["cores"] >= 1
+    assert record["measurements"]
+    for measured in record["measurements"]:
+        assert measured["value"] > 0
+        assert measured["of"] in done.output
+
+
+@pytest.mark.parametrize("text", ["", "0", "1,", "two", "1,-2"])
+def test_threads_that_are_no_numbers_are_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="1,2"):
+        parsed_threads(text)
+
+
+def test_an_unknown_bench_is_bad_input_and_the_known_ones_are_listed() -> None:
+    done = run(app, ["bench", "--only", "plants"])
+    assert done.exit_code == 2
+    assert "Did you mean 'plant'" in done.stderr

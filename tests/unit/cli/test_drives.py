@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from flywheel.cli.drives import (
+    Drive,
+    Setting,
+    append_drive,
+    drive_picture,
+    drive_table,
+    read_drives,
+)
+from flywheel.errors import DataError
+from flywheel.runtime.measures import Walk
+from tests import draws
+
+
+def drive(seed: int, model: str = "champion", reached: bool = True) -> Drive:
+    setting = Setting(
+        robot="icosa6", task="obstacle_course", course="maze", model=model, samples=48,
+        horizon_seconds=3.0, threads=2, config="c",
+    )  # fmt: skip
+    way = tuple(
+        map(tuple, np.random.default_rng(draws.seed()).normal(size=(20, 2)).round(3).tolist())
+    )
+    walk = Walk(
+        path=way, goal=(1, 2), reached=reached, seconds=10.0 + seed, distance=0.3, seed=seed
+    )
+    return Drive(
+        setting=setting, seed=seed, walk=walk, seconds_allowed=120, tolerance=0.5,
+        plan_seconds=(0.4, 0.5), cpu_seconds=20.0,
+    )  # fmt: skip
+
+
+def test_what_is_added_is_read_and_a_damaged_line_is_named(tmp_path):
+    path, drives = tmp_path / "new" / "a.jsonl", [drive(s, reached=s > 0) for s in range(3)]
+    assert read_drives(path) == []
+    for each in drives:
+        append_drive(path, each)
+    assert read_drives(path) == drives
+    path.write_text(path.read_text() + "{}\n")
+    with pytest.raises(DataError, match="line 4"):
+        read_drives(path)
+
+
+def test_the_table_counts_each_setting_apart():
+    console = Console(width=200, record=True, file=io.StringIO())
+    drives = [drive(s, reached=s > 0) for s in range(4)] + [drive(0, "oracle")]
+    console.print(drive_table(drives))
+    text = console.export_text()
+    assert "3 of 4" in text
+    assert "19-99 %" in text  # Clopper and Pearson's
+    assert "1 of 1" in text
+    assert "12" in text  # median of 11, 12, 13 s
+
+
+def test_the_picture_has_a_part_for_each_setting(tmp_path):
+    path = tmp_path / "pictures" / "a.png"
+    drive_picture([drive(0), drive(1), drive(0, "oracle")], path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    without = drive(0).model_copy(update={"walk": drive(0).walk.model_copy(update={"path": ()})})
+    with pytest.raises(DataError, match="path to draw"):
+        drive_picture([without], path)

@@ -1,0 +1,98 @@
+"""Numbers on the command line: none is taken that no command could do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_args, get_type_hints
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from flywheel.cli.bench import parsed_threads
+from flywheel.cli.diagnose import unsure_of
+from flywheel.cli.diagnose_bench import listed
+from flywheel.cli.experiment import length_of
+from flywheel.cli.hidden_effects import hidden_effects
+from flywheel.cli.main import app
+from flywheel.cli.options import number
+from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds
+from flywheel.robots import load_robot
+
+# Checked against the robot, and by what reads logs; an argument, checked against the run.
+ELSEWHERE = {"--dt", "--iteration"}
+PRISM = load_robot("prism3")
+WRONG = ("nan", "inf", "-inf", "1e300", "-1", "0", "5%", "", "x" * 5000, "1" * 5000)
+
+
+def numeric(commands: typer.Typer, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """The words up to each option that takes a number, of some commands and those below them."""
+    for group in commands.registered_groups:
+        assert group.typer_instance is not None
+        below = (*path, group.name) if isinstance(group.name, str) else path
+        yield from numeric(group.typer_instance, below)
+    for command in commands.registered_commands:
+        assert command.callback is not None
+        name = command.name or command.callback.__name__
+        for option, hint in get_type_hints(command.callback).items():
+            if {int, float} & {hint, *get_args(hint)}:
+                yield (*path, name, f"--{option.replace('_', '-')}")
+
+
+OPTIONS = [words for words in numeric(app) if words[-1] not in ELSEWHERE]
+
+
+def test_there_are_such_options() -> None:
+    assert ("evaluate", "--horizon") in OPTIONS
+    assert ("adopt", "--answer") in OPTIONS
+    assert len(OPTIONS) > 15
+
+
+@pytest.mark.parametrize("words", OPTIONS, ids=" ".join)
+@pytest.mark.parametrize("value", ["nan", "inf", "1e300", "-1e300", "-1", "9" * 40])
+def test_an_option_takes_no_number_without_bounds(words: tuple[str, ...], value: str) -> None:
+    result = CliRunner().invoke(app, [*words, value])
+    said = " ".join(result.output.replace("│", " ").split())
+    assert result.exit_code == 2, said
+    assert f"Invalid value for '{words[-1]}'" in said, said
+
+
+def test_numbers_within_bounds_pass() -> None:
+    assert number("0.5", "A share", Bounds(0, 1)) == 0.5
+    with pytest.raises(ConfigError, match=r"A share must be a number from 0 to 1; got 'nan'"):
+        number("nan", "A share", Bounds(0, 1))
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_numbers_within_texts_have_bounds_too(text: str) -> None:
+    for read in (
+        lambda: parsed_threads(text),
+        lambda: listed(f"1,{text}"),
+        lambda: length_of(f"{text}mm", PRISM),
+        lambda: unsure_of([f"cable_stiffness={text}%"]),
+    ):
+        with pytest.raises(ConfigError, match="number.*; got|number.*Got") as caught:
+            read()
+        assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "1e300", "", "x"])
+def test_hidden_effects_have_sizes_that_can_be(text: str) -> None:
+    with pytest.raises(ConfigError, match="how many times the typical size.* must be a number"):
+        hidden_effects((f"torque_speed:{text}",), PRISM)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "compare log.csv --robot prism3 --draws 10000 --horizon 600",
+        "design capstan creep --robot prism3 --candidates 10000 --seconds 600",
+    ],
+)
+def test_numbers_that_are_too_large_together_are_refused_with_what_they_would_take(
+    words: str,
+) -> None:
+    result = CliRunner().invoke(app, words.split())
+    assert result.exit_code == 2
+    assert "at most 16 GB are allowed" in result.output

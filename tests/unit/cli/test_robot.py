@@ -1,0 +1,161 @@
+"""`flywheel robot check` says what it reads, and how to run it; it fails where a robot cannot be used."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from flywheel.cli.main import app
+from flywheel.robots import ROBOTS, load_robot
+from flywheel.runtime.config.run_config import load_config
+from flywheel.runtime.run.suitability import check_suits
+
+ROOT = Path(__file__).parents[3]
+SWING = (ROOT / "tests" / "contracts" / "robots" / "swing.xml").read_text()
+FREE, HINGE = "<freejoint/>", '<joint type="hinge" axis="0 1 0"/>'
+POSE = 'qpos="0 0 1 1 0 0 0"'
+AWAY = (POSE, 'qpos="0.2 0.1 1.1 1 0 0 0"')
+run = CliRunner().invoke
+
+
+def checked(folder: Path, *edits: tuple[str, str], more: str = "", code: int = 0) -> str:
+    """What the check says of the beam on cables of the docs, edited."""
+    xml = SWING
+    for old, new in edits:
+        assert old in xml, old
+        xml = xml.replace(old, new)
+    (folder / "mine.xml").write_text(xml)
+    done = run(app, ["robot", "check", str(folder / "mine.xml"), *shlex.split(more)])
+    assert done.exit_code == code, done.output
+    return done.output
+
+
+def suggested(output: str) -> list[str]:
+    """The overrides of the command that a check prints last."""
+    command = shlex.split(output.splitlines()[-1].removeprefix("Run it with: "))
+    assert command[:3] == ["flywheel", "run", "configs/prism3.yaml"]
+    return command[3:]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_shipped_robot_is_read_and_settles(name: str) -> None:
+    done = run(app, ["robot", "check", name], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    robot = load_robot(name)
+    for part in (*robot.bodies, *robot.cables, *robot.winches):
+        assert part.name in done.output
+    assert "It settles" in done.output
+    assert "nodes" in done.output  # of the graph
+    assert "keyframe is" not in done.output
+
+
+@pytest.mark.parametrize("config", ["prism3", "smoke"])
+@pytest.mark.parametrize(
+    "edits",
+    [
+        (),
+        ((FREE, HINGE), (POSE, 'qpos="0"')),
+        (('timestep="0.005"', 'timestep="0.003"'),),
+        (('<framepos name="right" objtype="site" objname="right_end"/>', ""),),
+    ],
+    ids=["as in the docs", "hinged", "another time step", "one tracked point"],
+)
+def test_the_command_it_prints_can_be_run(
+    config: str, edits: tuple[tuple[str, str], ...], tmp_path: Path
+) -> None:
+    overrides = suggested(checked(tmp_path, *edits))
+    settings = load_config(ROOT / "configs" / f"{config}.yaml", overrides)
+    check_suits(settings, load_robot(settings.robot))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_so_can_that_of_a_shipped_robot(name: str) -> None:
+    overrides = suggested(run(app, ["robot", "check", name]).output)
+    settings = load_config(ROOT / "configs" / "prism3.yaml", overrides)
+    check_suits(settings, load_robot(settings.robot))
+
+
+def test_names_are_printed_as_they_are(tmp_path: Path) -> None:
+    names = (("beam", "[red]beam"), ("left_winch", "[bold]w[/bold]"), ('"swing"', '"[/x]"'))
+    folder = tmp_path / "[blue]a"
+    folder.mkdir()
+    output = checked(folder, *((f'name="{a}"', f'name="{b}"') for a, b in names[:2]), names[2])
+    for name in ("[red]beam", "[bold]w[/bold]", "[/x]:"):
+        assert name in output
+    broken = checked(folder, ("<keyframe>", "<!--"), ("</keyframe>", "-->"), code=1)
+    assert f"{folder / 'mine.xml'} cannot be used:" in broken.replace("\n", "")
+    mine = folder / "[red]x.xml"
+    mine.write_text(SWING)
+    overrides = suggested(run(app, ["robot", "check", str(mine)]).output)
+    assert load_config(ROOT / "configs" / "prism3.yaml", overrides).robot == str(mine)
+
+
+def test_a_swing_that_dies_away_slowly_can_be_used(tmp_path: Path) -> None:
+    output = checked(tmp_path, AWAY)
+    assert re.search(r"It swings, with a time constant of 4\d\.\d s", output)
+
+
+def test_a_keyframe_away_from_rest_is_said_with_a_better_one(tmp_path: Path) -> None:
+    output = checked(tmp_path, AWAY)
+    assert "Its keyframe is 24.5 % of L from where it rests" in output
+    (better,) = re.findall(r"<key .*/>", output)
+    again = checked(tmp_path, (re.findall(r"<key .*/>", SWING)[0], better))
+    assert "It settles" in again and "keyframe is" not in again
+
+
+def test_a_time_step_that_does_not_divide_has_its_own_control_step(tmp_path: Path) -> None:
+    step = ('timestep="0.005"', 'timestep="0.003"')
+    assert "Give them --dt 0.009" in checked(tmp_path, step)
+    assert "network.dt=0.012" in checked(tmp_path, step, more="--dt 0.012")
+    said = checked(tmp_path, step, more="--dt 0.01", code=2)
+    assert "no multiple of the timestep of swing, 0.003 s; 0.009 or 0.012 s is" in said
+    checked(tmp_path, step, more="--dt nan", code=2)
+
+
+def test_what_joints_and_single_points_hinder_is_said(tmp_path: Path) -> None:
+    output = checked(tmp_path, (FREE, HINGE), (POSE, 'qpos="0"'))
+    assert "compare and diagnose, which restart it from what is seen, cannot use it" in output
+    assert "evaluate.floor=false" in output
+    output = checked(tmp_path, ('<framepos name="right" objtype="site" objname="right_end"/>', ""))
+    assert "one or in one place (beam)" in output
+
+
+def test_an_mjcf_that_cannot_be_used_fails_with_the_reason(tmp_path: Path) -> None:
+    file = tmp_path / "bare.xml"
+    file.write_text('<mujoco model="bare"><worldbody/></mujoco>')
+    done = run(app, ["robot", "check", str(file)])
+    assert done.exit_code == 1
+    assert "cannot be used" in done.output
+    assert len(done.output.splitlines()) >= 2
+
+
+def test_a_robot_that_nothing_holds_or_that_explodes_fails(tmp_path: Path) -> None:
+    ball = '<body name="sky"><freejoint/><geom size=".1"/><site name="sky"/></body>'
+    falling = (
+        ("<body name", f"{ball}<body name"),
+        ("</sensor>", '<framepos name="sky" objtype="site" objname="sky"/></sensor>'),
+        (POSE, 'qpos="5 0 9 1 0 0 0 0 0 1 1 0 0 0"'),
+    )
+    assert "It flies away" in checked(tmp_path, *falling, code=1)
+    stiff = ('gainprm="2000"', 'gainprm="1e9"'), ("0 -2000 -50", "0 -1e9 -50"), ("-500 0", "-1e9 0")
+    assert re.search("It flies away|diverged", checked(tmp_path, *stiff, code=1))
+
+
+def test_what_cannot_be_read_is_bad_input(tmp_path: Path) -> None:
+    assert run(app, ["robot", "check", "prism4"]).exit_code == 2
+    os.mkfifo(tmp_path / "pipe.xml")
+    (tmp_path / "cut.xml").write_text(SWING[:300])
+    (tmp_path / "many.xml").write_text(
+        SWING.replace("<body", '<replicate count="100000"/><body', 1)
+    )
+    (tmp_path / "endless.xml").write_text(SWING.replace('damping="20"', 'damping="inf"'))
+    assert (tmp_path / "endless.xml").read_text() != SWING
+    for name in ("none.xml", "pipe.xml", "cut.xml", "many.xml", "endless.xml"):
+        done = run(app, ["robot", "check", str(tmp_path / name)])
+        assert done.exit_code == 2
+        assert name in done.output

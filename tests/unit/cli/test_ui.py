@@ -1,0 +1,138 @@
+"""`flywheel ui`: the server ends with it, and what cannot be served is said at once."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from flywheel.cli.main import app
+from flywheel.cli.ui import check_port
+from flywheel.errors import ConfigError
+from flywheel.runtime.tracking.dashboard import DATABASE, damage
+
+ROOT = Path(__file__).parents[3]
+SERVER = "import subprocess, sys; subprocess.run([sys.executable, '-S', sys.argv[1]])"
+CHILD = "import os, time; print(os.getpid(), os.getppid(), flush=True); time.sleep(600)"
+UI = """
+import sys
+from flywheel.cli import ui
+from flywheel.cli.main import app
+ui.ui_command = lambda run, port: ([sys.executable, "-S", "-c", sys.argv[1], sys.argv[2]], {}, "url")
+app(["ui", sys.argv[3]])
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A folder with a sound database."""
+    with closing(sqlite3.connect(tmp_path / DATABASE)) as database:
+        database.execute("CREATE TABLE a (b)")
+        database.executemany("INSERT INTO a VALUES (?)", [("x" * 500,)] * 100)
+        database.commit()
+    return tmp_path
+
+
+def alive(pid: int) -> bool:
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("end", "code"), [("SIGTERM", 130), ("SIGHUP", 130), ("SIGINT", 130), ("SIGKILL", -9)]
+)
+def test_the_server_and_its_children_end_with_the_command(run, end, code):
+    child = run / "child.py"
+    child.write_text(CHILD)
+    served = subprocess.Popen(
+        [sys.executable, "-c", UI, SERVER, child, run],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert served.stdout is not None
+    assert served.stdout.readline().startswith("Open url")
+    pids = [int(pid) for pid in served.stdout.readline().split()]
+    assert all(map(alive, pids))
+    served.send_signal(signal.Signals[end])
+    assert served.wait(20) == code
+    limit = time.monotonic() + 10
+    while any(map(alive, pids)) and time.monotonic() < limit:
+        time.sleep(0.05)
+    assert not any(map(alive, pids))
+    served.stdout.close()
+
+
+def test_a_server_that_ends_by_itself_is_told(run, monkeypatch):
+    command = ([sys.executable, "-c", "raise SystemExit(3)"], {}, "url")
+    monkeypatch.setattr("flywheel.cli.ui.ui_command", lambda *_: command)
+    done = CliRunner().invoke(app, ["ui", str(run)])
+    assert done.exit_code == 1
+    assert "ended by itself, with the exit code 3" in done.stderr
+
+
+def test_a_port_that_is_in_use_is_bad_usage(run):
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        listener.listen()
+        port = listener.getsockname()[1]
+        done = CliRunner().invoke(app, ["ui", str(run), "--port", str(port)])
+    assert done.exit_code == 2
+    assert f"port {port}: Another program uses this port. Name another port." in done.stderr
+
+
+@pytest.mark.parametrize("port", ["0", "70000", "-1", "x"])
+def test_what_is_no_port_is_bad_usage(port, run):
+    assert CliRunner().invoke(app, ["ui", str(run), "--port", port]).exit_code == 2
+
+
+def test_a_port_for_root_alone_is_told(monkeypatch):
+    def forbidden(*_: object) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(socket.socket, "bind", forbidden)
+    with pytest.raises(ConfigError, match="port 80: only root may use ports below 1024"):
+        check_port(80)
+
+
+@pytest.mark.parametrize("name", ["a?b", "a%20b"])
+def test_a_folder_that_mlflow_would_take_for_another_is_refused(tmp_path, name):
+    for command in (f"run {ROOT}/configs/smoke.yaml --folder", "ui"):
+        folder = tmp_path / name
+        if command == "ui":
+            folder.mkdir()
+            (folder / DATABASE).touch()
+        done = CliRunner().invoke(app, [*command.split(), str(folder)])
+        assert done.exit_code == 2
+        assert f"its path holds a '{name[1]}'" in done.stderr
+        assert [p.name for p in tmp_path.iterdir()] == ([name] if command == "ui" else [])
+
+
+def test_a_database_that_is_damaged_is_not_served_and_what_to_do_is_said(run):
+    path = run / DATABASE
+    assert damage(path) == ""
+    assert damage(run / "none.db") == ""
+    whole = path.read_bytes()
+    for content in (whole[:3000], whole[:5000] + bytes(len(whole) - 5000), bytes(4096), b"no"):
+        path.write_bytes(content)
+        done = CliRunner().invoke(app, ["ui", str(run)])
+        assert done.exit_code == 2
+        assert "is damaged: " in done.stderr
+        assert "--resume makes a new one" in done.stderr
+        assert done.stderr.count("\n") == 1
+    path.unlink()
+    path.mkdir()
+    assert "it is no file" in CliRunner().invoke(app, ["ui", str(run)]).stderr
