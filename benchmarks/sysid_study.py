@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flywheel.diagnosis import diagnose
-from flywheel.diagnosis.fitting.baseline import fitted
-from flywheel.diagnosis.fitting.initial_states import estimated_starts
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
-from flywheel.diagnosis.fitting.simulation import Predictor
+from flywheel.diagnosis.fitting.initial_states import estimated_initial_states
+from flywheel.diagnosis.fitting.model import fitted
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.identification import Fitted, Optimizer, Piece, identify
@@ -120,22 +120,22 @@ class Bench:
         lead them.
         """
         windows, fitter = self.fit, self._fitter(self.fit, self.plant)
-        predictor = fitter.predictor
-        starts = predictor.with_winch(fitted(fitter).starts.mechanics, predictor.nominal)
-        places = enumerate(zip(windows.log, windows.first, strict=True))
+        predictor = fitter.simulator
+        starts = predictor.with_winch(fitted(fitter).initial.mechanics, predictor.nominal)
+        places = enumerate(zip(windows.recording, windows.first, strict=True))
         pieces = [
             Piece(
                 starts[k],
-                windows.logs[log].controls[first : first + windows.steps],
+                windows.recordings[log].controls[first : first + windows.steps],
                 windows.measured[k],
             )
             for k, (log, first) in places
         ]
-        return pieces, fitter.prior * predictor.unit
+        return pieces, fitter.local_prior * predictor.unit
 
-    def _fitter(self, windows: Windows, plant: Plant) -> StartFitter:
-        predictor = Predictor(windows, plant)
-        return StartFitter(predictor, estimated_starts(windows, self.plant))
+    def _fitter(self, windows: Windows, plant: Plant) -> PlantFitter:
+        predictor = WindowSimulator(windows, plant)
+        return PlantFitter(predictor, estimated_initial_states(windows, self.plant))
 
 
 def study(

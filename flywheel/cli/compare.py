@@ -85,10 +85,10 @@ def _page(
 def _show(out: Out, found: Comparison) -> None:
     for model in found.models:
         out.say(f"{model.name}: {model.outcome}. {sentence(found, model)}", style="bold")
-    moments = found.moments
-    if moments.unused:
-        out.say(f"No window in {', '.join(moments.unused)}.")
-    scale = MILLI * moments.sigma
+    windows = found.windows
+    if windows.unused:
+        out.say(f"No window in {', '.join(windows.unused)}.")
+    scale = MILLI * windows.sigma
     rows: list[tuple[object, ...]] = [
         (
             model.name,
@@ -113,8 +113,8 @@ def _show(out: Out, found: Comparison) -> None:
         "fitted starts [mm]",
         "#variance left",
     )
-    seconds = moments.steps * moments.dt
-    out.print(table(f"{len(moments)} predictions of {seconds:g} s", heads, rows))
+    seconds = windows.steps * windows.dt
+    out.print(table(f"{len(windows)} predictions of {seconds:g} s", heads, rows))
     out.print(table(f"where {found.models[-1].name} is off most", *_worst(found)))
 
 

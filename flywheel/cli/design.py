@@ -11,7 +11,7 @@ from flywheel.cli.plants import open_plant
 from flywheel.cli.show import Out, console, table
 from flywheel.data.recordings.commands import write_commands
 from flywheel.diagnosis.experiments.design import Design, Designer
-from flywheel.diagnosis.selection.rivals import Rival
+from flywheel.diagnosis.selection.candidates import Rival
 from flywheel.errors import DataError
 from flywheel.outputs import check_outputs, write_output
 from flywheel.reports.experiment_page import design_sentence, write_design

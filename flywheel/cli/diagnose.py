@@ -13,7 +13,7 @@ from flywheel.cli.options import number
 from flywheel.cli.plants import open_plant
 from flywheel.cli.show import Out, console, table
 from flywheel.diagnosis import Diagnosis, diagnose
-from flywheel.diagnosis.checks.localisation import Whereabouts
+from flywheel.diagnosis.checks.localisation import Location
 from flywheel.effects import EFFECTS, NAMED, Effect
 from flywheel.errors import ConfigError
 from flywheel.files import shown
@@ -21,11 +21,11 @@ from flywheel.outputs import check_outputs, write_output
 from flywheel.quantities import FACTOR
 from flywheel.registry import lookup
 from flywheel.reports.diagnosis_page import (
-    doubtful,
     held_back,
     numbers,
     other_form,
     sentence,
+    suspects,
     write_diagnosis,
 )
 
@@ -80,12 +80,12 @@ def explain(
     return found.exit_code
 
 
-def _unexplained(where: Whereabouts) -> str:
+def _unexplained(location: Location) -> str:
     """Where something acts that no effect explains."""
-    cable = f"; of all cables most like {where.cable}" if where.cable else ""
+    cable = f"; of all cables most like {location.cable}" if location.cable else ""
     return (
-        f"unexplained: most of it in recording {where.log}, from {where.begin:.2f} to {where.end:.2f} s, "
-        f"at {where.point}{cable}"
+        f"unexplained: most of it in recording {location.recording}, "
+        f"from {location.begin:.2f} to {location.end:.2f} s, at {location.point}{cable}"
     )
 
 
@@ -128,7 +128,7 @@ def _show(out: Out, found: Diagnosis, robot: str) -> None:
         out.print(table("effects", columns, rows))
     if form := other_form(found):
         out.say(f"another form than the effects of the library: {form}")
-    for note in (doubtful(found), held_back(found), numbers(found)):
+    for note in (suspects(found), held_back(found), numbers(found)):
         if note:
             out.say(note)
     scores = [
@@ -140,8 +140,8 @@ def _show(out: Out, found: Diagnosis, robot: str) -> None:
     out.say(f"next: {found.next_experiment.aim}")
     if found.next_experiment.command:
         out.say(f"      {found.next_experiment.command} --robot {shlex.quote(robot)}")
-    if found.where is not None:
-        out.say(_unexplained(found.where))
+    if found.location is not None:
+        out.say(_unexplained(found.location))
     for name, errors in (("recordings", found.errors), ("held out", found.held_out)):
         if errors is not None:
             out.say(

@@ -9,41 +9,47 @@ from types import MappingProxyType
 
 import numpy as np
 
-from flywheel.diagnosis.checks.adequacy import Adequacy, adequacy
-from flywheel.diagnosis.checks.detectability import kept
-from flywheel.diagnosis.checks.discrepancy import stand_in
+from flywheel.diagnosis.checks.adequacy import Adequacy, adequacy, own_errors
+from flywheel.diagnosis.checks.detectability import detectable
+from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel, learned_law, resemblances
 from flywheel.diagnosis.checks.held_out import HeldOut, errors
-from flywheel.diagnosis.checks.localisation import whereabouts
+from flywheel.diagnosis.checks.localisation import localise
 from flywheel.diagnosis.checks.uncertainty import uncertainty
-from flywheel.diagnosis.fitting.jacobian_cache import Linear
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.model import UnderTest
-from flywheel.diagnosis.fitting.multistart import eased
-from flywheel.diagnosis.fitting.network_fit import NetworkFitter
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, Restart
+from flywheel.diagnosis.fitting.model import ModelUnderTest
+from flywheel.diagnosis.fitting.multistart import restarted_with_care
 from flywheel.diagnosis.fitting.nuisance import calibrated, unsure_terms
-from flywheel.diagnosis.fitting.parameters import free_values
-from flywheel.diagnosis.fitting.stopping import worth_a_round
 from flywheel.diagnosis.fitting.subject import Subject
-from flywheel.diagnosis.pulse import Pulse
-from flywheel.diagnosis.results.diagnosis import Diagnosis, StandIn, TimeSteps
+from flywheel.diagnosis.heartbeat import Heartbeat
+from flywheel.diagnosis.results.diagnosis import Diagnosis, TimeSteps
 from flywheel.diagnosis.results.evidence import Evidence
-from flywheel.diagnosis.results.limits import Limits, verdict_of
-from flywheel.diagnosis.results.verdict import Alternative, Verdict, found
+from flywheel.diagnosis.results.verdict import (
+    Alternative,
+    Verdict,
+    beyond,
+    constant,
+    found,
+    only_noise,
+    other_form,
+    verdict_of,
+)
 from flywheel.diagnosis.selection.alternatives import exchanged
-from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.deduplication import places
-from flywheel.diagnosis.selection.misspecification import OtherLaw, other_law
-from flywheel.diagnosis.selection.probes import PROBES, probed
-from flywheel.diagnosis.selection.step import Step
-from flywheel.diagnosis.selection.stepwise import Selection
-from flywheel.diagnosis.selection.suspect_parameters import doubtful_numbers
+from flywheel.diagnosis.selection.candidates import Candidate, candidates, places
+from flywheel.diagnosis.selection.misspecification import (
+    PROBES,
+    Misspecification,
+    misspecification,
+    probed,
+)
+from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.stepwise import Search, added, in_time_steps, stepwise
+from flywheel.diagnosis.selection.suspect_parameters import suspect_parameters
+from flywheel.diagnosis.settings import CheckSettings, Limits, Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
 
-PASSES = 2  # for a model: where the plant starts depends on what it lacks
-SUSPECT = 1.1  # mean square of a window from which its start is doubted before anything is said to be left
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
 UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
@@ -53,7 +59,7 @@ def diagnose(
     recordings: Sequence[Trajectory],
     held_out: Sequence[Trajectory] = (),
     library: Mapping[str, Effect] = EFFECTS,
-    limits: Limits = Limits(),
+    settings: Settings = Settings(),
     window_seconds: float | None = None,
     seed: int = 0,
     progress: Callable[[str], None] = lambda note: None,
@@ -67,9 +73,9 @@ def diagnose(
       recordings: unbatched, of its control step.
       held_out: further ones, on which the answer is only judged.
       library: effects that may be missing.
-      limits: what counts as seen.
+      settings: tuned numbers, what counts as seen among them (`Limits`).
       window_seconds: length of the windows [s]; None for what suits the robot.
-      seed: of the search for starts.
+      seed: of the search for initial states.
       progress: told what has been done, every few seconds.
       model: a trained model to be tested in the plant's stead, which then only says what effects would
         change, see `network_fit`.
@@ -82,8 +88,8 @@ def diagnose(
       ModelError: a model for another robot or control step, or that looks back further than windows go.
     """
     begun = time.perf_counter()
-    pulse = Pulse(progress)
-    under_test = UnderTest(plant, model, seed, pulse.again)
+    heartbeat = Heartbeat(progress)
+    under_test = ModelUnderTest(plant, model, seed, heartbeat.again, settings)
     terms = unsure_terms(unsure, plant.terms)
     if model is not None and terms:
         raise ModelError("A trained model has no numbers of an MJCF that one can be unsure of.")
@@ -91,22 +97,17 @@ def diagnose(
     if not asked:
         raise DataError("There is no effect to ask about, but those that the plant is unsure of.")
     if held_out:
-        _usable(under_test, held_out, window_seconds)
-    search = _searched(
-        under_test,
-        recordings,
-        window_seconds,
-        candidates(plant.robot, asked),
-        terms,
-        limits,
-        pulse,
-    )
-    found = _concluded(under_test, search, held_out)
-    return replace(found, seconds=time.perf_counter() - begun)
+        _check_usable(under_test, held_out, window_seconds)
+    everything = candidates(plant.robot, asked)
+    searched = _searched(under_test, recordings, window_seconds, everything, terms, heartbeat)
+    answer = _concluded(under_test, searched, held_out)
+    return replace(answer, seconds=time.perf_counter() - begun)
 
 
-def _usable(under_test: UnderTest, held_out: Sequence[Trajectory], seconds: float | None) -> None:
-    """Whether recordings can be judged by, asked before a search that takes minutes."""
+def _check_usable(
+    under_test: ModelUnderTest, held_out: Sequence[Trajectory], seconds: float | None
+) -> None:
+    """Refuse recordings that cannot be judged by, before a search that takes minutes."""
     try:
         under_test.windows(held_out, seconds)
     except DataError as error:
@@ -114,198 +115,220 @@ def _usable(under_test: UnderTest, held_out: Sequence[Trajectory], seconds: floa
 
 
 @dataclass(frozen=True)
-class _Search:
+class _Searched:
     """How far a search came.
 
     Attributes:
       first: the model as it was.
-      selection: of effects.
-      steps: of the selection, the first with what the plant was not sure of.
+      search: its state.
+      models: of it, the first with what the plant was not sure of.
       limits: that it was held to.
+      checks: settings of what is asked of the answer.
     """
 
     first: Fit
-    selection: Selection
-    steps: list[Step]
+    search: Search
+    models: list[ScoredModel]
     limits: Limits
+    checks: CheckSettings
 
 
 def _searched(
-    under_test: UnderTest,
+    under_test: ModelUnderTest,
     recordings: Sequence[Trajectory],
     seconds: float | None,
-    library: Sequence[Candidate],
+    library: tuple[Candidate, ...],
     unsure: Terms,
-    limits: Limits,
     progress: Callable[[str], None],
-) -> _Search:
+) -> _Searched:
     """Add effects until none explains any more."""
-    around: Terms | None = None
-    for _ in range(1 if under_test.model is None else PASSES):
+    settings, around = under_test.settings, None
+    for _ in range(1 if under_test.model is None else settings.fitting.network.passes):
         fitter, first = under_test.fitted(recordings, seconds, around=around, calibrated=not unsure)
         probes = candidates(fitter.windows.robot, PROBES)
-        selection = Selection(fitter, library, limits.threshold, progress, probes)
-        look, here = selection.look(_calibrated(selection, first, unsure)), limits
-        if isinstance(fitter, NetworkFitter):
-            here = limits.beyond(fitter.own_errors(look.test))
-            selection.threshold = here.threshold
-        steps = selection.run(look)
-        if len(steps) == 1:
+        limits = settings.limits
+        search = Search(fitter, library, limits.threshold, settings.selection, progress, probes)
+        search, fit = _calibrated(search, first, unsure)
+        scored = search.score_all(fit)
+        if (own := own_errors(fitter, scored.test)) is not None:
+            limits = beyond(limits, own)
+            search = replace(search, threshold=limits.threshold)
+        search, models = stepwise(search, scored)
+        if len(models) == 1:
             break
-        around = steps[-1].fit.terms
-    return _Search(first, selection, steps, here)
+        around = models[-1].fit.terms
+    return _Searched(first, search, models, limits, settings.checks)
 
 
-def _calibrated(selection: Selection, fit: Fit, unsure: Terms) -> Fit:
+def _calibrated(search: Search, fit: Fit, unsure: Terms) -> tuple[Search, Fit]:
     """The model with what it was not sure of, in time steps that will do unless it lacks more."""
     if not unsure:
-        return fit
-    fit = calibrated(selection.fitter, fit, unsure)
-    return fit if worth_a_round(selection.fitter, fit) else selection.in_time_steps(fit)
+        return search, fit
+    fit = calibrated(search.fitter, fit, unsure)
+    return (search, fit) if search.fitter.worthwhile(fit) else in_time_steps(search, fit)
 
 
 @dataclass(frozen=True)
 class _Judged:
-    """What the steps of a selection say.
+    """What the models of a search say.
 
     Attributes:
-      steps: of it.
-      effects: of the last step's model, with intervals.
+      models: of it.
+      effects: of the last model, with intervals.
       answer: those of them that were asked about; none where nothing was found.
       before, after: what the first and the last model leave.
       law: what laws that are none of the library explain that it does not.
       verdict: before it is asked whether others explain the recordings as well.
     """
 
-    steps: list[Step]
+    models: list[ScoredModel]
     effects: Alternative
     answer: Alternative
     before: Adequacy
     after: Adequacy
-    law: OtherLaw
+    law: Misspecification
     verdict: Verdict
 
 
-def _concluded(under_test: UnderTest, search: _Search, held_out: Sequence[Trajectory]) -> Diagnosis:
+def _concluded(
+    under_test: ModelUnderTest, searched: _Searched, held_out: Sequence[Trajectory]
+) -> Diagnosis:
     """What a search says."""
-    selection = search.selection
-    judged = _trusted(search, _judged(search, search.steps))
-    judged = _trusted(search, _doubted(search, judged, under_test.seed))
-    judged, others = _settled(search, judged)
-    fitter, last = selection.fitter, judged.steps[-1]
+    search, limits, checks = searched.search, searched.limits, searched.checks
+    judged = _without_unsure_effects(searched, _judged(searched, searched.models))
+    judged = _without_unsure_effects(searched, _restarted(searched, judged, under_test.seed))
+    judged, others = _with_alternatives(searched, judged)
+    fitter, last = search.fitter, judged.models[-1]
     judge = HeldOut(under_test, held_out, fitter.windows)
     unexplained = judged.verdict in UNEXPLAINED
-    left = unexplained and not search.limits.nothing_left(judged.after)
+    # Effects that are the same everywhere and leave only noise: there is no place to look for more.
+    nothing_left = only_noise(limits, judged.after) and constant(limits, judged.after)
+    left = unexplained and not nothing_left
     ambiguous = others and judged.verdict is Verdict.EFFECT
+    rng = np.random.default_rng(under_test.seed)
     return Diagnosis(
         verdict=Verdict.AMBIGUOUS if ambiguous else judged.verdict,
-        answers=(judged.answer, *(_asked(_effects(selection, fit)) for fit in others)),
-        ranking=kept(fitter, judged.steps[0], np.random.default_rng(under_test.seed)),
-        threshold=search.limits.threshold,
-        errors=errors(fitter, search.first, last.fit),
+        answers=(judged.answer, *(_asked(_effects(search, fit)) for fit in others)),
+        ranking=detectable(fitter, judged.models[0], rng, checks),
+        threshold=limits.threshold,
+        errors=errors(fitter, searched.first, last.fit),
         held_out=judge.errors(last.fit.terms),
         before=judged.before,
         after=judged.after,
-        other_law=judged.law,
-        other_form=search.limits.other_form(judged.law),
-        evidence=Evidence.of(fitter, judged.steps),
-        where=whereabouts(fitter, last.test) if left else None,
-        stand_in=_stand_in(fitter, last, judge, under_test.seed) if left else None,
+        misspecification=judged.law,
+        other_form=other_form(limits, judged.law),
+        evidence=Evidence.of(fitter, judged.models),
+        location=localise(fitter, last.test, checks) if left else None,
+        discrepancy=_discrepancy(fitter, last, judge, under_test) if left else None,
         model="" if under_test.model is None else under_test.model.name,
         calibration=tuple(each for each in judged.effects if each.term.known),
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
-        doubtful=() if under_test.model else doubtful_numbers(selection, judged.steps, unexplained),
+        suspects=(
+            () if under_test.model else suspect_parameters(search, judged.models, unexplained)
+        ),
     )
 
 
-def _judged(search: _Search, steps: list[Step], instead: Sequence[Fit] = ()) -> _Judged:
-    """What steps say, and models `instead` with a law in the place of an effect."""
-    fitter, first, last = search.selection.fitter, steps[0], steps[-1]
-    before, after = (adequacy(fitter, s.fit, s.test, s.sizes) for s in (first, last))
-    effects = _effects(search.selection, last.fit, last.linear)
-    answer = _asked(effects) if len(steps) > 1 else ()
-    law = other_law(search.selection, first, last, instead)
-    verdict = verdict_of(search.limits, last, answer, before, after, law)
-    return _Judged(steps, effects, answer, before, after, law, verdict)
+def _judged(searched: _Searched, models: list[ScoredModel], instead: Sequence[Fit] = ()) -> _Judged:
+    """What models say, and other models `instead` with a law in the place of an effect."""
+    search, first, last = searched.search, models[0], models[-1]
+    before, after = (
+        adequacy(search.fitter, each.fit, each.test, each.by_value, searched.checks)
+        for each in (first, last)
+    )
+    effects = _effects(search, last.fit, last.jacobian)
+    answer = _asked(effects) if len(models) > 1 else ()
+    law = misspecification(first.fit, last.fit, last.probes, instead, search.criterion)
+    verdict = verdict_of(searched.limits, last, answer, before, after, law)
+    return _Judged(models, effects, answer, before, after, law, verdict)
 
 
-def _trusted(search: _Search, judged: _Judged) -> _Judged:
+def _without_unsure_effects(searched: _Searched, judged: _Judged) -> _Judged:
     """Without effects of which nobody can say that they are there, beside others that are."""
-    selection = search.selection
-    while len(new := selection.new(judged.steps)) > 1:
-        doubtful = [each for each in judged.answer if each.term in new and not each.shown]
-        if not doubtful:
+    search = searched.search
+    while len(new := added(judged.models)) > 1:
+        unsure = [each for each in judged.answer if each.term in new and not each.shown]
+        if not unsure:
             break
-        weakest = min(doubtful, key=lambda each: each.certainty)
-        fit = selection.shortened(judged.steps[-1].fit, weakest.term)
-        judged = _judged(search, [*_before(judged.steps, fit), selection.look(fit)])
+        weakest = min(unsure, key=lambda each: each.certainty)
+        fit = search.without_term(judged.models[-1].fit, weakest.term)
+        judged = _judged(searched, [*_before(judged.models, fit), search.score_all(fit)])
     return judged
 
 
-def _before(steps: Sequence[Step], fit: Fit) -> list[Step]:
-    """Steps whose models are part of a model."""
-    return [step for step in steps[:-1] if places(step.fit.terms) < places(fit.terms)]
+def _before(models: Sequence[ScoredModel], fit: Fit) -> list[ScoredModel]:
+    """Models that are part of a model."""
+    return [each for each in models[:-1] if places(each.fit.terms) < places(fit.terms)]
 
 
-def _doubted(search: _Search, judged: _Judged, seed: int) -> _Judged:
-    """Before something is said to be left: with other starts for every window that is loud."""
-    selection, last = search.selection, judged.steps[-1]
+def _restarted(searched: _Searched, judged: _Judged, seed: int) -> _Judged:
+    """Before something is said to be left: other initial states for every window that is loud."""
+    search, last = searched.search, judged.models[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    begun = eased(selection.fitter, last.fit, seed + 1, stuck=SUSPECT, usual=1.0)
+    restart = Restart(seed + 1, stuck=search.settings.loud, usual=1.0)
+    begun = restarted_with_care(search.fitter, last.fit, restart)
     if begun is last.fit:
         return judged
-    fit = selection.pursued(replace(begun, converged=False))
-    return _judged(search, [*judged.steps[:-1], selection.look(fit)])
+    fit = search.fit_until(replace(begun, converged=False))
+    return _judged(searched, [*judged.models[:-1], search.score_all(fit)])
 
 
-def _settled(search: _Search, judged: _Judged) -> tuple[_Judged, list[Fit]]:
+def _with_alternatives(searched: _Searched, judged: _Judged) -> tuple[_Judged, list[Fit]]:
     """The best of all models that explain the recordings as well, and the others.
 
     Those with a law that is none of the library are no answer, but may say that this one is none.
     """
-    selection, last = search.selection, judged.steps[-1].fit
+    search, last = searched.search, judged.models[-1].fit
     if judged.verdict not in EXPLAINED:
         return judged, []
-    margin = search.limits.equally_good
-    exchange = exchanged(selection, judged.steps, margin)
-    if step := exchange.shorter(selection):
-        shorter = _judged(search, [*_before(judged.steps, step.fit), step])
-        return _settled(search, _trusted(search, shorter))
+    margin = searched.limits.equally_good
+    exchange = exchanged(search, judged.models, margin)
+    if model := exchange.shorter(search):
+        shorter = _judged(searched, [*_before(judged.models, model.fit), model])
+        return _with_alternatives(searched, _without_unsure_effects(searched, shorter))
     known = [fit for fit in exchange.others if not probed(fit.terms)]
-    first, *rivals = sorted([exchange.last, *known], key=selection.criterion)
+    first, *rivals = sorted([exchange.last, *known], key=search.criterion)
     instead = [fit for fit in exchange.others if probed(fit.terms)]
-    limit = selection.criterion(first) + margin
+    limit = search.criterion(first) + margin
     if first is not last or instead:
-        steps = judged.steps if first is last else [*judged.steps[:-1], selection.look(first)]
-        judged = _judged(search, steps, instead)
-        shorter = _trusted(search, judged)
+        models = judged.models
+        if first is not last:
+            models = [*models[:-1], search.score_all(first)]
+        judged = _judged(searched, models, instead)
+        shorter = _without_unsure_effects(searched, judged)
         if shorter is not judged:
-            return _settled(search, shorter)
-    return judged, [fit for fit in rivals if selection.criterion(fit) < limit]
+            return _with_alternatives(searched, shorter)
+    return judged, [fit for fit in rivals if search.criterion(fit) < limit]
 
 
 def _asked(effects: Alternative) -> Alternative:
     return tuple(each for each in effects if not each.term.known)
 
 
-def _effects(selection: Selection, fit: Fit, linear: Linear | None = None) -> Alternative:
+def _effects(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Alternative:
     """All effects of a fit, with intervals."""
     if not fit.terms:
         return ()
-    sure = uncertainty(selection.fitter, fit, free_values(fit.terms, selection.scales), linear)
-    robot, effects, start = selection.fitter.windows.robot, [], 0
+    fitter = search.fitter
+    sure = uncertainty(fitter, fit, jacobian)
+    robot, believed = fitter.windows.robot, fitter.settings.jacobian.believed
+    effects, start = [], 0
     for term in fit.terms:
-        stop = start + len(term.values)
-        here = slice(start, stop)
-        effects.append(found(term, sure.deviations[here], sure.by_step[here], robot))
-        start = stop
+        here = slice(start, start + len(term.values))
+        effects.append(found(term, sure.deviations[here], sure.by_step[here], robot, believed))
+        start = here.stop
     return tuple(effects)
 
 
-def _stand_in(fitter: Fitter, last: Step, judge: HeldOut, seed: int) -> StandIn:
-    """A learned law on top of the last model, and what it is like."""
-    learned = stand_in(fitter, last, seed)
-    return StandIn(
-        errors(fitter, last.fit, learned.fit), judge.errors(learned.fit.terms), learned.likeness
+def _discrepancy(
+    fitter: Fitter, last: ScoredModel, judge: HeldOut, under_test: ModelUnderTest
+) -> DiscrepancyModel:
+    """A learned law on top of the last model, and what it resembles."""
+    settings = under_test.settings.checks.discrepancy
+    fit = learned_law(fitter, last, under_test.seed, settings)
+    return DiscrepancyModel(
+        errors=errors(fitter, last.fit, fit),
+        held_out=judge.errors(fit.terms),
+        resembles=resemblances(fitter, fit, last.test, settings.shown),
     )

@@ -26,7 +26,7 @@ def lead_time(found: Comparison) -> Figure:
     """Error of every model against lead time."""
     figure = Figure(figsize=(9.5, 3.8))
     axes = figure.add_subplot()
-    scale, time = MILLI * found.moments.sigma, found.lead_seconds
+    scale, time = MILLI * found.windows.sigma, found.lead_seconds
     for number, model in enumerate(found.models):
         colour = colour_of(number)
         low, high = scale * np.sqrt(model.band)
@@ -52,12 +52,12 @@ def lead_time(found: Comparison) -> Figure:
 
 def heat(found: Comparison) -> Figure:
     """Mean square residual of every window and tracked point, for every model."""
-    moments, count = found.moments, len(found.models)
-    figure = Figure(figsize=(9.5, (0.9 + 0.28 * len(moments.robot.points)) * count + 0.7))
+    windows, count = found.windows, len(found.models)
+    figure = Figure(figsize=(9.5, (0.9 + 0.28 * len(windows.robot.points)) * count + 0.7))
     parts = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     means = [model.squares.mean for model in found.models]
     top = max(4.0, float(np.nanquantile(np.stack(means), 0.98)))
-    names = [point.name for point in moments.robot.points]
+    names = [point.name for point in windows.robot.points]
     for axes, model, mean in zip(parts, found.models, means, strict=True):
         image = axes.imshow(
             np.maximum(mean.T, 1.0), norm=LogNorm(1.0, top), cmap="YlOrRd", aspect="auto"
@@ -65,7 +65,7 @@ def heat(found: Comparison) -> Figure:
         axes.set_title(model.name)
         axes.set_yticks(range(len(names)), names)
         axes.grid(visible=False)
-    _name_windows(parts[-1], moments.labels)
+    _name_windows(parts[-1], windows.labels)
     figure.colorbar(image, ax=list(parts), label="mean square [noise variances]")
     return figure
 

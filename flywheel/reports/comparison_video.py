@@ -27,13 +27,13 @@ def film_window(found: Comparison, model: Judgement, window: int, path: Path) ->
     Raises:
       Exception: whatever a graphics driver throws where nothing can be drawn.
     """
-    moments = found.moments
+    windows = found.windows
     points, winch = model.points[window][:, None], model.winch[window][:, None]
     past = Past(Observation(points, winch), np.zeros((len(points), 0, winch.shape[-1])), winch)
-    states = RestartedPlant(Plant(moments.robot, moments.dt), twist="relaxed").estimate(past)
-    first = int(moments.first[window])
-    seen = moments.recordings[moments.log[window]].trajectory.observations.points
-    ghosts = seen[first : first + moments.steps + 1]
+    states = RestartedPlant(Plant(windows.robot, windows.dt), twist="relaxed").estimate(past)
+    first = int(windows.first[window])
+    seen = windows.recordings[windows.recording[window]].trajectory.observations.points
+    ghosts = seen[first : first + windows.steps + 1]
     return render_episode(
-        moments.robot, states, path, fps=FPS, ghosts=ghosts, dt=SLOWER * moments.dt, shot=SHOT
+        windows.robot, states, path, fps=FPS, ghosts=ghosts, dt=SLOWER * windows.dt, shot=SHOT
     )

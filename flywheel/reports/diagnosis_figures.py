@@ -84,7 +84,7 @@ def worst_window(found: Diagnosis) -> Figure | None:
         )
         axes.plot(time, evidence.after[window, :, point, axis], color=AFTER, label="last model")
         axes.set_title(f"{evidence.points[point]}, {'xyz'[axis]} [m]")
-        axes.set_xlabel(f"time in recording {evidence.log[window]} [s]")
+        axes.set_xlabel(f"time in recording {evidence.recording[window]} [s]")
     handles, labels = parts[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
@@ -112,12 +112,12 @@ def heat(found: Diagnosis) -> Figure:
 
 def places(found: Diagnosis) -> Figure | None:
     """What a change of each cable would explain of what is left, window by window."""
-    if found.where is None or not found.where.cables.any():
+    if found.location is None or not found.location.cables.any():
         return None
     names = found.evidence.cables
     figure = Figure(figsize=(9.5, 1.2 + 0.2 * len(names)))
     axes = figure.add_subplot()
-    image = axes.imshow(found.where.cables.T, vmin=0, cmap="YlOrRd", aspect="auto")
+    image = axes.imshow(found.location.cables.T, vmin=0, cmap="YlOrRd", aspect="auto")
     axes.set_yticks(range(len(names)), names)
     axes.set_xlabel("window")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from flywheel.diagnosis import Diagnosis, Verdict
-from flywheel.diagnosis.fitting.parameters import BELIEVED
-from flywheel.diagnosis.results.limits import EQUALLY_GOOD
 from flywheel.diagnosis.results.verdict import Alternative
+from flywheel.diagnosis.settings import JacobianSettings, Limits
 from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render
@@ -44,7 +43,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         other_form=other_form(found),
         numbers=numbers(found),
         held_back=held_back(found),
-        doubtful=doubtful(found),
+        suspects=suspects(found),
         figures=_figures(found),
         about=about,
         limits=LIMITS,
@@ -74,10 +73,10 @@ def sentence(found: Diagnosis) -> str:
 
 def other_form(found: Diagnosis) -> str:
     """What says that the answer has another form than the effects of the library; "" if nothing does."""
-    law = found.other_law
+    law = found.misspecification
     if not found.other_form:
         return ""
-    if law.gain > EQUALLY_GOOD:
+    if law.gain > Limits().equally_good:
         return (
             f"{law.instead}, which is none of them, explains more in the place of what was found (by "
             f"{law.gain:.0f}, BIC)"
@@ -102,17 +101,18 @@ def held_back(found: Diagnosis) -> str:
     names = ", ".join(each.effect for each in found.calibration if each.held_back)
     if not names:
         return ""
+    believed = JacobianSettings().believed
     return (
-        f"These recordings ask for more of {names} than is believed ({BELIEVED:g} of the deviations that "
+        f"These recordings ask for more of {names} than is believed ({believed:g} of the deviations that "
         "were named). Name a larger deviation, or look for what else is missing."
     )
 
 
-def doubtful(found: Diagnosis) -> str:
+def suspects(found: Diagnosis) -> str:
     """Which number of the MJCF may be what is wrong instead; "" for none."""
-    if not found.doubtful:
+    if not found.suspects:
         return ""
-    first, *others = found.doubtful
+    first, *others = found.suspects
     ways = f"{abs(first.off):.1%} {'more' if first.off > 0 else 'less'} of {first.name}"
     does = "more than" if first.more else "nearly as much as"
     explains = f"{does} {first.instead}" if first.instead else "some of what is left"

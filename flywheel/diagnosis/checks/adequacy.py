@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.selection.score_test import ScoreTest
+from flywheel.diagnosis.settings import CheckSettings
 from flywheel.records import Floats
-
-RARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -38,13 +37,55 @@ class Adequacy:
     by_point: Floats
 
 
-def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) -> Adequacy:
+@dataclass(frozen=True)
+class OwnErrors:
+    """What a model's own errors would be taken for, at most.
+
+    Attributes:
+      score: best score of any candidate.
+      noise, correlation, loudest: of what is left of them, as in `Adequacy`.
+    """
+
+    score: float
+    noise: float
+    correlation: float
+    loudest: float
+
+
+def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
+    """What a test makes of the model's own errors, in draws that it does not know; None without any."""
+    draws = fitter.own_errors
+    if not draws.shape[2]:
+        return None
+    measured = np.isfinite(fitter.windows.measured)
+    by_window = measured.sum(axis=(1, 2, 3))
+    found = []
+    for draw in np.moveaxis(draws, 2, 0):
+        residual = test.projection(draw[..., None])[:, 0]
+        noise = float(residual @ residual) / max(test.freedom, 1.0)
+        best = max(s.score for s in replace(test, residual=residual, noise=noise).scores())
+        left = test.whole(draw[..., None])[:, 0]
+        loud = float(left @ left) / max(test.freedom, 1.0)
+        correlation = sample_correlation(left, measured.shape)
+        found.append((best, loud, correlation, loudest(left, by_window, test.freedom)))
+    quantile = fitter.settings.network.quantile
+    return OwnErrors(*np.quantile(found, quantile, axis=0).tolist())
+
+
+def adequacy(
+    fitter: Fitter,
+    fit: Fit,
+    test: ScoreTest,
+    by_value: Floats | None,
+    settings: CheckSettings = CheckSettings(),
+) -> Adequacy:
     """Judge what a fit leaves; every window counts in full.
 
     Args:
       fitter, fit: the model.
       test: on top of it.
-      known: (K, D, n) sensitivities of its fitted values; None without any.
+      by_value: (K, D, n) sensitivities to its fitted values; None without any.
+      settings: tuned numbers.
     """
     windows = fitter.windows
     shape = windows.measured.shape
@@ -56,7 +97,7 @@ def adequacy(fitter: Fitter, fit: Fit, test: ScoreTest, known: Floats | None) ->
         doubt=windows.doubt,
         loudest=loudest(test.left, measured.sum(axis=(1, 2, 3)), test.freedom),
         correlation=sample_correlation(test.left, shape),
-        inconstancy=_inconstancy(fit, test, known),
+        inconstancy=_inconstancy(fit, test, by_value, settings.rare),
         by_window=fitter.mean_squares(fit),
         by_point=by_point,
     )
@@ -77,31 +118,31 @@ def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
     return float((in_time[:, 1:] * in_time[:, :-1]).sum() / max(power, 1e-300))
 
 
-def _inconstancy(fit: Fit, test: ScoreTest, known: Floats | None) -> float:
+def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats | None, rare: float) -> float:
     """Chow's test of each size: is it the same in every window?"""
-    if known is None:
+    if by_value is None:
         return 0.0
     start = 0
     worst = 0.0
     for term in fit.terms:
         count = len(term.effect.sizes)
         for column in range(start, start + count):
-            worst = max(worst, _chow(test, known[..., column]))
+            worst = max(worst, _chow(test, by_value[..., column], rare))
         start += len(term.values)
     return worst
 
 
-def _chow(test: ScoreTest, column: Floats) -> float:
-    """Of one size whose sensitivities are (K, D)."""
+def _chow(test: ScoreTest, column: Floats, rare: float) -> float:
+    """Statistic of one size, whose sensitivities are (K, D), over its `rare` quantile (Chow 1960)."""
     projection = test.projection
-    starts = projection.of_starts(column[..., None])[..., 0]  # (K, D + X)
-    left = test.residual.reshape(starts.shape)
-    weight, pull = (starts**2).sum(axis=1), (starts * left).sum(axis=1)
+    own = projection.without_local(column[..., None])[..., 0]  # (K, D + X)
+    left = test.residual.reshape(own.shape)
+    weight, right = (own**2).sum(axis=1), (own * left).sum(axis=1)
     enough = weight > 1e-3 * weight.sum()
     if enough.sum() < 2:
         return 0.0
-    off = pull[enough] / weight[enough]
+    off = right[enough] / weight[enough]
     mean = (weight[enough] * off).sum() / weight[enough].sum()
     spread = (weight[enough] * (off - mean) ** 2).sum()
-    rare = chi2.ppf(1.0 - RARE, enough.sum() - 1)
-    return float(spread / rare / max(test.noise, 1.0))
+    limit = chi2.ppf(1.0 - rare, enough.sum() - 1)
+    return float(spread / limit / max(test.noise, 1.0))

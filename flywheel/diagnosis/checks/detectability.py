@@ -1,8 +1,8 @@
-"""What is kept of a promise to show an effect, where windows begin a little elsewhere.
+"""What is still detectable of an effect where windows begin a little elsewhere.
 
-A score test promises that an effect of some size would be seen, by sensitivities around fitted starts.
-Those are known only so well, and where contacts make the motion bend, the sensitivities around others, which
-fit about as well, are others: as much as both have in common is kept.
+A score test promises that an effect of some size would be seen, by sensitivities around fitted initial
+states. Those are known only so well, and where contacts make the motion bend, the sensitivities around
+others, which fit about as well, are others: as much as both have in common is kept.
 """
 
 from __future__ import annotations
@@ -12,23 +12,25 @@ from dataclasses import replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.selection.score_test import DEAD, SHARE, Score, ScoreTest, secants
-from flywheel.diagnosis.selection.step import Step
+from flywheel.diagnosis.selection.score_test import DEAD, Score, ScoredModel, ScoreTest, secants
+from flywheel.diagnosis.settings import CheckSettings
 from flywheel.records import Floats
 
-# Standard deviations of the starts by which they are moved: a whole one leaves the valley of the cost that
-# a fit is in, where there are contacts.
-ELSEWHERE = 0.5
 LEAST = 1e-4  # share that counts as none
 
 
-def kept(fitter: Fitter, step: Step, rng: np.random.Generator) -> tuple[Score, ...]:
-    """The scores of a step, with the smallest sizes that are shown around other starts, too."""
-    test, fit = step.test, step.fit
-    change = fit.change + ELSEWHERE * _deviation(fitter, step, rng)
-    there = _sensitivities(fitter, fitter.at(change, fit.starts.winch, fit.terms), test)
+def detectable(
+    fitter: Fitter,
+    model: ScoredModel,
+    rng: np.random.Generator,
+    settings: CheckSettings = CheckSettings(),
+) -> tuple[Score, ...]:
+    """The scores of a model, with the smallest sizes that are shown around other initial states, too."""
+    test, fit = model.test, model.fit
+    local = fit.local + settings.shift * _deviation(fitter, model, rng)
+    there = _sensitivities(fitter, fitter.with_local(fit, local), test)
     found = []
-    for score in step.scores:
+    for score in model.scores:
         own = test.slices[test.candidates.index(score.candidate)][score.shape]
         share = common_share(test.columns[:, own], there[:, own])
         found.append(replace(score, smallest=float(score.smallest / np.sqrt(share))))
@@ -36,22 +38,22 @@ def kept(fitter: Fitter, step: Step, rng: np.random.Generator) -> tuple[Score, .
 
 
 def _sensitivities(fitter: Fitter, fit: Fit, test: ScoreTest) -> Floats:
-    """(N, n) like those of a test, around another fit."""
+    """(N, n) sensitivities like those of a test, around another fit."""
     found = test.projection(secants(fitter, fit, test.candidates))
     for candidate, slices in zip(test.candidates, test.slices, strict=True):
         own = slice(slices[0].start, slices[-1].stop)
         if test.shorter[own].any():
-            share = test.projection(secants(fitter, fit, [candidate], SHARE))
+            share = test.projection(secants(fitter, fit, [candidate], test.part))
             found[:, own] = np.where(test.shorter[own], share, found[:, own])
     return found
 
 
-def _deviation(fitter: Fitter, step: Step, rng: np.random.Generator) -> Floats:
-    """(K, X) what is unknown about windows, drawn as far off as measurements and priors leave it."""
-    change = step.fit.change
-    information, _ = fitter.normal(change, step.linear.by_start, step.fit.residual, 0.0)
+def _deviation(fitter: Fitter, model: ScoredModel, rng: np.random.Generator) -> Floats:
+    """(K, X) local parameters, drawn as far off as measurements and priors leave them."""
+    local, by_local = model.fit.local, model.jacobian.by_local
+    information, _ = fitter.normal_equations(local, by_local, model.fit.residual, 0.0)
     root = np.linalg.cholesky(information).swapaxes(1, 2)
-    return np.asarray(np.linalg.solve(root, rng.standard_normal((*change.shape, 1)))[..., 0])
+    return np.asarray(np.linalg.solve(root, rng.standard_normal((*local.shape, 1)))[..., 0])
 
 
 def common_share(here: Floats, there: Floats) -> float:

@@ -1,4 +1,4 @@
-"""A learned law that stands in for physics that the library does not have.
+"""A discrepancy model: a learned law for physics that the library does not have.
 
 Where none of the library's effects explains the recordings, a small network is put into the law of the
 cables: their strain, speed and direction give an extra tension, the same network for all cables. Its
@@ -12,27 +12,22 @@ unknown looks like.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.parameters import Free, free_values
-from flywheel.diagnosis.fitting.stopping import worth_a_round
-from flywheel.diagnosis.results.diagnosis import Likeness
-from flywheel.diagnosis.selection.probes import is_probe
-from flywheel.diagnosis.selection.score_test import ScoreTest
-from flywheel.diagnosis.selection.step import Step
-from flywheel.effects import Cables, Parameter, Scales, TensionEffect, Term, Terms
+from flywheel.diagnosis.fitting.parameters import FreeParameter
+from flywheel.diagnosis.selection.misspecification import is_probe
+from flywheel.diagnosis.selection.score_test import ScoredModel, ScoreTest
+from flywheel.diagnosis.settings import DiscrepancySettings
+from flywheel.effects import Cables, Parameter, TensionEffect, Term, Terms
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats
 
 UNITS = 32  # hidden units
 STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those that count as still
-BEGINNINGS = 2  # hidden layers whose outputs are trained for a round, to go on with the best
-ROUNDS = 5  # of the best of them, at most
-PATIENCE = 2  # rounds that explain little before it is given up: the next one may explain much
-STEP = 0.05  # of a finite difference of an output
-SHOWN = 3  # effects that it is said to be like
 
 
 class LearnedTension(TensionEffect):
@@ -65,67 +60,88 @@ class LearnedTension(TensionEffect):
 
 
 @dataclass(frozen=True)
-class Learned:
-    """A trained law.
+class Resemblance:
+    """How much of what a learned law does an effect of the library would do.
 
     Attributes:
-      fit: with it.
-      likeness: effects that do most nearly what it does, the nearest first.
+      effect, location: which.
+      share: of the squared change, by its best size; 1 for all of it.
     """
 
-    fit: Fit
-    likeness: tuple[Likeness, ...]
+    effect: str
+    location: str
+    share: float
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {"effect": self.effect, "location": self.location, "share": self.share}
 
 
-def stand_in(fitter: Fitter, step: Step, seed: int = 0) -> Learned:
-    """Train a law on top of a fit.
+@dataclass(frozen=True)
+class DiscrepancyModel:
+    """A law of the cables, learned from the recordings for what the library does not have.
+
+    Attributes:
+      errors: on the recordings that it was learned from; the baseline has all effects that were found.
+      held_out: on those that it was not, where the baseline is the plant as it was; None without any.
+      resembles: effects that do most nearly what it does, the nearest first.
+    """
+
+    errors: Errors
+    held_out: Errors | None
+    resembles: tuple[Resemblance, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "error": self.errors.summary(),
+            "held_out": None if self.held_out is None else self.held_out.summary(),
+            "like": [each.summary() for each in self.resembles],
+        }
+
+
+def learned_law(
+    fitter: Fitter,
+    model: ScoredModel,
+    seed: int = 0,
+    settings: DiscrepancySettings = DiscrepancySettings(),
+) -> Fit:
+    """Train a law on top of a model; it is the last term of the fit that is returned.
 
     Args:
       fitter: of the windows.
-      step: the model so far, with the test of the library on top of it.
+      model: so far, with the test of the library on top of it.
       seed: of the hidden layer.
+      settings: tuned numbers.
     """
-    begun = _begun(fitter, step, np.random.default_rng(seed))
-    free = _free(fitter, begun[0].terms)
-    worth = worth_a_round(fitter, step.fit)
-    # From each a step down may be found or not, whatever the sensitivities promise: it must be tried.
+    begun = _begun(fitter, model.fit, np.random.default_rng(seed), settings.beginnings)
+    free = _free(fitter, begun[0].terms, settings.step)
+    worthwhile = fitter.worthwhile(model.fit)
+    # From each a step down may be found or not, whatever the Jacobian promises: it must be tried.
     tried = [fitter.fit(fit, free, rounds=1) for fit in begun]
     trained = min(tried, key=lambda fit: fit.cost)
     fruitless = 0
-    for _ in range(ROUNDS):
+    for _ in range(settings.rounds):
         before, trained = trained, fitter.fit(trained, free, rounds=1)
-        fruitless = fruitless + 1 if before.cost - trained.cost <= worth else 0
-        if trained.converged or fruitless == PATIENCE:
+        fruitless = fruitless + 1 if before.cost - trained.cost <= worthwhile else 0
+        if trained.converged or fruitless == settings.patience:
             break
-    return Learned(trained, _likeness(fitter, trained, step.test))
+    return trained
 
 
-def _begun(fitter: Fitter, step: Step, rng: np.random.Generator) -> list[Fit]:
-    """The step's fit with laws of random features that add nothing yet."""
-    scales = Scales.of(fitter.windows.robot)
-    known = tuple(size.typical(scales) for size in LearnedTension.sizes)
-    found = []
-    for _ in range(BEGINNINGS):
-        law = LearnedTension(rng.normal(size=(4, UNITS)))
-        term = Term(law, None, (0.0,) * UNITS, known)
-        found.append(fitter.under(step.fit, (*step.fit.terms, term)))
-    return found
+def resemblances(
+    fitter: Fitter, trained: Fit, test: ScoreTest, shown: int
+) -> tuple[Resemblance, ...]:
+    """The effects of the library that do most nearly what the last term of a fit does.
 
-
-def _free(fitter: Fitter, terms: Terms) -> list[Free]:
-    """The values of terms, of which the last one is a law."""
-    law = len(terms) - 1
-    return [
-        replace(value, step=STEP) if value.term == law else value
-        for value in free_values(terms, Scales.of(fitter.windows.robot))
-    ]
-
-
-def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, ...]:
-    """The library's effects, which alone may be asked for by name, against what the last term changes."""
+    Args:
+      fitter, trained: the model with the law.
+      test: of the library on top of the model without it.
+      shown: how many effects.
+    """
     without = fitter.columns(trained, [trained.terms[:-1]])  # (K, D, 1)
     change = test.projection(without)[:, 0]
-    power = float(change @ change)
+    squares = float(change @ change)
     found = []
     for candidate, shapes in zip(test.candidates, test.slices, strict=True):
         if is_probe(candidate.effect):
@@ -135,6 +151,26 @@ def _likeness(fitter: Fitter, trained: Fit, test: ScoreTest) -> tuple[Likeness, 
             part = test.columns[:, columns]
             sizes = np.linalg.lstsq(part, change, rcond=None)[0]
             best = max(best, float(change @ (part @ sizes)))
-        found.append(Likeness(candidate.effect.name, candidate.location, best / max(power, 1e-300)))
+        share = best / max(squares, 1e-300)
+        found.append(Resemblance(candidate.effect.name, candidate.location, share))
     found.sort(key=lambda each: -each.share)
-    return tuple(found[:SHOWN])
+    return tuple(found[:shown])
+
+
+def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator, count: int) -> list[Fit]:
+    """A fit with laws of random features that add nothing yet."""
+    known = tuple(size.typical(fitter.scales) for size in LearnedTension.sizes)
+    found = []
+    for _ in range(count):
+        law = LearnedTension(rng.normal(size=(4, UNITS)))
+        term = Term(law, None, (0.0,) * UNITS, known)
+        found.append(fitter.with_terms(fit, (*fit.terms, term)))
+    return found
+
+
+def _free(fitter: Fitter, terms: Terms, step: float) -> list[FreeParameter]:
+    """The values of terms, of which the last one is a law with a `step` of its own."""
+    law = len(terms) - 1
+    return [
+        replace(value, step=step) if value.term == law else value for value in fitter.free(terms)
+    ]

@@ -1,17 +1,46 @@
-"""Errors on recordings that nothing was fitted to but their starts."""
+"""Errors on recordings that nothing was fitted to but their initial states."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from flywheel.diagnosis.fitting.baseline import AFTER, refined_fit
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.model import UnderTest
+from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted_and_refined
 from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.diagnosis.results.diagnosis import Errors
-from flywheel.diagnosis.selection.deduplication import places
+from flywheel.diagnosis.selection.candidates import places
 from flywheel.effects import Terms
 from flywheel.records import Trajectory
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square of measured minus predicted, after the initial states were fitted [m].
+
+    Attributes:
+      noise: that is in the measurements.
+      baseline: of the plant as it was.
+      augmented: with the effects that were found.
+    """
+
+    noise: float
+    baseline: float
+    augmented: float
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "noise": self.noise,
+            "baseline": self.baseline,
+            "augmented": self.augmented,
+            "unit": "m",
+        }
+
+
+def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
+    """The errors of two fits of the same windows."""
+    return Errors(fitter.windows.sigma, fitter.rms(before), fitter.rms(after))
 
 
 class HeldOut:
@@ -24,7 +53,7 @@ class HeldOut:
     """
 
     def __init__(
-        self, under_test: UnderTest, recordings: Sequence[Trajectory], fitted_on: Windows
+        self, under_test: ModelUnderTest, recordings: Sequence[Trajectory], fitted_on: Windows
     ) -> None:
         self._under_test, self._recordings = under_test, recordings
         self._seconds, self._sigma = fitted_on.steps * fitted_on.dt, fitted_on.sigma
@@ -32,9 +61,9 @@ class HeldOut:
         self._last: tuple[Fitter, Fit] | None = None
 
     def errors(self, terms: Terms) -> Errors | None:
-        """With terms that stay as they are; None without recordings.
+        """The errors with terms that stay as they are; None without recordings.
 
-        Starts of a model with all effects of the one before, and more, begin where those ended.
+        Initial states of a model with all effects of the one before, and more, begin where those ended.
         """
         if not self._recordings:
             return None
@@ -53,16 +82,12 @@ class HeldOut:
         return found
 
     def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> tuple[Fitter, Fit]:
-        """Starts that fit under other terms, in time steps that will do for them."""
+        """Initial states that fit under other terms, in time steps that will do for them."""
         if terms == before.terms:
             return fitter, before
         if self._plant and self._last and places(self._last[1].terms) < places(terms):
             fitter, fit = self._last
-            return fitter, fitter.fit(fitter.under(fit, terms), rounds=AFTER)
-        begun = fitter.under_or_anew(before, terms)
-        return refined_fit(fitter, begun, self._under_test.seed)
-
-
-def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
-    """Of two fits of the same windows."""
-    return Errors(fitter.windows.sigma, fitter.rms(before), fitter.rms(after))
+            rounds = fitter.settings.multistart.after
+            return fitter, fitter.fit(fitter.with_terms(fit, terms), rounds=rounds)
+        begun = fitter.warm_start(before, terms)
+        return fitted_and_refined(fitter, begun, self._under_test.seed)

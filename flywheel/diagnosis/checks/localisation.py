@@ -14,35 +14,33 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fitter
 from flywheel.diagnosis.selection.score_test import ScoreTest
+from flywheel.diagnosis.settings import CheckSettings
 from flywheel.records import Floats
-
-PIECES = 10  # of a window
-HALF = 0.5  # of what the highest piece exceeds noise by, above which pieces beside it belong to it
 
 
 @dataclass(frozen=True)
-class Whereabouts:
-    """Of what is left.
+class Location:
+    """Where and when most of what is left acts.
 
     Attributes:
-      cables: (K, C) power that a change of each cable explains in each window alone [sigma^2].
-      log: recording in which most is left.
+      cables: (K, C) squares that a change of each cable explains in each window alone [sigma^2].
+      recording: index of the one in which most is left.
       begin, end: of the time there in which it is [s].
       point: at which it is.
       cable: that explains most in the window where it is; "" where the library has no effect on cables.
     """
 
     cables: Floats
-    log: int
+    recording: int
     begin: float
     end: float
     point: str
     cable: str
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {
-            "recording": self.log,
+            "recording": self.recording,
             "from": self.begin,
             "to": self.end,
             "unit": "s",
@@ -51,21 +49,23 @@ class Whereabouts:
         }
 
 
-def whereabouts(fitter: Fitter, test: ScoreTest) -> Whereabouts:
-    """Of what a test's model leaves."""
+def localise(
+    fitter: Fitter, test: ScoreTest, settings: CheckSettings = CheckSettings()
+) -> Location:
+    """Find where and when what a test's model leaves acts."""
     windows, robot = fitter.windows, fitter.windows.robot
     cables = _explained(fitter, test)
-    pieces = _pieces(fitter, test)  # (K, pieces, P)
+    pieces = _pieces(fitter, test, settings.pieces)  # (K, pieces, P)
     over_points = pieces.mean(axis=2)
     window, piece = (int(i) for i in np.unravel_index(over_points.argmax(), over_points.shape))
-    first, last = _run(over_points[window], piece)
+    first, last = _run(over_points[window], piece, settings.half)
     length = windows.steps * windows.dt / pieces.shape[1]
     start = windows.first[window] * windows.dt
     point = int(pieces[window, first : last + 1].mean(axis=0).argmax())
     cable = robot.cables[int(cables[window].argmax())].name if cables.any() else ""
-    return Whereabouts(
+    return Location(
         cables,
-        int(windows.log[window]),
+        int(windows.recording[window]),
         float(start + first * length),
         float(start + (last + 1) * length),
         robot.points[point].name,
@@ -84,18 +84,18 @@ def _explained(fitter: Fitter, test: ScoreTest) -> Floats:
         for columns in shapes:
             part = test.columns[:, columns].reshape(windows, left.shape[1], -1)
             gram = part.swapaxes(1, 2) @ part
-            pull = np.einsum("kds,kd->ks", part, left)
-            power = np.einsum("ks,kst,kt->k", pull, np.linalg.pinv(gram, rcond=1e-9), pull)
-            found[:, candidate.place] = np.maximum(found[:, candidate.place], power)
+            right = np.einsum("kds,kd->ks", part, left)
+            explained = np.einsum("ks,kst,kt->k", right, np.linalg.pinv(gram, rcond=1e-9), right)
+            found[:, candidate.place] = np.maximum(found[:, candidate.place], explained)
     return found
 
 
-def _pieces(fitter: Fitter, test: ScoreTest) -> Floats:
+def _pieces(fitter: Fitter, test: ScoreTest, count: int) -> Floats:
     """(K, pieces, P) mean square of what is left, over time, of each tracked point."""
     shape = fitter.windows.measured.shape
     left = test.left.reshape(shape[0], -1)[:, : int(np.prod(shape[1:]))].reshape(shape)
     known = np.isfinite(fitter.windows.measured)
-    parts = np.array_split(np.arange(shape[1]), min(PIECES, shape[1]))
+    parts = np.array_split(np.arange(shape[1]), min(count, shape[1]))
     means = [
         (left[:, part] ** 2).sum(axis=(1, 3)) / np.maximum(known[:, part].sum(axis=(1, 3)), 1)
         for part in parts
@@ -103,9 +103,9 @@ def _pieces(fitter: Fitter, test: ScoreTest) -> Floats:
     return np.stack(means, axis=1)
 
 
-def _run(pieces: Floats, highest: int) -> tuple[int, int]:
+def _run(pieces: Floats, highest: int, half: float) -> tuple[int, int]:
     """First and last of the pieces around the highest that stand out as it does."""
-    above = pieces > 1.0 + HALF * max(pieces[highest] - 1.0, 0.0)
+    above = pieces > 1.0 + half * max(pieces[highest] - 1.0, 0.0)
     first = last = highest
     while first > 0 and above[first - 1]:
         first -= 1

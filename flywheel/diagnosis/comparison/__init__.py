@@ -3,7 +3,7 @@
 from flywheel.diagnosis.comparison.bins import Bins
 from flywheel.diagnosis.comparison.compare import compare
 from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
-from flywheel.diagnosis.comparison.forecast_windows import Moments
+from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.comparison.result import Comparison, Judgement, Outcome
 from flywheel.diagnosis.fitting.subject import Subject
 
@@ -11,8 +11,8 @@ __all__ = [
     "Bins",
     "Comparison",
     "FittedStarts",
+    "ForecastWindows",
     "Judgement",
-    "Moments",
     "Outcome",
     "Subject",
     "compare",

@@ -52,7 +52,7 @@ class Bins:
         return [int(i) for i in there[order[:count]]]
 
     def summary(self) -> list[dict[str, Any]]:
-        """As in JSON."""
+        """As JSON has it."""
         rows = zip(self.labels, self.sums.total, self.sums.count, self.sums.mean, strict=True)
         return [
             {

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flywheel.diagnosis.comparison.forecast_windows import Moments
+from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics.plant import RestartedPlant, refined, with_effects
 from flywheel.records import Floats, Observation, Past
@@ -29,7 +29,7 @@ BAND = (0.025, 0.5, 0.975)
 
 
 @dataclass(frozen=True)
-class Null:
+class BootstrapNull:
     """A model's errors, and those in its own world, in noise variances.
 
     Attributes:
@@ -70,14 +70,14 @@ class Null:
         return np.asarray(np.exp(np.log(left / typical).mean(axis=-1)))
 
 
-def null_of(
-    subject: Subject, moments: Moments, points: Floats, draws: int, rng: np.random.Generator
-) -> Null:
+def bootstrap_null(
+    subject: Subject, windows: ForecastWindows, points: Floats, draws: int, rng: np.random.Generator
+) -> BootstrapNull:
     """Hold a model's error against those that it makes of itself.
 
     Args:
       subject: the model.
-      moments: the windows.
+      windows: the windows.
       points: (K, steps + 1, P, 3) that it predicted there [m].
       draws: of the noise.
       rng: of the noise.
@@ -87,9 +87,9 @@ def null_of(
     """
     size = max(1, ROWS // draws)
     parts, squares, counts = [], 0.0, 0.0
-    for begin in range(0, len(moments), size):
+    for begin in range(0, len(windows), size):
         some = slice(begin, begin + size)
-        here = moments[some]
+        here = windows[some]
         known = np.isfinite(here.measured)
         wrong, noise = (np.where(known, p, 0.0) for p in _drawn(subject, here, draws, rng))
         residual, numbers = (
@@ -101,27 +101,27 @@ def null_of(
         parts.append(_left(wrong, noise, residual, numbers, known.sum(axis=(1, 2, 3))))
     left, own = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
     by_lead = np.where(counts, squares / np.maximum(counts, 1), np.nan)
-    return Null(np.asarray(by_lead), left, own)
+    return BootstrapNull(np.asarray(by_lead), left, own)
 
 
 def _drawn(
-    subject: Subject, moments: Moments, draws: int, rng: np.random.Generator
+    subject: Subject, windows: ForecastWindows, draws: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Errors of predictions in the model's own world, and the noise of the measurements there.
 
     Both are (draws, K, steps, P, 3) [sigma].
     """
-    model, warmup, count = subject.dynamics, moments.warmup, len(moments)
-    origin = _repeated(moments.origin(subject), draws)
+    model, warmup, count = subject.dynamics, windows.warmup, len(windows)
+    origin = _repeated(windows.origin(subject), draws)
     shaken = origin.observations.points
-    shaken = shaken + rng.normal(0.0, moments.sigma, shaken.shape)
+    shaken = shaken + rng.normal(0.0, windows.sigma, shaken.shape)
     origin = replace(origin, observations=Observation(shaken, origin.observations.winch))
-    world = model.rollout(origin, np.tile(moments.controls(warmup), (draws, 1, 1)))
+    world = model.rollout(origin, np.tile(windows.controls(warmup), (draws, 1, 1)))
     noise = rng.normal(size=world.points.shape)
-    measured = moments.past(subject)
+    measured = windows.past(subject)
     seen = _repeated(measured, draws).observations
     now = slice(warmup - model.history, warmup + 1)
-    points = (world.points + moments.sigma * noise)[:, now]
+    points = (world.points + windows.sigma * noise)[:, now]
     past = replace(
         _repeated(measured, draws),
         observations=Observation(
@@ -130,13 +130,13 @@ def _drawn(
         ),
         winch=world.winch[:, now],
     )
-    predicted = model.rollout(past, np.tile(moments.controls(), (draws, 1, 1))).points[:, 1:]
-    wrong = (world.points[:, warmup + 1 :] - predicted) / moments.sigma
+    predicted = model.rollout(past, np.tile(windows.controls(), (draws, 1, 1))).points[:, 1:]
+    wrong = (world.points[:, warmup + 1 :] - predicted) / windows.sigma
     shape = (draws, count, *wrong.shape[1:])
     return wrong.reshape(shape), noise[:, warmup + 1 :].reshape(shape)
 
 
-def _finer(subject: Subject, moments: Moments, points: Floats) -> Floats:
+def _finer(subject: Subject, windows: ForecastWindows, points: Floats) -> Floats:
     """What a plant predicts with smaller time steps, like points (K, steps + 1, P, 3) [m].
 
     Of other models the points themselves.
@@ -145,8 +145,8 @@ def _finer(subject: Subject, moments: Moments, points: Floats) -> Floats:
     if not isinstance(model, RestartedPlant):
         return points
     finer = replace(model, plant=with_effects(refined(model.plant), model.plant.terms))
-    past = moments.past(subject)
-    return finer.rollout(past, moments.controls()).points
+    past = windows.past(subject)
+    return finer.rollout(past, windows.controls()).points
 
 
 def _left(

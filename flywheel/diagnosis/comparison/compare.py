@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
-from flywheel.diagnosis.comparison.bootstrap import mean_by_lead, null_of
+from flywheel.diagnosis.comparison.bootstrap import bootstrap_null, mean_by_lead
 from flywheel.diagnosis.comparison.fitted_starts import fitted_starts
-from flywheel.diagnosis.comparison.forecast_windows import Moments
+from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.comparison.regions import Region, regions, span_noise, spans
 from flywheel.diagnosis.comparison.result import LEVEL, Comparison, Judgement
 from flywheel.diagnosis.fitting.subject import Subject
@@ -53,15 +53,15 @@ def compare(
     _check(models, recordings)
     robot = models[0].dynamics.robot
     history = max(subject.dynamics.history for subject in models)
-    moments = Moments.cut(robot, recordings, horizon, history, names)
-    nothing = Subject("nothing moves", Persistence(robot, moments.dt, moments.lead))
-    still = _squares(moments, predicted(nothing, moments)[0])
-    where = regions(moments)
+    windows = ForecastWindows.cut(robot, recordings, horizon, history, names)
+    nothing = Subject("nothing moves", Persistence(robot, windows.dt, windows.lead))
+    still = _squares(windows, predicted(nothing, windows)[0])
+    where = regions(windows)
     streams = np.random.default_rng(seed).spawn(len(models))
     return Comparison(
-        moments=moments,
+        windows=windows,
         models=tuple(
-            judged(subject, moments, where, draws, rng, seed if fit_starts else None)
+            judged(subject, windows, where, draws, rng, seed if fit_starts else None)
             for subject, rng in zip(models, streams, strict=True)
         ),
         persistence=mean_by_lead(still),
@@ -73,21 +73,21 @@ def compare(
 
 def judged(
     subject: Subject,
-    moments: Moments,
+    windows: ForecastWindows,
     where: Sequence[Region],
     draws: int,
     rng: np.random.Generator,
     fit_seed: int | None,
 ) -> Judgement:
     """One model; `fit_seed` is of the search for starts that fit, None to leave that out."""
-    points, winch = predicted(subject, moments)
-    squares = _squares(moments, points)
-    null = null_of(subject, moments, points, draws, rng)
+    points, winch = predicted(subject, windows)
+    squares = _squares(windows, points)
+    null = bootstrap_null(subject, windows, points, draws, rng)
     sums = ExactSum.of(squares, axis=1).over(2)
-    spread = _span_squares(moments, points)
+    spread = _span_squares(windows, points)
     dynamics, fitted = subject.dynamics, None
     if fit_seed is not None and isinstance(dynamics, RestartedPlant):
-        fitted = fitted_starts(dynamics.plant, moments, fit_seed)
+        fitted = fitted_starts(dynamics.plant, windows, fit_seed)
     return Judgement(
         name=subject.name,
         points=points,
@@ -96,7 +96,7 @@ def judged(
         band=null.band,
         squares=sums,
         cables=ExactSum.of(spread.ravel()),
-        bins=_bins(moments, where, sums, squares, spread),
+        bins=_bins(windows, where, sums, squares, spread),
         noise_rms=null.rms,
         excess=null.excess,
         probability=null.probability,
@@ -104,35 +104,39 @@ def judged(
     )
 
 
-def predicted(subject: Subject, moments: Moments) -> tuple[Floats, Floats]:
+def predicted(subject: Subject, windows: ForecastWindows) -> tuple[Floats, Floats]:
     """Points (K, steps + 1, P, 3) and winch positions (K, steps + 1, W) [m], from measured pasts."""
     model = subject.dynamics
     try:
-        found = model.rollout(moments.past(subject), moments.controls())
+        found = model.rollout(windows.past(subject), windows.controls())
     except ModelError as error:
         raise ModelError(f"{subject.name}: {error}") from error
     return found.points, found.winch
 
 
-def _squares(moments: Moments, points: Floats) -> Floats:
+def _squares(windows: ForecastWindows, points: Floats) -> Floats:
     """(K, steps, P, 3) squared errors in noise variances; NaN where nothing was measured."""
-    return np.asarray(((moments.measured - points[:, 1:]) / moments.sigma) ** 2)
+    return np.asarray(((windows.measured - points[:, 1:]) / windows.sigma) ** 2)
 
 
-def _span_squares(moments: Moments, points: Floats) -> Floats:
+def _span_squares(windows: ForecastWindows, points: Floats) -> Floats:
     """(K, steps, C) the same of the distances between the ends of cables."""
-    robot = moments.robot
-    off = spans(robot, moments.measured) - spans(robot, points[:, 1:])
-    return np.asarray((off / (moments.sigma * span_noise(robot))) ** 2)
+    robot = windows.robot
+    off = spans(robot, windows.measured) - spans(robot, points[:, 1:])
+    return np.asarray((off / (windows.sigma * span_noise(robot))) ** 2)
 
 
 def _bins(
-    moments: Moments, where: Sequence[Region], sums: ExactSum, squares: Floats, spread: Floats
+    windows: ForecastWindows,
+    where: Sequence[Region],
+    sums: ExactSum,
+    squares: Floats,
+    spread: Floats,
 ) -> tuple[Bins, ...]:
-    robot = moments.robot
+    robot = windows.robot
     found = [
         Bins("points", "end cap", tuple(p.name for p in robot.points), sums.over(0)),
-        Bins("points", "window", moments.labels, sums.over(1)),
+        Bins("points", "window", windows.labels, sums.over(1)),
         Bins("cables", "cable", tuple(c.name for c in robot.cables), ExactSum.of(spread).over(0)),
     ]
     for region in where:

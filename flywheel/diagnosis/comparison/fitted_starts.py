@@ -1,4 +1,4 @@
-"""What a plant leaves where no start is guessed: windows begin where they fit best."""
+"""What a plant leaves where no initial state is guessed: windows begin where they fit best."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from flywheel.diagnosis.checks.adequacy import adequacy
-from flywheel.diagnosis.comparison.forecast_windows import Moments
-from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
+from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.diagnosis.results.limits import THRESHOLD
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
 
@@ -20,10 +20,10 @@ ANY = "winch_gain"  # the test needs a candidate; which one does not matter here
 
 @dataclass(frozen=True)
 class FittedStarts:
-    """A plant's error where no start is guessed; as at the beginning of `diagnose`.
+    """A plant's error where no initial state is guessed; as at the beginning of `diagnose`.
 
     Attributes:
-      rms: [m], with the starts counted as degrees of freedom.
+      rms: [m], with the initial states counted as degrees of freedom.
       noise: variance of what is left; 1 for nothing but noise.
       correlation: of what is left, from sample to sample; 0 for noise.
     """
@@ -33,25 +33,23 @@ class FittedStarts:
     correlation: float
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return asdict(self)
 
 
-def fitted_starts(plant: Plant, moments: Moments, seed: int) -> FittedStarts:
-    """Fit the starts of windows that tile the recordings.
+def fitted_starts(plant: Plant, windows: ForecastWindows, seed: int) -> FittedStarts:
+    """Fit the initial states of windows that tile the recordings.
 
     Args:
       plant: to be tested.
-      moments: whose recordings, window length and noise to use.
-      seed: of the search for starts.
+      windows: whose recordings, window length and noise to use.
+      seed: of the search for initial states.
     """
-    used = [moments.recordings[i].trajectory for i in sorted(set(moments.log))]
-    seconds = moments.steps * moments.dt
-    windows = Windows.cut(plant.robot, used, seconds, moments.sigma)
-    fitter = fitter_of(windows, plant)
+    used = [windows.recordings[i].trajectory for i in sorted(set(windows.recording))]
+    seconds = windows.steps * windows.dt
+    fitter = fitter_of(Windows.cut(plant.robot, used, seconds, windows.sigma), plant)
     fit = fitted(fitter, plant.terms, seed=seed)
     some = candidates(plant.robot, {ANY: EFFECTS[ANY]})
-    selection = Selection(fitter, some, THRESHOLD)
-    step = selection.look(fit)
-    left = adequacy(fitter, fit, step.test, selection.known(fit))
+    model = Search(fitter, some, Limits().threshold).score_all(fit)
+    left = adequacy(fitter, fit, model.test, model.by_value)
     return FittedStarts(fitter.rms(fit), left.noise, left.correlation)

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import savgol_filter
 
-from flywheel.diagnosis.fitting.noise import noise_floor
 from flywheel.diagnosis.fitting.subject import Subject
+from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.dynamics.plant import Reckoning
 from flywheel.effects import Scales, Terms
 from flywheel.errors import DataError
@@ -25,7 +25,7 @@ SMOOTHED = 0.3  # length of the parabolas that smooth measured positions [sqrt(L
 
 
 @dataclass(frozen=True)
-class Moments:
+class ForecastWindows:
     """K windows; each begins where all points are in sight, and lasts as long as the others.
 
     Attributes:
@@ -35,7 +35,7 @@ class Moments:
       steps: of each window.
       warmup: steps before each window in which a model can forget how it was started.
       lead: steps before each window that belong to its past, the warm-up among them.
-      log: (K,) index of each window's recording.
+      recording: (K,) index of each window's recording.
       first: (K,) step of the recording that is its present.
       sigma: noise of each measured coordinate [m].
     """
@@ -46,7 +46,7 @@ class Moments:
     steps: int
     warmup: int
     lead: int
-    log: np.ndarray
+    recording: np.ndarray
     first: np.ndarray
     sigma: float
     # Winch positions, once for all parts of the windows, by what they were reckoned with.
@@ -62,7 +62,7 @@ class Moments:
         seconds: float,
         history: int,
         names: Sequence[str] = (),
-    ) -> Moments:
+    ) -> ForecastWindows:
         """Tile recordings.
 
         Args:
@@ -103,17 +103,17 @@ class Moments:
             steps=steps,
             warmup=warmup,
             lead=lead,
-            log=np.array([i for i, _ in found]),
+            recording=np.array([i for i, _ in found]),
             first=np.array([f for _, f in found]),
             sigma=noise_floor([t.observations.points for t in recordings]),
         )
 
     def __len__(self) -> int:
-        return len(self.log)
+        return len(self.recording)
 
-    def __getitem__(self, some: slice) -> Moments:
+    def __getitem__(self, some: slice) -> ForecastWindows:
         """Some of the windows."""
-        return replace(self, log=self.log[some], first=self.first[some])
+        return replace(self, recording=self.recording[some], first=self.first[some])
 
     @property
     def dt(self) -> float:
@@ -123,7 +123,7 @@ class Moments:
     @property
     def unused(self) -> tuple[str, ...]:
         """Names of the recordings without a window."""
-        used = set(self.log)
+        used = set(self.recording)
         return tuple(name for i, name in enumerate(self.names) if i not in used)
 
     @property
@@ -133,7 +133,7 @@ class Moments:
         end = begin + self.dt * self.steps
         return tuple(
             f"{self.names[i]}, {b:.2f} to {e:.2f} s"
-            for i, b, e in zip(self.log, begin, end, strict=True)
+            for i, b, e in zip(self.recording, begin, end, strict=True)
         )
 
     @cached_property
@@ -178,7 +178,7 @@ class Moments:
         return stacked(
             [
                 past_at(episodes[i], self.robot, step, history, winch[i], subject.dataset)
-                for i, step in zip(self.log, first, strict=True)
+                for i, step in zip(self.recording, first, strict=True)
             ]
         )
 
@@ -206,7 +206,7 @@ class Moments:
         return np.stack(
             [
                 series[i][first + begin : first + self.steps + end]
-                for i, first in zip(self.log, self.first, strict=True)
+                for i, first in zip(self.recording, self.first, strict=True)
             ]
         )
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.comparison.forecast_windows import Moments
+from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.plant.twist import rest_lengths
 from flywheel.records import Floats, Observation, Past, State
@@ -38,22 +38,22 @@ class Region:
     place: np.ndarray
 
 
-def regions(moments: Moments) -> tuple[Region, ...]:
+def regions(windows: ForecastWindows) -> tuple[Region, ...]:
     """All criteria that apply to a robot."""
-    robot = moments.robot
-    places, speeds = (moments.ahead(part) for part in zip(*moments.smooth, strict=True))
-    winch = moments.ahead(moments.winch)
+    robot = windows.robot
+    places, speeds = (windows.ahead(part) for part in zip(*windows.smooth, strict=True))
+    winch = windows.ahead(windows.winch)
     found = [_speed(np.linalg.norm(speeds, axis=-1))]
     if robot.grounded and any(point.radius for point in robot.points):
-        found.append(_height(moments, places))
-    found.append(_tension(cable_tensions(robot, places, winch, moments.dt)))
-    found.append(_command(moments))
+        found.append(_height(windows, places))
+    found.append(_tension(cable_tensions(robot, places, winch, windows.dt)))
+    found.append(_command(windows))
     return tuple(found)
 
 
-def _height(moments: Moments, places: Floats) -> Region:
-    radius = np.array([point.radius for point in moments.robot.points])
-    airborne = places[..., 2] - radius > NEAR * moments.sigma
+def _height(windows: ForecastWindows, places: Floats) -> Region:
+    radius = np.array([point.radius for point in windows.robot.points])
+    airborne = places[..., 2] - radius > NEAR * windows.sigma
     return Region("points", "contact", ("on the ground", "in the air"), airborne.astype(int))
 
 
@@ -71,10 +71,10 @@ def _tension(tension: Floats) -> Region:
     return Region("cables", "tension", labels, place)
 
 
-def _command(moments: Moments) -> Region:
+def _command(windows: ForecastWindows) -> Region:
     """By what the cable's winch is told in the step before each sample."""
-    robot, controls = moments.robot, moments.controls()
-    asked = np.abs(controls - robot.holding(moments.before(moments.winch)))
+    robot, controls = windows.robot, windows.controls()
+    asked = np.abs(controls - robot.holding(windows.before(windows.winch)))
     moving = asked > MOVING * (robot.control_high - robot.control_low)
     driven = np.array([cable.winch for cable in robot.cables])
     place = np.where(driven < 0, 2, moving[..., driven])

@@ -10,7 +10,7 @@ import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
 from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
-from flywheel.diagnosis.comparison.forecast_windows import Moments
+from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.evaluation import ExactSum
 from flywheel.records import Floats
 
@@ -112,7 +112,7 @@ class Comparison:
     """Models beside the same recordings.
 
     Attributes:
-      moments: windows of the recordings that all models predicted.
+      windows: windows of the recordings that all models predicted.
       models: what is said of each.
       persistence: (steps,) mean square, at each lead time, of a model in which nothing moves.
       draws: of the noise.
@@ -120,7 +120,7 @@ class Comparison:
       seconds: it took.
     """
 
-    moments: Moments
+    windows: ForecastWindows
     models: tuple[Judgement, ...]
     persistence: Floats
     draws: int
@@ -140,22 +140,22 @@ class Comparison:
     @property
     def lead_seconds(self) -> Floats:
         """(steps,) lead times [s]."""
-        return self.moments.dt * np.arange(1, self.moments.steps + 1)
+        return self.windows.dt * np.arange(1, self.windows.steps + 1)
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        moments = self.moments
+        """As JSON has it."""
+        windows = self.windows
         return {
             "verdict": str(self.models[-1].outcome),
-            "robot": {"name": moments.robot.name, "digest": moments.robot.digest},
-            "recordings": list(moments.names),
-            "recordings_too_short": list(moments.unused),
-            "windows": list(moments.labels),
-            "noise": {"sigma": moments.sigma, "unit": "m"},
+            "robot": {"name": windows.robot.name, "digest": windows.robot.digest},
+            "recordings": list(windows.names),
+            "recordings_too_short": list(windows.unused),
+            "windows": list(windows.labels),
+            "noise": {"sigma": windows.sigma, "unit": "m"},
             "lead_time": {"values": self.lead_seconds.tolist(), "unit": "s"},
             "persistence": self.persistence.tolist(),
-            "models": [model.summary(moments.sigma) for model in self.models],
-            "dt": moments.dt,
+            "models": [model.summary(windows.sigma) for model in self.models],
+            "dt": windows.dt,
             "draws": self.draws,
             "seed": self.seed,
             "seconds": self.seconds,

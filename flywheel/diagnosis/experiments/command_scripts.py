@@ -1,6 +1,6 @@
 """Command scripts for experiments: families that are drawn at random, and changes of a script.
 
-A script is drawn as a wish, the path that each winch should take; `Reach.commands` makes of it what
+A script is drawn as a wish, the path that each winch should take; `WinchRange.commands` makes of it what
 the winches can do.
 """
 
@@ -19,7 +19,7 @@ PLAIN = "random_steps"  # the family that a design is compared with
 
 
 @dataclass(frozen=True)
-class Reach:
+class WinchRange:
     """Where scripts may bring the winches of a robot.
 
     Attributes:
@@ -38,7 +38,7 @@ class Reach:
     dt: float
 
     @classmethod
-    def around(cls, robot: Robot, start: Floats, dt: float) -> Reach:
+    def around(cls, robot: Robot, start: Floats, dt: float) -> WinchRange:
         """Around winch positions (W,) [m], within the robot's ranges."""
         low = np.maximum(robot.rest_low, start * (1 - HAUL_IN))
         high = np.minimum(robot.rest_high, start * (1 + PAY_OUT))
@@ -65,10 +65,10 @@ class Reach:
         return np.clip(commands, self.robot.control_low, self.robot.control_high)
 
 
-Family = Callable[[Reach, int, np.random.Generator], Floats]
+Family = Callable[[WinchRange, int, np.random.Generator], Floats]
 
 
-def random_steps(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
+def random_steps(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
     """Every winch goes at a random rate, another one every 0.3 to 0.8 s; sometimes it rests."""
     shape = (1 + int(steps * reach.dt / 0.3), len(reach.start))
     ends = np.cumsum(rng.uniform(0.3, 0.8, shape), axis=0)
@@ -81,17 +81,17 @@ def random_steps(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
     return path
 
 
-def slow_sines(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
+def slow_sines(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
     """Some winches swing to and fro in 1.5 to 3 s."""
     return _sines(reach, steps, rng, (1.5, 3.0), (0.4, 1.0))
 
 
-def fast_sines(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
+def fast_sines(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
     """Some winches swing to and fro in 0.3 to 0.8 s, less far."""
     return _sines(reach, steps, rng, (0.3, 0.8), (0.05, 0.3))
 
 
-def tightened(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
+def tightened(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
     """The same strokes again and again, while all winches haul in by steps: loose, then tight."""
     stroke = max(2, round(rng.uniform(0.25, 0.5) * steps))
     once = random_steps(reach, stroke, rng) - reach.start
@@ -102,7 +102,7 @@ def tightened(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
     return reach.start - tension * (reach.start - reach.low) + again
 
 
-def one_by_one(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
+def one_by_one(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
     """One winch after the other goes in or out and back."""
     winches = len(reach.start)
     each = max(4, round(rng.uniform(0.3, 0.7) / reach.dt))
@@ -115,7 +115,7 @@ def one_by_one(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
     return wish
 
 
-def big_strokes(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
+def big_strokes(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
     """Half of the winches haul in as far as they can while the others pay out, then the reverse."""
     hauls = rng.permutation(len(reach.start)) < (len(reach.start) + 1) // 2
     each = max(2, round(rng.uniform(0.4, 1.0) / reach.dt))
@@ -125,7 +125,7 @@ def big_strokes(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
     return reach.start + far * (ends - reach.start)
 
 
-def holds(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
+def holds(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
     """Some winches jump to other lengths and stay there for a long time."""
     each = max(2, round(rng.uniform(0.7, 1.5) / reach.dt))
     shape = (steps // each + 1, len(reach.start))
@@ -138,7 +138,7 @@ def holds(reach: Reach, steps: int, rng: np.random.Generator) -> Floats:
 
 
 def _sines(
-    reach: Reach,
+    reach: WinchRange,
     steps: int,
     rng: np.random.Generator,
     periods: tuple[float, float],
@@ -170,7 +170,7 @@ FAMILIES: dict[str, Family] = {
 
 
 def varied(
-    reach: Reach, path: Floats, other: Floats, width: float, rng: np.random.Generator
+    reach: WinchRange, path: Floats, other: Floats, width: float, rng: np.random.Generator
 ) -> Floats:
     """A wish near a path (T, W) [m]: some winches take another path's, some are moved at knots.
 

@@ -12,11 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.diagnosis.experiments.command_scripts import FAMILIES, PLAIN, Reach, varied
-from flywheel.diagnosis.experiments.information import SETTLING, Foresight, foresee, played
+from flywheel.diagnosis.experiments.command_scripts import FAMILIES, PLAIN, WinchRange, varied
+from flywheel.diagnosis.experiments.information import (
+    SETTLING,
+    Information,
+    information_of,
+    simulate_scripts,
+)
 from flywheel.diagnosis.experiments.power import ENOUGH
-from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.rivals import Rival
+from flywheel.diagnosis.selection.candidates import Candidate, Rival
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.tautness import taut_share
 from flywheel.errors import DataError
@@ -87,7 +91,7 @@ class Design:
         return self.separation >= ENOUGH
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {
             "separation": self.separation,
             "plain": self.plain,
@@ -118,14 +122,14 @@ class Tried:
     Attributes:
       path: (S, T, W) of the winches [m].
       family: (S,) of each.
-      foresight: of each.
+      information: of each.
       separation: (S,) of the rivals that are told apart least [sigma].
       unsafe: further ones that were not.
     """
 
     path: Floats
     family: tuple[str, ...]
-    foresight: Foresight
+    information: Information
     separation: Floats
     unsafe: int
 
@@ -133,7 +137,7 @@ class Tried:
         return Tried(
             np.concatenate([self.path, other.path]),
             self.family + other.family,
-            self.foresight + other.foresight,
+            self.information + other.information,
             np.concatenate([self.separation, other.separation]),
             self.unsafe + other.unsafe,
         )
@@ -177,7 +181,7 @@ class Designer:
             raise DataError(f"A design needs two or more different rivals, got {names or 'none'}.")
         self.plant, self.sigma, self.size = plant, sigma, size
         self.start = plant.settle(SETTLING) if start is None else start
-        self.reach = Reach.around(plant.robot, plant.winch(self.start)[0], plant.dt)
+        self.reach = WinchRange.around(plant.robot, plant.winch(self.start)[0], plant.dt)
         self.library = tuple(c for rival in rivals for c in rival.candidates)
         owner = [number for number, rival in enumerate(rivals) for _ in rival.candidates]
         self.pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
@@ -225,24 +229,26 @@ class Designer:
             told(tried.count, tried.best)
         return self._design(drawn, tried, tuple(history))
 
-    def separation(self, foresight: Foresight, pairs: Sequence[tuple[int, int]]) -> Floats:
+    def separation(self, information: Information, pairs: Sequence[tuple[int, int]]) -> Floats:
         """(S,) least separation over pairs of candidates, either way round [sigma]."""
-        ways = [foresight.separation(*way) for i, j in pairs for way in ((i, j), (j, i))]
+        ways = [information.separation(*way) for i, j in pairs for way in ((i, j), (j, i))]
         return self.size * np.asarray(np.min(ways, axis=0))
 
     def _tried(self, wishes: Sequence[Floats], families: Sequence[str]) -> Tried:
         path = self.reach.path(np.stack(wishes))
         scripts = self.reach.commands(path)
-        motion = played(self.plant, scripts, self.start)
+        motion = simulate_scripts(self.plant, scripts, self.start)
         safe = motion.finite & (taut_share(self.plant, motion.states) >= self._least_taut)
         kept = np.flatnonzero(safe)
-        foresight = foresee(self.plant, scripts[kept], motion[kept], self.library, self.sigma)
+        information = information_of(
+            self.plant, scripts[kept], motion[kept], self.library, self.sigma
+        )
         everyone = [pair for pairs in self.pairs.values() for pair in pairs]
         return Tried(
             path[kept],
             tuple(families[i] for i in kept.tolist()),
-            foresight,
-            self.separation(foresight, everyone),
+            information,
+            self.separation(information, everyone),
             len(path) - len(kept),
         )
 
@@ -263,7 +269,7 @@ class Designer:
             separation=float(tried.separation[best]),
             plain=float(np.median(drawn.separation[plain])),
             pairs=tuple(
-                self._pair(members, tried.foresight[[best]], drawn.foresight[plain])
+                self._pair(members, tried.information[[best]], drawn.information[plain])
                 for members in self.pairs.values()
             ),
             history=history,
@@ -273,7 +279,9 @@ class Designer:
             size=self.size,
         )
 
-    def _pair(self, members: Sequence[tuple[int, int]], best: Foresight, plain: Foresight) -> Pair:
+    def _pair(
+        self, members: Sequence[tuple[int, int]], best: Information, plain: Information
+    ) -> Pair:
         i, j = min(members, key=lambda pair: self.separation(best, [pair])[0])
         return Pair(
             first=self.library[i],

@@ -2,7 +2,7 @@
 
 An experiment is a start, commands, and the noise of the measurements. The plant says what would be
 measured; what a diagnosis would do with it follows, without any data, from the same projected
-sensitivities as the score test (`score`): how large an effect must be to be seen, and how much of
+sensitivities as the score test: how large an effect must be to be seen, and how much of
 it another one could explain.
 """
 
@@ -13,18 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
-from flywheel.diagnosis.fitting.simulation import Predictor
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.selection.score_test import (
-    CRITICAL,
     DEAD,
     Projection,
     slices_of,
     smallest_shown,
 )
-from flywheel.diagnosis.selection.stepwise import Selection
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
 from flywheel.effects import Scales
 from flywheel.errors import DataError, ModelError
@@ -35,7 +33,7 @@ AT_ONCE = 24  # windows whose sensitivities are in memory together
 
 
 @dataclass(frozen=True)
-class Foresight:
+class Information:
     """What each of S experiments would say.
 
     Attributes:
@@ -51,14 +49,14 @@ class Foresight:
     slices: tuple[tuple[slice, ...], ...]
     usual: tuple[int, ...]
 
-    def __getitem__(self, rows: Sequence[int] | np.ndarray) -> Foresight:
+    def __getitem__(self, rows: Sequence[int] | np.ndarray) -> Information:
         """Some of the experiments."""
-        return Foresight(self.candidates, self.gram[rows], self.slices, self.usual)
+        return Information(self.candidates, self.gram[rows], self.slices, self.usual)
 
-    def __add__(self, other: Foresight) -> Foresight:
+    def __add__(self, other: Information) -> Information:
         """The experiments of both, of the same candidates."""
         gram = np.concatenate([self.gram, other.gram])
-        return Foresight(self.candidates, gram, self.slices, self.usual)
+        return Information(self.candidates, gram, self.slices, self.usual)
 
     def smallest(self, index: int) -> Floats:
         """(S,) size of a candidate that would just be seen, in typical sizes; infinite for none."""
@@ -104,7 +102,7 @@ class Foresight:
         return np.minimum(values, 1.0)
 
 
-def played(plant: Plant, scripts: Floats, start: State | None = None) -> Motion:
+def simulate_scripts(plant: Plant, scripts: Floats, start: State | None = None) -> Motion:
     """What a plant does under command scripts.
 
     Args:
@@ -119,20 +117,20 @@ def played(plant: Plant, scripts: Floats, start: State | None = None) -> Motion:
     return augmented.simulate(first, augmented.commands(scripts, terms), terms)
 
 
-def foresee(
+def information_of(
     plant: Plant,
     scripts: Floats,
     motion: Motion,
     library: Sequence[Candidate],
     sigma: float,
     seconds: float | None = None,
-) -> Foresight:
-    """Look at experiments before they are made.
+) -> Information:
+    """What experiments would say, before they are made.
 
     Args:
       plant: as it is known, with the effects that it has.
       scripts: (S, T, W) commands.
-      motion: of the plant under them, see `played`.
+      motion: of the plant under them, see `simulate_scripts`.
       library: candidates.
       sigma: noise of each coordinate [m].
       seconds: length of the windows [s]; None for what suits the robot.
@@ -160,7 +158,7 @@ def foresee(
         row = stop
     scales = Scales.of(plant.robot)
     usual = tuple(_usual(candidate, scales) for candidate in library)
-    return Foresight(tuple(library), np.concatenate(parts), slices, usual)
+    return Information(tuple(library), np.concatenate(parts), slices, usual)
 
 
 def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory:
@@ -171,23 +169,23 @@ def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory
 
 def _grams(plant: Plant, windows: Windows, states: State, library: Sequence[Candidate]) -> Floats:
     """(S, n, n) of the candidates; every script by itself, as if it were the only recording."""
-    starts = states[windows.log, windows.first]
-    fitter = StartFitter(Predictor(windows, plant), starts)
-    fit = fitter.beginning(plant.terms)
+    starts = states[windows.recording, windows.first]
+    fitter = PlantFitter(WindowSimulator(windows, plant), starts)
+    fit = fitter.first_estimate(plant.terms)
     terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
-    shared = [fitter.step_error(fit), Selection(fitter, library, CRITICAL).known(fit)]
-    nuisances = np.concatenate([part for part in shared if part is not None], axis=2)
-    nuisances = _each_log_its_own(nuisances, windows)
-    projection = Projection.of(fitter, fitter.linear(fit), nuisances, np.ones(len(windows)))
+    shared = [fitter.step_error(fit), fitter.by_value(fit, fitter.free(fit.terms))]
+    nuisances = np.concatenate(shared, axis=2)
+    nuisances = _each_recording_its_own(nuisances, windows)
+    projection = Projection.of(fitter, fitter.jacobian(fit), nuisances, np.ones(len(windows)))
     left = projection(fitter.columns(fit, terms)).reshape(len(windows), -1, len(terms))
-    grams = np.zeros((len(windows.logs), len(terms), len(terms)))
-    np.add.at(grams, windows.log, left.swapaxes(1, 2) @ left)
+    grams = np.zeros((len(windows.recordings), len(terms), len(terms)))
+    np.add.at(grams, windows.recording, left.swapaxes(1, 2) @ left)
     return grams
 
 
-def _each_log_its_own(columns: Floats, windows: Windows) -> Floats:
-    """(K, D, n * logs) of columns (K, D, n): zero in the windows of other logs."""
-    own = windows.log[:, None] == np.arange(len(windows.logs))
+def _each_recording_its_own(columns: Floats, windows: Windows) -> Floats:
+    """(K, D, n * recordings) of columns (K, D, n): zero in the windows of other recordings."""
+    own = windows.recording[:, None] == np.arange(len(windows.recordings))
     apart = columns[:, :, None, :] * own[:, None, :, None]
     return apart.reshape(*columns.shape[:2], -1)
 

@@ -8,7 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.diagnosis.experiments.information import Foresight, foresee, played
+from flywheel.diagnosis.experiments.information import (
+    Information,
+    information_of,
+    simulate_scripts,
+)
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import CRITICAL
 from flywheel.dynamics.plant import Plant
@@ -52,7 +56,7 @@ class Prospect:
         return self.strength >= ENOUGH
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         parameters = zip(self.candidate.effect.sizes, self.candidate.typical, strict=True)
         finite = np.isfinite(self.smallest)
         return {
@@ -93,7 +97,7 @@ class Power:
     controls: Floats
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {
             "noise": {"value": self.sigma, "unit": "m"},
             "seconds": len(self.controls) * self.dt,
@@ -129,9 +133,11 @@ def power(
       ModelError: the plant diverges under the commands.
     """
     scripts, known = controls[None], candidates(plant.robot, library)
-    foresight = foresee(plant, scripts, played(plant, scripts, start), known, sigma, seconds)
-    apart, likeness = _pairs(foresight)
-    prospects = [_prospect(foresight, i, size, apart[i], likeness[i]) for i in range(len(known))]
+    information = information_of(
+        plant, scripts, simulate_scripts(plant, scripts, start), known, sigma, seconds
+    )
+    apart, likeness = _pairs(information)
+    prospects = [_prospect(information, i, size, apart[i], likeness[i]) for i in range(len(known))]
     order = np.argsort([prospect.smallest for prospect in prospects], kind="stable")
     return Power(
         prospects=tuple(prospects[i] for i in order),
@@ -143,30 +149,30 @@ def power(
     )
 
 
-def _pairs(foresight: Foresight) -> tuple[Floats, Floats]:
+def _pairs(information: Information) -> tuple[Floats, Floats]:
     """(n, n) separation of each from each at typical size, and largest |cosine|, of one experiment."""
-    count = len(foresight.candidates)
+    count = len(information.candidates)
     apart, likeness = np.full((count, count), np.inf), np.ones((count, count))
     for i in range(count):
         for j in range(count):
             if i != j:
-                apart[i, j] = foresight.separation(i, j)[0]
-                likeness[i, j] = foresight.cosines(i, j)[0, 0]
+                apart[i, j] = information.separation(i, j)[0]
+                likeness[i, j] = information.cosines(i, j)[0, 0]
     return apart, likeness
 
 
 def _prospect(
-    foresight: Foresight, index: int, size: float, apart: Floats, likeness: Floats
+    information: Information, index: int, size: float, apart: Floats, likeness: Floats
 ) -> Prospect:
     rival, alone = int(apart.argmin()), len(apart) == 1
-    strength = size * float(foresight.strength(index)[0])
+    strength = size * float(information.strength(index)[0])
     close = np.flatnonzero((size * apart < ENOUGH) & (strength >= ENOUGH))
     return Prospect(
-        candidate=foresight.candidates[index],
-        smallest=float(foresight.smallest(index)[0]),
+        candidate=information.candidates[index],
+        smallest=float(information.smallest(index)[0]),
         strength=strength,
-        rival=None if alone else foresight.candidates[rival],
+        rival=None if alone else information.candidates[rival],
         likeness=0.0 if alone else float(likeness[rival]),
         separation=size * float(apart[rival]),
-        taken_for=tuple(foresight.candidates[i] for i in close),
+        taken_for=tuple(information.candidates[i] for i in close),
     )

@@ -1,20 +1,17 @@
-"""Finite differences: how what a plant predicts depends on how its windows begin."""
+"""Finite differences: how what a plant predicts depends on the initial states of its windows."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.jacobian_cache import Linear
-from flywheel.diagnosis.fitting.least_squares import Fit
-from flywheel.diagnosis.fitting.simulation import Predictor
+from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian
+from flywheel.diagnosis.fitting.simulation import WindowSimulator
+from flywheel.diagnosis.settings import JacobianSettings
 from flywheel.records import Floats, State
 
-STEP = 2e-3  # of a difference of a start, in natural units
-WINCH_STEP = 1e-3  # of one of a winch's offset [L]
 
-
-class Differences:
-    """Sensitivities of a plant's predictions, precise ones or rough ones.
+class FiniteDifferences:
+    """Jacobians of a plant's predictions, precise ones or rough ones.
 
     Precise ones are differences of both sides, in the time steps of each window. Rough ones, for a fit
     on its way, are of one side and in `hasty` steps of the plant's own length: less than half the price, and
@@ -22,81 +19,85 @@ class Differences:
     left is simulated as it has to be.
 
     Args:
-      predictor: of the windows.
-      first: (K,) the starts that changes count from.
+      simulator: of the windows.
+      first: (K,) the initial states that local parameters count from.
+      settings: steps of the differences.
     """
 
-    def __init__(self, predictor: Predictor, first: State) -> None:
-        self._predictor, self._first = predictor, first
-        self._rough = predictor.roughly()
+    def __init__(
+        self, simulator: WindowSimulator, first: State, settings: JacobianSettings
+    ) -> None:
+        self._simulator, self._first, self._settings = simulator, first, settings
+        self._hasty = simulator.hasty()
 
-    def precise(self, fit: Fit, members: np.ndarray) -> Linear:
-        """Of windows `members` (n,) around a fit."""
-        predictor, change = self._predictor, fit.change[members]
-        ahead, behind = (self._aside(predictor, fit, members, change, s) for s in (STEP, -STEP))
-        by_start = predictor.windows.slope(ahead - behind, 2 * STEP, members)
-        return Linear(by_start, self._by_winch(predictor, fit, members, fit.points[members]))
+    def precise(self, fit: Fit, members: np.ndarray) -> Jacobian:
+        """The Jacobian of windows `members` (n,) around a fit."""
+        simulator, local, step = self._simulator, fit.local[members], self._settings.state_step
+        ahead, behind = (self._aside(simulator, fit, members, local, s) for s in (step, -step))
+        by_local = simulator.windows.slope(ahead - behind, 2 * step, members)
+        return Jacobian(by_local, self._by_winch(simulator, fit, members, fit.points[members]))
 
-    def rough(self, fit: Fit, members: np.ndarray, step: float) -> Linear:
-        """The same, roughly, with differences of a `step`."""
-        change = fit.change[members]
-        predictor, here = self._begun(fit, members, change)
-        by_start = self._of_one_side(predictor, fit, members, change, here, step)
-        return Linear(by_start, self._by_winch(predictor, fit, members, here))
+    def rough(self, fit: Fit, members: np.ndarray, step: float) -> Jacobian:
+        """The same, roughly, with differences of a `step` in natural units."""
+        local = fit.local[members]
+        simulator, here = self._begun(fit, members, local)
+        by_local = self._of_one_side(simulator, fit, members, local, here, step)
+        return Jacobian(by_local, self._by_winch(simulator, fit, members, here))
 
-    def roughly_by_start(
-        self, fit: Fit, members: np.ndarray, change: Floats, step: float
-    ) -> Floats:
-        """(n, D, X) of windows `members` (n,) at changes (n, X), with differences of a `step`."""
-        predictor, here = self._begun(fit, members, change)
-        return self._of_one_side(predictor, fit, members, change, here, step)
+    def rough_by_local(self, fit: Fit, members: np.ndarray, local: Floats, step: float) -> Floats:
+        """(n, D, X) of windows `members` (n,) at local parameters (n, X), by differences of a `step`."""
+        simulator, here = self._begun(fit, members, local)
+        return self._of_one_side(simulator, fit, members, local, here, step)
 
-    def _begun(self, fit: Fit, members: np.ndarray, change: Floats) -> tuple[Predictor, Floats]:
-        """What rough differences are taken with, and the points of windows at changes there.
+    def _begun(
+        self, fit: Fit, members: np.ndarray, local: Floats
+    ) -> tuple[WindowSimulator, Floats]:
+        """What rough differences are simulated with, and the points of windows before any difference.
 
         Windows that diverge in such steps keep their own.
         """
-        predictor, states = self._rough, self._predictor.moved(self._first[members], change)
-        here = predictor.parallel(states, fit.carried, fit.terms, members)
+        simulator, states = self._hasty, self._simulator.moved(self._first[members], local)
+        here = simulator.parallel(states, fit.carried, fit.terms, members)
         lost = ~np.isfinite(here).all(axis=(1, 2, 3))
         if lost.any():
-            able = ~np.isin(np.arange(len(predictor.windows)), members[lost])
-            predictor = self._predictor.roughly(able)
-            here = predictor.parallel(states, fit.carried, fit.terms, members)
-        return predictor, here
+            able = ~np.isin(np.arange(len(simulator.windows)), members[lost])
+            simulator = self._simulator.hasty(able)
+            here = simulator.parallel(states, fit.carried, fit.terms, members)
+        return simulator, here
 
     def _of_one_side(
         self,
-        predictor: Predictor,
+        simulator: WindowSimulator,
         fit: Fit,
         members: np.ndarray,
-        change: Floats,
+        local: Floats,
         here: Floats,
         step: float,
     ) -> Floats:
-        """(n, D, X) of windows that a predictor predicts `here`."""
-        aside = self._aside(predictor, fit, members, change, step)
-        return predictor.windows.slope(aside - here[:, None], step, members)
+        """(n, D, X) of windows whose points are `here` without any difference."""
+        aside = self._aside(simulator, fit, members, local, step)
+        return simulator.windows.slope(aside - here[:, None], step, members)
 
     def _aside(
-        self, predictor: Predictor, fit: Fit, members: np.ndarray, change: Floats, step: float
+        self, simulator: WindowSimulator, fit: Fit, members: np.ndarray, local: Floats, step: float
     ) -> Floats:
-        """(n, X, steps + 1, P, 3) points of windows at changes (n, X), with a step in each entry [m]."""
-        size = predictor.tangent
+        """(n, X, steps + 1, P, 3) points at local parameters (n, X), with a step in each of them [m]."""
+        size = simulator.tangent
         rows = np.repeat(members, size)
-        tried = (change[:, None] + step * np.eye(size)).reshape(-1, size)
-        states = predictor.moved(self._first[rows], tried)
-        points = predictor.parallel(states, fit.carried, fit.terms, rows)
+        tried = (local[:, None] + step * np.eye(size)).reshape(-1, size)
+        states = simulator.moved(self._first[rows], tried)
+        points = simulator.parallel(states, fit.carried, fit.terms, rows)
         return points.reshape(len(members), size, *points.shape[1:])
 
     def _by_winch(
-        self, predictor: Predictor, fit: Fit, members: np.ndarray, here: Floats
+        self, simulator: WindowSimulator, fit: Fit, members: np.ndarray, here: Floats
     ) -> Floats:
-        """(n, D, W) with winches aside from where windows, predicted `here`, begin."""
-        winches, offset = fit.starts.winch.shape[1], WINCH_STEP * predictor.length
+        """(n, D, W) with each winch aside from where windows begin, whose points are `here`."""
+        winches = fit.initial.winch.shape[1]
+        offset = self._settings.winch_step * simulator.length
         rows = np.repeat(members, winches)
         shifted = fit.carried.winch[rows] + offset * np.tile(np.eye(winches), (len(members), 1))
-        starts = fit.starts.mechanics[rows]
-        points = predictor.parallel(starts, fit.carried, fit.terms, rows, shifted)
+        initial = fit.initial.mechanics[rows]
+        points = simulator.parallel(initial, fit.carried, fit.terms, rows, shifted)
         points = points.reshape(len(members), winches, *points.shape[1:])
-        return predictor.windows.slope(points - here[:, None], offset, members)
+        return simulator.windows.slope(points - here[:, None], offset, members)

@@ -1,9 +1,16 @@
-"""Fit sizes of effects to measurements, beside what is unknown about every window.
+"""Nonlinear least squares: values of effects, beside what is unknown about every window.
 
 Output error: the difference of measured and predicted positions is made small, never a difference of
-velocities or forces. What is unknown about a window belongs to it alone, so that it is eliminated
-window by window (Schur complement). What that is depends on the model under test: the state that a
-plant starts from (`start_fit`), or the error that a network makes anyway (`network_fit`).
+velocities or forces. Shared parameters (values of effects, offsets of winches) are common to windows; local
+parameters belong to one window alone, so that they are eliminated window by window (Schur complement of the
+normal equations). What is local depends on the model under test: the state that a plant starts from
+(`plant_fit`), or how much of each of its own errors a network makes (`network_fit`).
+
+With the residual r, the Jacobians J of the local and S of the shared parameters, and priors P and Q, a step
+solves, window by window and then over all of them,
+
+    [J'J + P   J'S  ] [local ]   [J'r - P local ]
+    [S'J      S'S + Q] [shared] = [S'r - Q shared]   with damping on the diagonal (Levenberg-Marquardt).
 """
 
 from __future__ import annotations
@@ -15,48 +22,124 @@ from typing import Self
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.jacobian_cache import SHARED_DAMPING, Held, Linear, astray
-from flywheel.diagnosis.fitting.levenberg_marquardt import damped_step
-from flywheel.diagnosis.fitting.parameters import Free
-from flywheel.diagnosis.fitting.simulation import Carried, Starts
+from flywheel.diagnosis.fitting.parameters import FreeParameter, free_parameters
+from flywheel.diagnosis.fitting.simulation import Carried, InitialStates
+from flywheel.diagnosis.fitting.stopping import converged, least_worthwhile_fall
 from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.effects import Terms
+from flywheel.diagnosis.settings import FittingSettings, LeastSquaresSettings
+from flywheel.effects import Scales, Terms
 from flywheel.records import Floats
 
-LEAST_DAMPING = 1e-4  # of a window's own steps
-STUCK = 1.3  # mean square of a window, over the usual one, at which its start is doubted
-STEPS = 3  # of a fit between two linearisations
-MANY = 12  # sizes from which their sensitivities, too, are held for all of these
-# Fall of the cost below which a fit has converged: relative, and far below what tells models apart.
-ENOUGH, LITTLE = 0.001, 2.0
+
+@dataclass(frozen=True)
+class Jacobian:
+    """How predictions depend on what is unknown about windows, in sigmas; D measurements per window.
+
+    Attributes:
+      by_local: (K, D, X) change of the prediction with each local parameter: for a plant, with each entry
+        of the initial state.
+      by_winch: (K, D, W) with the offsets of the winches of the window's recording.
+    """
+
+    by_local: Floats
+    by_winch: Floats
+
+
+@dataclass(frozen=True)
+class JacobianCache:
+    """A Jacobian that was computed on the way to a fit, and how far it was followed since then.
+
+    Attributes:
+      jacobian: the matrices; each window's may be from another point of the way.
+      stale: (K,) windows that changed otherwise than it predicted.
+      damping: (K,) that suited each window's last step.
+      shared_damping: index of the damping that suited the last step of the shared parameters.
+      untried: no step of the shared parameters was taken with it yet.
+      number: how often it was computed anew.
+    """
+
+    jacobian: Jacobian
+    stale: np.ndarray
+    damping: Floats
+    shared_damping: int = 0
+    untried: bool = True
+    number: int = 0
+
+    @classmethod
+    def fresh(
+        cls,
+        jacobian: Jacobian,
+        settings: LeastSquaresSettings,
+        before: JacobianCache | None = None,
+    ) -> JacobianCache:
+        """A new Jacobian; windows that were damped less `before` still are."""
+        fresh = np.zeros(len(jacobian.by_local), bool)
+        if before is None:
+            return cls(jacobian, fresh, np.full(len(fresh), settings.first_damping))
+        damping = np.minimum(before.damping, settings.renewed_damping)
+        return cls(jacobian, fresh, damping, before.shared_damping, number=before.number + 1)
+
+    def outdated(self, stale: np.ndarray) -> JacobianCache:
+        """The same with further stale windows (K,)."""
+        return replace(self, stale=self.stale | stale)
+
+    def tried(self, dampings: int) -> list[int]:
+        """Indices of the shared parameters' `dampings`, in the order in which they are tried.
+
+        From a little less than suited the last time; before that, with a new Jacobian, the least of all.
+        """
+        usual = list(range(max(0, self.shared_damping - 1), dampings))
+        return [0, *usual] if self.untried and usual[0] > 0 else usual
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Windows' unknowns, and terms, that fit the measurements.
+    """Parameters that fit the measurements of K windows, and what they predict.
 
     Attributes:
-      starts: of the plant.
-      terms: with fitted values.
-      change: (K, X) what is unknown about windows: how far starts are from their first estimates, in
-        natural units, or how much of each of its errors a network makes.
+      initial: states and winch offsets that the plant starts from.
+      terms: effects with fitted values.
+      local: (K, X) local parameters: how far initial states are from their first estimates, in natural
+        units, or how much of each of its own errors a network makes.
       points: (K, steps + 1, P, 3) predicted [m].
       residual: (K, D) measured minus predicted, in sigmas; 0 where nothing was measured.
       carried: what the windows began with.
-      cost: sum of squares, with priors.
+      cost: sum of squares, with priors [sigma^2].
       converged: the last step hardly changed the cost.
-      held: sensitivities from nearby; None where there are none.
+      cache: a Jacobian from nearby; None where there is none.
     """
 
-    starts: Starts
+    initial: InitialStates
     terms: Terms
-    change: Floats
+    local: Floats
     points: Floats
     residual: Floats
     carried: Carried
     cost: float
     converged: bool = False
-    held: Held | None = None
+    cache: JacobianCache | None = None
+
+    def outdated(self, where: np.ndarray) -> Fit:
+        """The same with a Jacobian that is stale in windows `where` (K,)."""
+        return replace(self, cache=None if self.cache is None else self.cache.outdated(where))
+
+
+@dataclass(frozen=True)
+class Restart:
+    """Which windows begin elsewhere.
+
+    Attributes:
+      seed: of other initial states.
+      stuck: mean square of a window, over the usual one, from which it may be stuck; None for the
+        settings'.
+      usual: mean square of a window that is not stuck [sigma^2]; None for the median one.
+      most: windows that begin elsewhere, the loudest ones; None for all that may be stuck.
+    """
+
+    seed: int = 0
+    stuck: float | None = None
+    usual: float | None = None
+    most: int | None = None
 
 
 class Fitter(ABC):
@@ -64,25 +147,52 @@ class Fitter(ABC):
 
     Args:
       windows: to be fitted.
-      prior: (X,) standard deviations of what is unknown about each window, around zero.
+      local_prior: (X,) standard deviations of the local parameters, around zero.
       winch_prior: of the winches' offsets [m].
+      settings: tuned numbers.
     """
 
-    def __init__(self, windows: Windows, prior: Floats, winch_prior: float) -> None:
-        self.windows, self.prior, self.winch_prior = windows, prior, winch_prior
+    def __init__(
+        self, windows: Windows, local_prior: Floats, winch_prior: float, settings: FittingSettings
+    ) -> None:
+        self.windows, self.local_prior, self.winch_prior = windows, local_prior, winch_prior
+        self.settings = settings
+        self.scales = Scales.of(windows.robot)
 
     @property
     @abstractmethod
     def time_steps(self) -> Floats:
         """(K,) MuJoCo's steps in each window [s]."""
 
+    @property
     @abstractmethod
-    def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
-        """Predictions and cost at given unknowns."""
+    def starts_are_free(self) -> bool:
+        """Whether initial states are fitted; else the model begins with what was measured."""
+
+    @property
+    @abstractmethod
+    def own_errors(self) -> Floats:
+        """(K, D, n) draws of errors that the model makes anyway, noise included [sigma]; n may be 0."""
 
     @abstractmethod
-    def linear(self, fit: Fit, precise: bool = True) -> Linear:
-        """Sensitivities around a fit."""
+    def first_estimate(self, terms: Terms = ()) -> Fit:
+        """The local parameters as first estimated, before anything is fitted."""
+
+    @abstractmethod
+    def with_terms(self, fit: Fit, terms: Terms) -> Fit:
+        """The same parameters with other terms, before anything is fitted to them."""
+
+    @abstractmethod
+    def with_local(self, fit: Fit, local: Floats) -> Fit:
+        """A fit at other local parameters (K, X)."""
+
+    @abstractmethod
+    def jacobian(self, fit: Fit) -> Jacobian:
+        """The Jacobian around a fit."""
+
+    @abstractmethod
+    def rough_jacobian(self, fit: Fit) -> Jacobian:
+        """The same, good enough to find the way to a fit."""
 
     @abstractmethod
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
@@ -90,129 +200,119 @@ class Fitter(ABC):
 
     @abstractmethod
     def step_error(self, fit: Fit) -> Floats:
-        """(K, D, n) how the prediction changes with smaller time steps: numbers, not physics."""
+        """(K, D, n) how the prediction changes with smaller time steps: numerics, not physics [sigma]."""
 
     @abstractmethod
-    def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
-        """A fit with other offsets and terms, its windows' own unknowns moved towards `left` (K, D).
+    def stepped(
+        self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms
+    ) -> Fit:
+        """A fit with other offsets and terms, its local parameters moved towards `left` (K, D).
 
         Where none of it makes the cost fall, they may as well stay.
         """
 
     @abstractmethod
     def rms(self, fit: Fit) -> float:
-        """What a fit is off, per degree of freedom [m]."""
+        """Root mean square of what a fit is off, per degree of freedom [m]."""
 
-    def coarse(self, fit: Fit, tolerated: float) -> np.ndarray:
-        """(K,) windows that shorter time steps, if they can have them, change by more than `tolerated`."""
-        del tolerated
-        return np.zeros(len(fit.change), bool)
+    @abstractmethod
+    def finer(self, fit: Fit, tolerated: float) -> Self | None:
+        """The same with half the time step in windows that this changes by more than `tolerated` [sigma].
 
-    def refined(self, where: np.ndarray) -> Self:
-        """The same with time steps of half the length in windows `where` (K,)."""
-        del where
-        return self
-
-    def renewed(self, fit: Fit) -> Held:
-        """Sensitivities around a fit, computed anew where those that it holds are stale."""
-        if fit.held is not None and not fit.held.stale.any():
-            return fit.held
-        return Held.fresh(self.linear(fit, precise=False), fit.held)
-
-    def elsewhere(
-        self,
-        fit: Fit,
-        seed: int = 0,
-        stuck: float = STUCK,
-        usual: float | None = None,
-        most: int | None = None,
-    ) -> Fit:
-        """A fit in which windows that got stuck begin elsewhere; the fit itself if none is better.
-
-        Args:
-          seed: of other beginnings.
-          stuck: mean square of a window, over the usual one, from which it may have got stuck.
-          usual: mean square of a window that is not stuck [sigma^2]; None for the median one.
-          most: windows that begin elsewhere, the loudest ones; None for all that may have got stuck.
+        None where there is no such window, or its steps cannot be shorter.
         """
-        del seed, stuck, usual, most
-        return fit
 
+    @abstractmethod
+    def restarted(self, fit: Fit, restart: Restart) -> Fit:
+        """A fit in which windows that are stuck begin elsewhere; the fit itself if none is better."""
+
+    @abstractmethod
     def best_of(self, fit: Fit, other: Fit) -> Fit:
         """The better of two fits of one model, with what is better in the other one."""
-        return min(fit, other, key=lambda each: each.cost)
 
-    def beginning(self, terms: Terms = ()) -> Fit:
-        """The first estimates as they are."""
-        windows = self.windows
-        winch = np.zeros((len(windows.logs), len(windows.robot.winches)))
-        return self.at(np.zeros((len(windows), len(self.prior))), winch, terms)
+    def free(self, terms: Terms) -> list[FreeParameter]:
+        """All values of terms, as parameters of a fit."""
+        return free_parameters(terms, self.scales, self.settings.jacobian)
 
-    def roughly(self, terms: Terms, free: Sequence[Free]) -> Fit:
-        """The first estimates as they are, with sizes of effects that suit them."""
-        begun = self.beginning(terms)
+    def renewed(self, fit: Fit) -> JacobianCache:
+        """A Jacobian around a fit, computed anew where the one that it has is stale."""
+        if fit.cache is not None and not fit.cache.stale.any():
+            return fit.cache
+        return self.cached(self.rough_jacobian(fit), fit.cache)
+
+    def cached(self, jacobian: Jacobian, before: JacobianCache | None = None) -> JacobianCache:
+        """A Jacobian that was just computed; see `JacobianCache.fresh`."""
+        return JacobianCache.fresh(jacobian, self.settings.least_squares, before)
+
+    def rough_estimate(self, terms: Terms, free: Sequence[FreeParameter]) -> Fit:
+        """The local parameters as first estimated, with values of effects that suit them."""
+        begun = self.first_estimate(terms)
         if not free:
             return begun
-        unknowns = len(self.prior), begun.starts.winch.shape[1]
-        nothing = Linear(*(np.zeros((*begun.residual.shape, count)) for count in unknowns))
-        return self.refit(replace(begun, held=Held.fresh(nothing)), free)
+        unknowns = len(self.local_prior), begun.initial.winch.shape[1]
+        nothing = Jacobian(*(np.zeros((*begun.residual.shape, count)) for count in unknowns))
+        return self.improved(replace(begun, cache=self.cached(nothing)), free)
 
-    def under_or_anew(self, fit: Fit, terms: Terms, free: Sequence[Free] = ()) -> Fit:
-        """Other terms, before starts are fitted to them: each window begins as before or as first estimated.
+    def warm_start(self, fit: Fit, terms: Terms, free: Sequence[FreeParameter] = ()) -> Fit:
+        """Other terms, before anything else is fitted to them: each window begins as before, or anew.
 
-        What is better is taken: starts that made up for a wrong model may lead astray, and so may sizes
-        that were seen from there.
+        What is better is taken: initial states that made up for a wrong model may lead astray, and so may
+        values that were seen from there.
         """
-        here, first = self.under(fit, terms), self.roughly(terms, free)
-        stale = np.ones(len(fit.change), bool)
-        first = replace(first, held=None if here.held is None else here.held | stale)
+        here, first = self.with_terms(fit, terms), self.rough_estimate(terms, free)
+        first = replace(first, cache=here.cache).outdated(np.ones(len(fit.local), bool))
         return self.best_of(here, first)
-
-    def under(self, fit: Fit, terms: Terms) -> Fit:
-        """The same unknowns with other terms, before anything is fitted to them."""
-        return replace(self.at(fit.change, fit.starts.winch, terms), held=fit.held)
 
     def freedom(self, fit: Fit) -> int:
         """Degrees of freedom: what noise alone would cost."""
-        return int(np.isfinite(self.windows.measured).sum()) - fit.change.size
+        return int(np.isfinite(self.windows.measured).sum()) - fit.local.size
+
+    def worthwhile(self, fit: Fit) -> float:
+        """Fall of the cost that is worth another round; 0 for a model that may be right."""
+        return least_worthwhile_fall(fit.cost, self.freedom(fit), self.settings.stopping)
 
     def mean_squares(self, fit: Fit) -> Floats:
         """(K,) mean square residual of each window [sigma^2]."""
         return self.windows.mean_square(fit.residual)
 
-    def prior_cost(self, change: Floats) -> Floats:
-        """(...) of changes (..., X)."""
-        return ((change / self.prior) ** 2).sum(axis=-1)
+    def local_cost(self, local: Floats) -> Floats:
+        """(...) cost of local parameters (..., X) by their prior."""
+        return ((local / self.local_prior) ** 2).sum(axis=-1)
 
-    def fit(self, fit: Fit, free: Sequence[Free] = (), rounds: int = 8, enough: float = 0.0) -> Fit:
-        """Levenberg-Marquardt from a fit, with sizes of effects free or none.
+    def fit(
+        self, fit: Fit, free: Sequence[FreeParameter] = (), rounds: int = 8, enough: float = 0.0
+    ) -> Fit:
+        """Levenberg-Marquardt from a fit; each round ends with a Jacobian that is stale somewhere.
 
         Args:
-          enough: fall of the cost in a round, below which it has converged, too.
+          fit: where to begin.
+          free: values of effects that are fitted, too.
+          rounds: at most.
+          enough: fall of the cost in a round, below which it has converged, too [sigma^2].
         """
         for _ in range(rounds):
-            before, anew = fit.cost, fit.held is None or bool(fit.held.stale.all())
-            begun = replace(fit, held=self.renewed(fit))
-            fit = self.refit(begun, free)
+            before, anew = fit.cost, fit.cache is None or bool(fit.cache.stale.all())
+            begun = replace(fit, cache=self.renewed(fit))
+            fit = self.improved(begun, free)
             if fit is begun and anew:  # differences of one side may have misled
-                fit = self.refit(replace(fit, held=Held.fresh(self.linear(fit), fit.held)), free)
-            if _hardly_fell(before, fit.cost, enough):
+                precise = self.cached(self.jacobian(fit), fit.cache)
+                fit = self.improved(replace(fit, cache=precise), free)
+            if converged(before, fit.cost, self.settings.stopping, enough):
                 if anew:
                     return replace(fit, converged=True)
-                assert fit.held is not None
-                fit = replace(fit, held=fit.held | np.ones(len(self.windows), bool))
+                fit = fit.outdated(np.ones(len(self.windows), bool))
         return fit
 
-    def refit(self, fit: Fit, free: Sequence[Free], rounds: int = STEPS) -> Fit:
-        """Steps with the starts' sensitivities held, as the fit has them: they are what costs time."""
-        sizes = None
-        for _ in range(rounds):
-            if sizes is None or len(free) < MANY:
-                sizes = self.by_size(fit, free)
-            after = self.improved(fit, free, sizes)
+    def improved(self, fit: Fit, free: Sequence[FreeParameter]) -> Fit:
+        """Steps with the Jacobian that the fit has: computing it is what costs time."""
+        settings, columns = self.settings.least_squares, None
+        for _ in range(settings.steps):
+            if columns is None or len(free) < settings.many:
+                columns = self.by_value(fit, free)
+            after = self._step(fit, free, columns)
             if after is None:
                 break
-            done = _hardly_fell(fit.cost, after.cost)
+            done = converged(fit.cost, after.cost, self.settings.stopping)
             fit = after
             if done:
                 break
@@ -221,82 +321,84 @@ class Fitter(ABC):
     def columns(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """(K, D, n) how the prediction changes if its terms are replaced, in sigmas."""
         difference = np.moveaxis(self.predictions(fit, terms) - fit.points[None], 0, 1)
-        return self.windows.slope(difference, 1.0, np.arange(len(fit.change)))
+        return self.windows.slope(difference, 1.0, np.arange(len(fit.local)))
 
-    def by_size(self, fit: Fit, free: Sequence[Free]) -> Floats:
-        """(K, D, n) sensitivities to sizes of effects."""
+    def by_value(self, fit: Fit, free: Sequence[FreeParameter]) -> Floats:
+        """(K, D, n) sensitivities to n values of effects, in sigmas per unit."""
         if not free:
             return np.zeros((*fit.residual.shape, 0))
         moves = [f.step_from(fit.terms) for f in free]
         varied = [f.moved(fit.terms, move) for f, move in zip(free, moves, strict=True)]
         return self.columns(fit, varied) / moves
 
-    def improved(self, fit: Fit, free: Sequence[Free], sizes: Floats) -> Fit | None:
-        """One step of all unknowns, with sensitivities to sizes; None if none makes the cost fall.
+    def by_shared(self, jacobian: Jacobian, by_value: Floats | None) -> Floats:
+        """(K, D, S) sensitivities to the shared parameters: each recording's winch offsets, then values."""
+        windows = self.windows
+        recordings, winches = len(windows.recordings), jacobian.by_winch.shape[2]
+        own = np.zeros((*jacobian.by_winch.shape[:2], recordings * winches))
+        for k, index in enumerate(windows.recording):
+            own[k, :, index * winches : (index + 1) * winches] = jacobian.by_winch[k]
+        return own if by_value is None else np.concatenate([own, by_value], axis=2)
 
-        What windows share takes one common step, as little damped as will do; each window then takes
-        what suits it.
+    def normal_equations(
+        self, local: Floats, by_local: Floats, left: Floats, damping: float | Floats
+    ) -> tuple[Floats, Floats]:
+        """Matrices (n, X, X) and right-hand sides (n, X) of local parameters; one damping or (n,)."""
+        prior = 1.0 / self.local_prior**2
+        matrix = by_local.swapaxes(1, 2) @ by_local + np.diag(prior)
+        diagonal = np.einsum("kxx->kx", matrix)
+        damped = np.multiply(np.reshape(damping, (-1, 1)), diagonal)
+        matrix = matrix + damped[..., None] * np.eye(len(prior))
+        return matrix, np.einsum("kdx,kd->kx", by_local, left) - prior * local
+
+    def _step(self, fit: Fit, free: Sequence[FreeParameter], by_value: Floats) -> Fit | None:
+        """One step of all parameters; None if none makes the cost fall.
+
+        The shared ones take one common step, as little damped as will do; each window then takes what
+        suits it.
         """
-        assert fit.held is not None
-        held, linear = fit.held, fit.held.linear
-        by_shared = self.shared(linear, sizes)
-        winches = fit.starts.winch
-        matrix, pull = self._shared_normal(fit, linear, by_shared, free)
+        assert fit.cache is not None
+        settings = self.settings.least_squares
+        cache, jacobian = fit.cache, fit.cache.jacobian
+        by_shared = self.by_shared(jacobian, by_value)
+        winches = fit.initial.winch
+        matrix, right = self._shared_equations(fit, jacobian, by_shared, free)
         bounds = np.repeat([[-np.inf], [np.inf]], winches.size, axis=1)
         bounds = np.concatenate(
             [bounds, np.reshape([f.room(fit.terms) for f in free], (-1, 2)).T], 1
         )
-        for index in held.tried:
-            step = damped_step(matrix, pull, SHARED_DAMPING[index], bounds)
+        for index in cache.tried(len(settings.shared_damping)):
+            step = damped_step(matrix, right, settings.shared_damping[index], bounds)
             winch = winches + step[: winches.size].reshape(winches.shape)
             terms = fit.terms
             for f, size in zip(free, step[winches.size :], strict=True):
                 terms = f.moved(terms, size)
             left = fit.residual - by_shared @ step
-            after = self.stepped(fit, held, left, winch, terms)
-            assert after.held is not None
-            held = replace(held, own=after.held.own)
+            after = self.stepped(fit, cache, left, winch, terms)
+            assert after.cache is not None
+            cache = replace(cache, damping=after.cache.damping)
             if after.cost < fit.cost:
-                own = np.einsum("kdx,kx->kd", linear.by_start, after.change - fit.change)
-                went = replace(held, common=index, bold=False)
-                went |= astray(fit.residual, left - own, after.residual)
-                return replace(after, held=went)
+                own = np.einsum("kdx,kx->kd", jacobian.by_local, after.local - fit.local)
+                went = replace(cache, shared_damping=index, untried=False)
+                stale = _astray(fit.residual, left - own, after.residual, settings)
+                return replace(after, cache=went.outdated(stale))
         return None
 
-    def shared(self, linear: Linear, sizes: Floats | None) -> Floats:
-        """(K, D, S) dependence on what windows share: each log's winch offsets, then sizes."""
-        windows = self.windows
-        logs, winches = len(windows.logs), linear.by_winch.shape[2]
-        own = np.zeros((*linear.by_winch.shape[:2], logs * winches))
-        for k, log in enumerate(windows.log):
-            own[k, :, log * winches : (log + 1) * winches] = linear.by_winch[k]
-        return own if sizes is None else np.concatenate([own, sizes], axis=2)
-
-    def normal(
-        self, change: Floats, by_start: Floats, left: Floats, damping: float | Floats
+    def _shared_equations(
+        self, fit: Fit, jacobian: Jacobian, shared: Floats, free: Sequence[FreeParameter]
     ) -> tuple[Floats, Floats]:
-        """Normal equations of what is unknown about windows: (n, X, X) and (n, X); one damping or (n,)."""
-        prior = 1.0 / self.prior**2
-        local = by_start.swapaxes(1, 2) @ by_start + np.diag(prior)
-        diagonal = np.einsum("kxx->kx", local)
-        damped = np.multiply(np.reshape(damping, (-1, 1)), diagonal)
-        local = local + damped[..., None] * np.eye(len(prior))
-        return local, np.einsum("kdx,kd->kx", by_start, left) - prior * change
-
-    def _shared_normal(
-        self, fit: Fit, linear: Linear, shared: Floats, free: Sequence[Free]
-    ) -> tuple[Floats, Floats]:
-        """Normal equations (S, S), (S,) of what windows share, with their starts eliminated."""
-        local, pull = self.normal(fit.change, linear.by_start, fit.residual, LEAST_DAMPING)
-        cross = linear.by_start.swapaxes(1, 2) @ shared
-        eliminated = np.linalg.solve(local, np.concatenate([cross, pull[..., None]], axis=2))
+        """Normal equations (S, S), (S,) of the shared parameters, with the local ones eliminated."""
+        least = self.settings.least_squares.least_damping
+        local, own = self.normal_equations(fit.local, jacobian.by_local, fit.residual, least)
+        cross = jacobian.by_local.swapaxes(1, 2) @ shared
+        eliminated = np.linalg.solve(local, np.concatenate([cross, own[..., None]], axis=2))
         whole = np.einsum("kds,kdt->st", shared, shared, optimize=True)
         right = np.einsum("kds,kd->s", shared, fit.residual)
         whole -= np.einsum("kxs,kxt->st", cross, eliminated[..., :-1])
         right -= np.einsum("kxs,kx->s", cross, eliminated[..., -1])
-        offsets = np.arange(fit.starts.winch.size)
+        offsets = np.arange(fit.initial.winch.size)
         whole[offsets, offsets] += 1.0 / self.winch_prior**2
-        right[offsets] -= fit.starts.winch.ravel() / self.winch_prior**2
+        right[offsets] -= fit.initial.winch.ravel() / self.winch_prior**2
         known = np.array([1.0 / f.prior**2 for f in free])
         values = np.arange(offsets.size, len(whole))
         whole[values, values] += known
@@ -304,6 +406,27 @@ class Fitter(ABC):
         return whole, right
 
 
-def _hardly_fell(before: float, after: float, enough: float = 0.0) -> bool:
-    """Whether a fit has converged."""
-    return bool(np.isfinite(before)) and before - after < max(enough, min(ENOUGH * before, LITTLE))
+def damped_step(matrix: Floats, right: Floats, damping: float, bounds: Floats) -> Floats:
+    """(S,) step of Levenberg-Marquardt with normal equations (S, S), (S,), within bounds (2, S).
+
+    What would leave them goes to the bound, and the others take what suits them then.
+    """
+    if np.isinf(damping):
+        return np.zeros_like(right)
+    damped = matrix + np.diag((damping + 1e-9) * np.diag(matrix) + 1e-12)
+    step = np.linalg.solve(damped, right)
+    within = np.clip(step, *bounds)
+    free = step == within
+    if not free.all():
+        left = right[free] - damped[np.ix_(free, ~free)] @ within[~free]
+        within[free] = np.linalg.solve(damped[np.ix_(free, free)], left)
+    return np.clip(within, *bounds)
+
+
+def _astray(
+    before: Floats, promised: Floats, after: Floats, settings: LeastSquaresSettings
+) -> np.ndarray:
+    """(K,) windows whose residuals (K, D) are not what was promised."""
+    off, went = ((after - x) ** 2 for x in (promised, before))
+    noticed = np.maximum(settings.astray**2 * went.sum(axis=1), settings.unnoticed)
+    return np.asarray(off.sum(axis=1) > noticed)

@@ -1,4 +1,4 @@
-"""What is tested: a plant, or a trained model in its stead."""
+"""The model under test, a plant or a trained model in its stead, and its fit as it is given."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.baseline import baseline_fit, fitter_of, refined_fit
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.initial_states import estimated_initial_states
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
+from flywheel.diagnosis.fitting.multistart import restarted
 from flywheel.diagnosis.fitting.network_fit import NetworkFitter
-from flywheel.diagnosis.fitting.parameters import free_values
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.refinement import F, shorter_steps
+from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.subject import Subject
-from flywheel.diagnosis.fitting.windows import WINDOW, Windows
+from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.settings import FittingSettings, Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import Scales, Terms
 from flywheel.errors import DataError, ModelError
@@ -20,7 +24,7 @@ from flywheel.records import Trajectory
 
 
 @dataclass(frozen=True)
-class UnderTest:
+class ModelUnderTest:
     """What is tested.
 
     Attributes:
@@ -28,12 +32,14 @@ class UnderTest:
       model: that is tested in its stead.
       seed: of what is random.
       busy: called before every simulation.
+      settings: tuned numbers.
     """
 
     plant: Plant
     model: Subject | None
     seed: int
     busy: Callable[[], None] = lambda: None
+    settings: Settings = Settings()
 
     def fitted(
         self,
@@ -48,19 +54,18 @@ class UnderTest:
         Where a model is tested, the plant starts from where it fits best with terms like `around`. A plant
         that is yet to be `calibrated` may be fitted roughly.
         """
-        plant, model = self.plant, self.model
+        plant, model, fitting = self.plant, self.model, self.settings.fitting
         windows = self.windows(recordings, seconds, sigma)
+        world = fitter_of(windows, plant, self.busy, fitting)
         if model is None:
-            fitter = fitter_of(windows, plant, self.busy)
-            return baseline_fit(fitter, fitter.beginning(plant.terms), self.seed, calibrated)
+            return fitted_as_given(world, world.first_estimate(plant.terms), self.seed, calibrated)
         terms = plant.terms if around is None else around
-        world = fitter_of(windows, plant, self.busy)
-        world, start = refined_fit(world, world.beginning(terms), self.seed)
+        world, start = fitted_and_refined(world, world.first_estimate(terms), self.seed)
         if around is not None:
-            start = world.fit(start, free_values(around, Scales.of(plant.robot)))
+            start = world.fit(start, world.free(around))
         rng = np.random.default_rng(self.seed)
         network = NetworkFitter(world, start, plant.terms, model, rng)
-        return network, network.beginning(plant.terms)
+        return network, network.first_estimate(plant.terms)
 
     def windows(
         self,
@@ -68,7 +73,7 @@ class UnderTest:
         seconds: float | None = None,
         sigma: float | None = None,
     ) -> Windows:
-        """Recordings cut as they are looked at; see `Windows.cut`.
+        """Recordings cut as the model wants them, which may look back for a while; see `Windows.cut`.
 
         Raises:
           DataError: recordings that cannot be used.
@@ -78,8 +83,8 @@ class UnderTest:
         if model is not None:
             _check(plant, model)
             seen = model.dynamics.history * plant.dt
-            seconds = seconds or seen + WINDOW * Scales.of(plant.robot).time
-        windows = Windows.cut(plant.robot, recordings, seconds, sigma)
+            seconds = seconds or seen + self.settings.windows.seconds * Scales.of(plant.robot).time
+        windows = Windows.cut(plant.robot, recordings, seconds, sigma, self.settings.windows)
         if abs(windows.dt - plant.dt) > 1e-9:
             raise DataError(
                 f"The recordings are in control steps of {windows.dt:g} s, the plant in steps of "
@@ -95,3 +100,51 @@ def _check(plant: Plant, model: Subject) -> None:
             f"The model {model.name} is for robot {got[0][:12]} in steps of {got[1]:g} s, the plant for "
             f"{plant.robot.digest[:12]} in steps of {plant.dt:g} s."
         )
+
+
+def fitter_of(
+    windows: Windows,
+    plant: Plant,
+    busy: Callable[[], None] = lambda: None,
+    settings: FittingSettings = FittingSettings(),
+) -> PlantFitter:
+    """A fitter that begins with initial states estimated from the measurements.
+
+    Args:
+      windows: to be fitted.
+      plant: under test.
+      busy: called before every simulation.
+      settings: tuned numbers.
+    """
+    first = estimated_initial_states(windows, plant, settings.initial_states)
+    return PlantFitter(WindowSimulator(windows, plant, busy), first, settings)
+
+
+def fitted(fitter: Fitter, terms: Terms = (), rounds: int | None = None, seed: int = 0) -> Fit:
+    """Initial states that fit, under terms that stay as they are, in the time steps of the fitter."""
+    settings = fitter.settings.multistart
+    fit = fitter.fit(fitter.first_estimate(terms), rounds=settings.before)
+    rounds = settings.after if rounds is None else rounds
+    return fitter.fit(fitter.restarted(fit, Restart(seed)), rounds=rounds)
+
+
+def fitted_and_refined(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
+    """Initial states that fit, under terms that stay, and a fitter with time steps that will do."""
+    settings = fitter.settings.multistart
+    fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=settings.before))
+    return fitter, fitter.fit(fitter.restarted(fit, Restart(seed)), rounds=settings.after)
+
+
+def fitted_as_given(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = True) -> tuple[F, Fit]:
+    """The same of a model that may lack an effect.
+
+    If it is clearly wrong, its initial states are not sought everywhere, nor fitted to the last digit; nor
+    are time steps, if it is yet to be `calibrated`.
+    """
+    settings = fitter.settings.multistart
+    fit = fitter.fit(begun, rounds=settings.before)
+    if not calibrated and fitter.worthwhile(fit):
+        return fitter, fit
+    fitter, fit = shorter_steps(fitter, fit)
+    fit = restarted(fitter, fit, Restart(seed))
+    return fitter, fitter.fit(fit, rounds=settings.after, enough=fitter.worthwhile(fit))

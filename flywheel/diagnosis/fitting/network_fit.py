@@ -1,10 +1,10 @@
-"""Fit sizes of effects to what a trained model leaves: a network under test.
+"""A trained network under test: values of effects are fitted to what it leaves.
 
-A network starts from the measured past, so that no start needs to be fitted; but it makes errors of its
-own, larger than the noise. What it would make of the recorded motion is tried: a plant moves from fitted
-starts through the recorded commands, which is taken for the truth, and the network predicts that from its
-noisy past. Repeated from starts nearby, this gives the covariance of the network's own errors in every
-window; what lies along them counts as little as it should. Half of the draws make the covariance, the
+A network starts from the measured past, so that no initial state needs to be fitted; but it makes errors of
+its own, larger than the noise. What it would make of the recorded motion is tried: a plant moves from fitted
+initial states through the recorded commands, which is taken for the truth, and the network predicts that
+from its noisy past. Repeated from states nearby, this gives the covariance of the network's own errors in
+every window; what lies along them counts as little as it should. Half of the draws make the covariance, the
 other half tell what it leaves of such errors, and so what a score must exceed.
 
 An effect changes the motion, and also the past that the network sees of it. With the plant's motion y and
@@ -18,41 +18,20 @@ The plant need not be right for this: it says what an effect changes, not where 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Self
 
 import numpy as np
 
-from flywheel.diagnosis.checks.adequacy import loudest, sample_correlation
 from flywheel.diagnosis.fitting.initial_states import nominal_winch
-from flywheel.diagnosis.fitting.jacobian_cache import Held, Linear
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.parameters import term_cost
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, JacobianCache, Restart
+from flywheel.diagnosis.fitting.parameters import prior_cost
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.subject import Subject
-from flywheel.diagnosis.selection.score_test import ScoreTest
 from flywheel.dynamics.plant import Reckoning
 from flywheel.effects import Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, Past
-
-DRAWS = 96
-SHAKEN_PLACE, SHAKEN_SPEED = 0.01, 0.03  # of the starts of the draws, in natural units
-BEYOND = 0.95  # quantile of its own errors that a network's residual must exceed
-
-
-@dataclass(frozen=True)
-class OwnErrors:
-    """What a network's own errors would be taken for, at most.
-
-    Attributes:
-      score: best score of any candidate.
-      noise, correlation, loudest: of what is left of them; see `Adequacy`.
-    """
-
-    score: float
-    noise: float
-    correlation: float
-    loudest: float
 
 
 class NetworkFitter(Fitter):
@@ -60,11 +39,10 @@ class NetworkFitter(Fitter):
 
     Args:
       world: of a plant, for the same windows; the network sees their first steps, and predicts the others.
-      fit: of its starts, with any terms.
+      fit: of its initial states, with any terms.
       terms: that the plant has already.
       model: under test.
-      rng: of the draws.
-      draws: of the network's own errors.
+      rng: of the draws of the network's own errors.
 
     Raises:
       ModelError: the model does not fit the windows, or is not finite in the plant's world.
@@ -72,12 +50,11 @@ class NetworkFitter(Fitter):
 
     def __init__(
         self,
-        world: StartFitter,
+        world: PlantFitter,
         fit: Fit,
         terms: Terms,
         model: Subject,
         rng: np.random.Generator,
-        draws: int = DRAWS,
     ) -> None:
         windows, history = world.windows, model.dynamics.history
         if windows.steps <= history:
@@ -90,84 +67,107 @@ class NetworkFitter(Fitter):
         self._usable = _all_seen(windows.measured[:, : history + 1])
         ahead[~self._usable] = np.nan
         self._world, self._model = world, model
-        self._starts, self._terms = fit.starts, terms
-        self._around = fit.change
+        self._initial, self._terms = fit.initial, terms
+        self._around = fit.local
         self._past = windows
-        places = list(zip(windows.log, windows.first, strict=True))
+        places = list(zip(windows.recording, windows.first, strict=True))
         steps = windows.steps
-        self._controls = np.stack([windows.logs[i].controls[f : f + steps] for i, f in places])
+        self._controls = np.stack(
+            [windows.recordings[i].controls[f : f + steps] for i, f in places]
+        )
         reckoning = Reckoning(windows.robot, windows.dt, model.terms)
         self._winch = nominal_winch(windows, reckoning)[:, : history + 1]
-        super().__init__(replace(windows, measured=ahead), np.ones(0), world.winch_prior)
-        worlds, (self._carried,) = world.predictor.chained(fit.starts, [terms])
+        super().__init__(
+            replace(windows, measured=ahead), np.ones(0), world.winch_prior, world.settings
+        )
+        worlds, (self._carried,) = world.simulator.chained(fit.initial, [terms])
         self._without = self._unseen(worlds)[0]
         self._measured = self._predicted(windows.measured[None])[0]
-        modes, self._own = self._drawn(rng, draws)
+        modes, self._own = self._drawn(rng)
         self._modes, size, _ = np.linalg.svd(modes, full_matrices=False)
         self._modes = self._modes * size[:, None]
-        self.prior = np.ones(self._modes.shape[2])
+        self.local_prior = np.ones(self._modes.shape[2])
 
     @property
     def time_steps(self) -> Floats:
-        """See `Fitter`: of the plant that says what effects change."""
+        """(K,) of the plant that says what effects change [s]."""
         return self._world.time_steps
 
-    def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
-        """See `Fitter`; `change` does not matter, since the best is known."""
-        del change, winch
+    @property
+    def starts_are_free(self) -> bool:
+        """A network begins with the measured past."""
+        return False
+
+    @property
+    def own_errors(self) -> Floats:
+        """(K, D, n) draws, with noise, that the covariance of its errors was not made from [sigma]."""
+        return self._own
+
+    def first_estimate(self, terms: Terms = ()) -> Fit:
+        """The amounts of its own errors that suit the windows best, which are known at once."""
         carried, points = self._carried, self._measured
         if terms != self._terms:
-            worlds, (carried,) = self._world.predictor.chained(self._starts, [terms])
+            worlds, (carried,) = self._world.simulator.chained(self._initial, [terms])
             points = points + (self._unseen(worlds)[0] - self._without)
         off = self.windows.residual(points)
         own = self._modes.swapaxes(1, 2)
-        normal = own @ self._modes + np.eye(len(self.prior))
-        change = np.linalg.solve(normal, own @ off[..., None])
-        left = off - (self._modes @ change)[..., 0]
-        change = change[..., 0]
-        cost = float((left**2).sum() + self.prior_cost(change).sum()) + term_cost(terms)
+        normal = own @ self._modes + np.eye(len(self.local_prior))
+        local = np.linalg.solve(normal, own @ off[..., None])
+        left = off - (self._modes @ local)[..., 0]
+        local = local[..., 0]
+        cost = float((left**2).sum() + self.local_cost(local).sum()) + prior_cost(terms)
         cost = cost if np.isfinite(points[self._usable]).all() else np.inf
-        return Fit(self._starts, terms, change, points, left, carried, cost)
+        return Fit(self._initial, terms, local, points, left, carried, cost)
 
-    def linear(self, fit: Fit, precise: bool = True) -> Linear:
-        """See `Fitter`."""
-        del precise
+    def with_terms(self, fit: Fit, terms: Terms) -> Fit:
+        """Other terms, with the amounts of its own errors that suit these best."""
+        return replace(self.first_estimate(terms), cache=fit.cache)
+
+    def with_local(self, fit: Fit, local: Floats) -> Fit:
+        """The fit itself: the best amounts are known, wherever they are begun from."""
+        return self.first_estimate(fit.terms)
+
+    def jacobian(self, fit: Fit) -> Jacobian:
+        """Its own errors; it does not depend on offsets of winches, which are part of its past."""
         count, size, _ = self._modes.shape
-        return Linear(self._modes, np.zeros((count, size, fit.starts.winch.shape[1])))
+        return Jacobian(self._modes, np.zeros((count, size, fit.initial.winch.shape[1])))
+
+    def rough_jacobian(self, fit: Fit) -> Jacobian:
+        """The same, which costs nothing."""
+        return self.jacobian(fit)
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
-        """See `Fitter`."""
-        worlds, _ = self._world.predictor.chained(self._starts, list(terms))
+        """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
+        worlds, _ = self._world.simulator.chained(self._initial, list(terms))
         return self._measured + (self._unseen(worlds) - self._without)
 
     def step_error(self, fit: Fit) -> Floats:
-        """See `Fitter`: a network has no time step."""
+        """(K, D, 1) nothing: a network has no time step."""
         return np.zeros((*self._modes.shape[:2], 1))
 
-    def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
-        """See `Fitter`."""
-        return replace(self.at(fit.change, winch, terms), held=held)
+    def finer(self, fit: Fit, tolerated: float) -> Self | None:
+        """None: a network has no time step."""
+        return None
+
+    def restarted(self, fit: Fit, restart: Restart) -> Fit:
+        """The fit itself: a network begins with what it saw."""
+        return fit
+
+    def best_of(self, fit: Fit, other: Fit) -> Fit:
+        """The fit that costs less."""
+        return min(fit, other, key=lambda each: each.cost)
+
+    def stepped(
+        self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms
+    ) -> Fit:
+        """Other terms, with the amounts of its own errors that suit these best."""
+        return replace(self.first_estimate(terms), cache=cache)
 
     def rms(self, fit: Fit) -> float:
-        """See `Fitter`: its own errors included, as it is used."""
+        """Root mean square of what it is off [m], its own errors included: as it is used."""
         off = self.windows.residual(fit.points)
         measured = np.isfinite(self.windows.measured).sum()
         return float(np.sqrt((off**2).sum() / max(1, measured))) * self.windows.sigma
-
-    def own_errors(self, test: ScoreTest) -> OwnErrors:
-        """What a test makes of the network's own errors, in draws that it does not know."""
-        measured = np.isfinite(self.windows.measured)
-        by_window = measured.sum(axis=(1, 2, 3))
-        found = []
-        for draw in np.moveaxis(self._own, 2, 0):
-            residual = test.projection(draw[..., None])[:, 0]
-            noise = float(residual @ residual) / max(test.freedom, 1.0)
-            best = max(s.score for s in replace(test, residual=residual, noise=noise).scores())
-            left = test.whole(draw[..., None])[:, 0]
-            loud = float(left @ left) / max(test.freedom, 1.0)
-            correlation = sample_correlation(left, measured.shape)
-            found.append((best, loud, correlation, loudest(left, by_window, test.freedom)))
-        return OwnErrors(*np.quantile(found, BEYOND, axis=0).tolist())
 
     def _unseen(self, worlds: Floats) -> Floats:
         """What the network does not see coming in worlds (n, K, steps + 1, P, 3) [m]."""
@@ -193,15 +193,15 @@ class NetworkFitter(Fitter):
             predicted[usable, history + 1 :] = ahead.points[:, 1:]
         return predicted.reshape(worlds.shape)
 
-    def _drawn(self, rng: np.random.Generator, draws: int) -> tuple[Floats, Floats]:
+    def _drawn(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """(K, D, draws / 2) errors whose covariance is the network's own, and as many with noise."""
-        world, windows = self._world, self._past
-        count, size = self._around.shape
-        spread = np.repeat([SHAKEN_PLACE, SHAKEN_SPEED], size // 2)
+        world, windows, settings = self._world, self._past, self.settings.network
+        draws, (count, size) = settings.draws, self._around.shape
+        spread = np.repeat([settings.place, settings.speed], size // 2)
         shaken = self._around + spread * rng.normal(size=(draws, count, size))
         members = np.tile(np.arange(count), draws)
-        states = world.predictor.moved(world.first[members], shaken.reshape(-1, size))
-        points = world.predictor.parallel(states, self._carried, self._terms, members)
+        states = world.simulator.moved(world.first[members], shaken.reshape(-1, size))
+        points = world.simulator.parallel(states, self._carried, self._terms, members)
         points = points.reshape(draws, count, *points.shape[1:])
         points = points[np.isfinite(points).all(axis=(1, 2, 3, 4))]
         seen = points + windows.sigma * rng.normal(size=points.shape)

@@ -7,19 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.multistart import begun_elsewhere
-from flywheel.diagnosis.fitting.parameters import Free, free_values
-from flywheel.diagnosis.fitting.stopping import worth_a_round
-from flywheel.effects import NAMED, Effect, Scales, Term, Terms
+from flywheel.diagnosis.fitting.multistart import restarted
+from flywheel.diagnosis.fitting.parameters import FreeParameter
+from flywheel.effects import NAMED, Effect, Term, Terms
 from flywheel.errors import DataError
 from flywheel.registry import lookup
-
-BESIDE = (-1.0, 1.0)  # standard deviations from what was said, or found, where a fit begins, too
-FINALISTS = 2  # beginnings that are fitted for more than a round
-FAR_OFF = 2.0  # times the noise, above which no other starts are sought: they are not what is wrong
-PURSUED = 2  # further rounds of every beginning beside what was found
-AGAIN = 4  # times that a fit begins beside what was found, at most
-WORTH_IT = 4.0  # sigma^2 that this must explain, to be done again
 
 
 def unsure_terms(
@@ -61,59 +53,62 @@ def as_said(terms: Terms) -> Terms:
 
 
 def asked(terms: Terms) -> Terms:
-    """Terms that are asked about: not the calibration."""
+    """Terms that are asked about: not the nuisance parameters."""
     return tuple(term for term in terms if not term.known)
 
 
 def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     """A fit with what is not known exactly fitted, too.
 
-    Each number begins at what was said, and a standard deviation to either side: a few contacts make
-    hollows in the cost, and a fit stays in the one that it begins in, surer of it than it should be. The
-    first round of all of them goes by the sensitivities at the fit; only the best go on. A model that lacks
+    Each number begins at what was said, and a standard deviation to either side: a few contacts make local
+    minima in the cost, and a fit stays in the one that it begins in, surer of it than it should be. The
+    first round of all of them goes by the Jacobian at the fit; only the best go on. A model that lacks
     more than that is not fitted to the last digit, and begins nowhere else. One that may be right begins
     beside what was found, too, for as long as that finds something better.
     """
     if not terms:
         return fit
-    said = (*fit.terms, *terms)
+    settings, said = fitter.settings.nuisance, (*fit.terms, *terms)
     last = range(len(fit.terms), len(said))
-    free = free_values(said, Scales.of(fitter.windows.robot))
-    unknown = [value for value in free if value.term in last]
-    fit = replace(fit, held=fitter.renewed(fit))
+    unknown = [value for value in fitter.free(said) if value.term in last]
+    fit = replace(fit, cache=fitter.renewed(fit))
     begun = sorted(_begun_beside(fitter, fit, said, unknown), key=lambda each: each.cost)
-    ended = [fitter.fit(each, unknown, rounds=1) for each in begun[:FINALISTS]]
+    ended = [fitter.fit(each, unknown, rounds=1) for each in begun[: settings.finalists]]
     best = min(ended, key=lambda each: each.cost)
-    best = fitter.fit(best, unknown, enough=worth_a_round(fitter, best))
-    if best.cost > FAR_OFF * fitter.freedom(best):
+    best = fitter.fit(best, unknown, enough=fitter.worthwhile(best))
+    if best.cost > settings.far_off * fitter.freedom(best):
         return best
-    elsewhere = begun_elsewhere(fitter, best)
+    elsewhere = restarted(fitter, best)
     if elsewhere is not best:
-        best = fitter.fit(elsewhere, unknown, enough=worth_a_round(fitter, best))
-    return best if worth_a_round(fitter, best) else _out_of_hollows(fitter, best, unknown)
+        best = fitter.fit(elsewhere, unknown, enough=fitter.worthwhile(best))
+    return best if fitter.worthwhile(best) else _lowest_nearby(fitter, best, unknown)
 
 
-def _out_of_hollows(fitter: Fitter, fit: Fit, unknown: Sequence[Free]) -> Fit:
-    """The lowest that is found from beside a fit, and from beside that.
+def _lowest_nearby(fitter: Fitter, fit: Fit, unknown: Sequence[FreeParameter]) -> Fit:
+    """The lowest minimum that is found from beside a fit, and from beside that.
 
-    How deep a hollow is that a beginning leads to is not seen after a round: all of them go on. Then each
-    window takes the start that suits it best of all that were found.
+    How deep a minimum is that a beginning leads to is not seen after a round: all of them go on. Then each
+    window takes the initial state that suits it best of all that were found.
     """
-    for _ in range(AGAIN):
-        held = replace(fit, held=fitter.renewed(fit))
-        begun = _begun_beside(fitter, held, fit.terms, unknown)
-        ended = [fitter.fit(each, unknown, rounds=PURSUED) for each in begun]
+    settings = fitter.settings.nuisance
+    for _ in range(settings.repeats):
+        renewed = replace(fit, cache=fitter.renewed(fit))
+        begun = _begun_beside(fitter, renewed, fit.terms, unknown)
+        ended = [fitter.fit(each, unknown, rounds=settings.rounds) for each in begun]
         best = min(ended, key=lambda each: each.cost)
         others = [each for each in ended if each is not best]
         for each in others:
-            best = fitter.best_of(best, fitter.under(each, best.terms))
+            best = fitter.best_of(best, fitter.with_terms(each, best.terms))
         before, fit = fit, min(fit, fitter.fit(best, unknown), key=lambda each: each.cost)
-        if before.cost - fit.cost < WORTH_IT:
+        if before.cost - fit.cost < settings.worth:
             break
     return fit
 
 
-def _begun_beside(fitter: Fitter, fit: Fit, terms: Terms, unknown: Sequence[Free]) -> list[Fit]:
-    """A round from terms and from beside them, by the sensitivities that the fit holds."""
-    moved = [value.moved(terms, side * value.prior) for value in unknown for side in BESIDE]
-    return [fitter.fit(fitter.under(fit, each), unknown, rounds=1) for each in (terms, *moved)]
+def _begun_beside(
+    fitter: Fitter, fit: Fit, terms: Terms, unknown: Sequence[FreeParameter]
+) -> list[Fit]:
+    """A round from terms and from beside them, by the Jacobian that the fit has."""
+    sides = fitter.settings.nuisance.beside
+    moved = [value.moved(terms, side * value.prior) for value in unknown for side in sides]
+    return [fitter.fit(fitter.with_terms(fit, each), unknown, rounds=1) for each in (terms, *moved)]

@@ -1,4 +1,4 @@
-"""Values of terms that a fit may change."""
+"""Values of effects that a fit may change."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from math import inf
 
 import numpy as np
 
+from flywheel.diagnosis.settings import JacobianSettings
 from flywheel.effects import Parameter, Scales, Terms
-
-BELIEVED = 3.0  # standard deviations of what is known of a value, that it may be off
-STEP = 0.25  # a secant, not a derivative: friction and play have none at zero
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeParameter:
     """One value of one term.
 
     Attributes:
@@ -30,11 +28,11 @@ class Free:
     unit: float
     low: float
     high: float
-    step: float = STEP
+    step: float
     prior: float = inf
 
     def value(self, terms: Terms) -> float:
-        """In units."""
+        """Its value in terms, in units."""
         return terms[self.term].values[self.index] / self.unit
 
     def room(self, terms: Terms) -> tuple[float, float]:
@@ -52,34 +50,41 @@ class Free:
         return (*terms[: self.term], changed, *terms[self.term + 1 :])
 
     def step_from(self, terms: Terms) -> float:
-        """Units for a finite difference: backwards where a bound is in the way, less between narrow ones."""
+        """Units of a finite difference: backwards where a bound is in the way, less between narrow ones."""
         down, up = self.room(terms)
         if up >= self.step:
             return self.step
         return max(down, -self.step) if -down > up else up
 
 
-def free_values(terms: Terms, scales: Scales, shapes: bool = True) -> list[Free]:
-    """All sizes of all terms, and their shapes."""
-    found = []
-    for number, term in enumerate(terms):
-        sizes = len(term.effect.sizes)
-        for index, parameter in enumerate(term.effect.parameters):
-            if index < sizes or shapes:
-                deviation = term.known[index] if term.known else inf
-                found.append(_free(number, index, parameter, deviation, scales))
-    return found
+def free_parameters(
+    terms: Terms, scales: Scales, settings: JacobianSettings = JacobianSettings()
+) -> list[FreeParameter]:
+    """All values of all terms: sizes, then shapes, term by term."""
+    return [
+        _free(number, index, parameter, term.known[index] if term.known else inf, scales, settings)
+        for number, term in enumerate(terms)
+        for index, parameter in enumerate(term.effect.parameters)
+    ]
 
 
-def _free(term: int, index: int, parameter: Parameter, deviation: float, scales: Scales) -> Free:
+def _free(
+    term: int,
+    index: int,
+    parameter: Parameter,
+    deviation: float,
+    scales: Scales,
+    settings: JacobianSettings,
+) -> FreeParameter:
     typical = parameter.typical(scales)
-    low = max(parameter.low * typical, -BELIEVED * deviation)
-    high = min(parameter.high * typical, BELIEVED * deviation)
-    return Free(term, index, typical, low, high, prior=deviation / typical)
+    low = max(parameter.low * typical, -settings.believed * deviation)
+    high = min(parameter.high * typical, settings.believed * deviation)
+    step = settings.parameter_step
+    return FreeParameter(term, index, typical, low, high, step, prior=deviation / typical)
 
 
-def term_cost(terms: Terms) -> float:
-    """What is known of values before, as squares."""
+def prior_cost(terms: Terms) -> float:
+    """Squares of values over what is known of them before any fit."""
     return sum(
         (value / deviation) ** 2
         for term in terms

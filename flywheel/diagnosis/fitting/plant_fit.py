@@ -1,4 +1,4 @@
-"""Fit the starts of all windows, and sizes of effects, to the measurements: a plant under test."""
+"""A plant under test: the initial states of all windows are fitted, beside values of effects."""
 
 from __future__ import annotations
 
@@ -9,259 +9,291 @@ from typing import Self
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.jacobian import Differences
-from flywheel.diagnosis.fitting.jacobian_cache import Held, Linear
-from flywheel.diagnosis.fitting.least_squares import LEAST_DAMPING, STUCK, Fit, Fitter
-from flywheel.diagnosis.fitting.parameters import term_cost
-from flywheel.diagnosis.fitting.simulation import Carried, Predictor, Starts
+from flywheel.diagnosis.fitting.jacobian import FiniteDifferences
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, JacobianCache, Restart
+from flywheel.diagnosis.fitting.parameters import prior_cost
+from flywheel.diagnosis.fitting.simulation import Carried, InitialStates, WindowSimulator
+from flywheel.diagnosis.settings import FittingSettings
 from flywheel.dynamics.plant import unseen_axes
 from flywheel.dynamics.plant.restarted import FREE_VELOCITIES
 from flywheel.effects import Terms
 from flywheel.records import Floats, State
 
-DAMPING = (LEAST_DAMPING, 1e-2, 0.1, 1.0, 10.0)  # of a window's own step in a search
-NEAR = (0.1, 1.0, 10.0)  # times what suited a window's last step, all of which are tried
-MOST_DAMPING = 1e4
-# Standard deviations of what is known about starts before any fit, in natural units.
-PRIOR_PLACE, PRIOR_SPEED, PRIOR_WINCH = 0.1, 0.5, 0.003
-FINEST = 2  # times shorter, at most: quarters are seldom better, and take twice as long
-TRIES = 4  # of such a window with its bodies turned
-TURN = 0.4  # standard deviation of their turns about axes that no point shows [rad]
-# Of differences, in turn: contacts make every one of them blind somewhere.
-SCALES = (2e-3, 8e-3, 5e-4)
-SEARCHES, HEATS, FINALISTS = 6, 2, 2  # rounds; after how many of them only so many per window go on
 
-
-class StartFitter(Fitter):
+class PlantFitter(Fitter):
     """Fits the states from which a plant starts.
 
     Args:
-      predictor: of the windows.
-      first: (K,) first estimates of the starts.
+      simulator: of the windows.
+      first: (K,) first estimates of the initial states.
+      settings: tuned numbers.
     """
 
-    def __init__(self, predictor: Predictor, first: State) -> None:
-        prior = np.repeat([PRIOR_PLACE, PRIOR_SPEED], predictor.tangent // 2)
-        super().__init__(predictor.windows, prior, PRIOR_WINCH * predictor.length)
-        self.predictor, self.first, self.finer = predictor, first, predictor.finer()
-        self.differences = Differences(predictor, first)
+    def __init__(
+        self,
+        simulator: WindowSimulator,
+        first: State,
+        settings: FittingSettings = FittingSettings(),
+    ) -> None:
+        known = settings.initial_states
+        prior = np.repeat([known.place_prior, known.speed_prior], simulator.tangent // 2)
+        winch_prior = known.winch_prior * simulator.length
+        super().__init__(simulator.windows, prior, winch_prior, settings)
+        self.simulator, self.first, self._halved = simulator, first, simulator.halved()
+        self.differences = FiniteDifferences(simulator, first, settings.jacobian)
 
     @property
     def time_steps(self) -> Floats:
-        """See `Fitter`."""
-        return np.asarray(self.windows.robot.timestep / self.predictor.fineness)
+        """(K,) MuJoCo's steps in each window [s]."""
+        return np.asarray(self.windows.robot.timestep / self.simulator.fineness)
 
-    def at(self, change: Floats, winch: Floats, terms: Terms) -> Fit:
-        """Predictions and cost at given unknowns."""
-        predictor = self.predictor
-        starts = Starts(predictor.moved(self.first, change), winch)
-        (points,), (carried,) = predictor.chained(starts, [terms])
-        return self._predicted(starts, terms, change, points, carried)
+    @property
+    def starts_are_free(self) -> bool:
+        """They are."""
+        return True
+
+    @property
+    def own_errors(self) -> Floats:
+        """None: a plant that is right leaves nothing but noise."""
+        return np.zeros((len(self.windows), int(np.prod(self.windows.measured.shape[1:])), 0))
+
+    def first_estimate(self, terms: Terms = ()) -> Fit:
+        """The initial states as first estimated, and the winches where they were thought to be."""
+        windows = self.windows
+        winch = np.zeros((len(windows.recordings), len(windows.robot.winches)))
+        return self.at(np.zeros((len(windows), len(self.local_prior))), winch, terms)
+
+    def with_terms(self, fit: Fit, terms: Terms) -> Fit:
+        """The same initial states with other terms."""
+        return replace(self.at(fit.local, fit.initial.winch, terms), cache=fit.cache)
+
+    def with_local(self, fit: Fit, local: Floats) -> Fit:
+        """A fit at other initial states."""
+        return self.at(local, fit.initial.winch, fit.terms)
+
+    def at(self, local: Floats, winch: Floats, terms: Terms) -> Fit:
+        """Predictions and cost at given parameters.
+
+        Args:
+          local: (K, X) how far initial states are from their first estimates, in natural units.
+          winch: (recordings, W) offsets of the winches [m].
+          terms: effects with their values.
+        """
+        initial = InitialStates(self.simulator.moved(self.first, local), winch)
+        (points,), (carried,) = self.simulator.chained(initial, [terms])
+        return self._predicted(initial, terms, local, points, carried)
 
     def _predicted(
-        self, starts: Starts, terms: Terms, change: Floats, points: Floats, carried: Carried
+        self, initial: InitialStates, terms: Terms, local: Floats, points: Floats, carried: Carried
     ) -> Fit:
         """What these points (K, steps + 1, P, 3) cost."""
         residual = self.windows.residual(points)
-        cost = float((residual**2).sum() + self.prior_cost(change).sum())
-        cost += self._shared_cost(starts.winch, terms)
+        cost = float((residual**2).sum() + self.local_cost(local).sum())
+        cost += self._shared_cost(initial.winch, terms)
         if not np.isfinite(points).all():
             cost = np.inf
-        return Fit(starts, terms, change, points, residual, carried, cost)
+        return Fit(initial, terms, local, points, residual, carried, cost)
 
     def _shared_cost(self, winch: Floats, terms: Terms) -> float:
-        """Of what windows share, by what is known before."""
-        return float(((winch / self.winch_prior) ** 2).sum()) + term_cost(terms)
+        """Cost of the shared parameters by their priors."""
+        return float(((winch / self.winch_prior) ** 2).sum()) + prior_cost(terms)
 
-    def linear(self, fit: Fit, precise: bool = True) -> Linear:
-        """See `Fitter`; where not precise, by differences of other sizes than the last time."""
-        return self._linear(fit, np.arange(len(self.windows)), precise)
+    def jacobian(self, fit: Fit) -> Jacobian:
+        """By differences of both sides, in the time steps of each window."""
+        return self.differences.precise(fit, np.arange(len(self.windows)))
 
-    def renewed(self, fit: Fit) -> Held:
-        """See `Fitter`: of the stale windows only."""
-        if fit.held is None:
+    def rough_jacobian(self, fit: Fit) -> Jacobian:
+        """By differences of one side, of other sizes than the last time."""
+        return self._rough(fit, np.arange(len(self.windows)))
+
+    def renewed(self, fit: Fit) -> JacobianCache:
+        """A Jacobian around a fit, computed anew in its stale windows only."""
+        if fit.cache is None:
             return super().renewed(fit)
-        stale = np.flatnonzero(fit.held.stale)
+        stale = np.flatnonzero(fit.cache.stale)
         if not len(stale):
-            return fit.held
-        old, new = fit.held.linear, self._linear(fit, stale, precise=False)
-        by_start, by_winch = old.by_start.copy(), old.by_winch.copy()
-        by_start[stale], by_winch[stale] = new.by_start, new.by_winch
-        return Held.fresh(Linear(by_start, by_winch), fit.held)
+            return fit.cache
+        old, new = fit.cache.jacobian, self._rough(fit, stale)
+        by_local, by_winch = old.by_local.copy(), old.by_winch.copy()
+        by_local[stale], by_winch[stale] = new.by_local, new.by_winch
+        return self.cached(Jacobian(by_local, by_winch), fit.cache)
 
-    def _linear(self, fit: Fit, members: np.ndarray, precise: bool) -> Linear:
-        """Of windows `members` (n,)."""
-        if precise:
-            return self.differences.precise(fit, members)
-        turn = 0 if fit.held is None else fit.held.number + 1
-        return self.differences.rough(fit, members, SCALES[turn % len(SCALES)])
+    def _rough(self, fit: Fit, members: np.ndarray) -> Jacobian:
+        """A rough Jacobian of windows `members` (n,)."""
+        steps = self.settings.jacobian.rough_steps
+        turn = 0 if fit.cache is None else fit.cache.number + 1
+        return self.differences.rough(fit, members, steps[turn % len(steps)])
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
-        """See `Fitter`."""
-        return self.predictor.chained(fit.starts, list(terms))[0]
+        """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
+        return self.simulator.chained(fit.initial, list(terms))[0]
 
     def step_error(self, fit: Fit) -> Floats:
-        """See `Fitter`."""
-        points, _ = self.finer.chained(fit.starts, [fit.terms])
+        """(K, D, 1) what half the time step changes [sigma]."""
+        points, _ = self._halved.chained(fit.initial, [fit.terms])
         difference = (points - fit.points[None]).swapaxes(0, 1)
         return self.windows.slope(difference, 1.0, np.arange(len(fit.points)))
 
-    def coarse(self, fit: Fit, tolerated: float) -> np.ndarray:
-        """See `Fitter`."""
+    def finer(self, fit: Fit, tolerated: float) -> Self | None:
+        """The same with half the time step where that changes more than `tolerated` [sigma]."""
         square = self.windows.mean_square(self.step_error(fit)[..., 0])
-        return np.asarray((square > tolerated**2) & (self.predictor.fineness < FINEST))
+        can = self.simulator.fineness < self.settings.refinement.finest
+        coarse = np.asarray((square > tolerated**2) & can)
+        return self.halved(coarse) if coarse.any() else None
 
-    def refined(self, where: np.ndarray) -> Self:
-        """See `Fitter`."""
-        return type(self)(self.predictor.finer(where), self.first)
+    def halved(self, where: np.ndarray) -> Self:
+        """The same with time steps of half the length in windows `where` (K,)."""
+        return type(self)(self.simulator.halved(where), self.first, self.settings)
 
     def rms(self, fit: Fit) -> float:
-        """See `Fitter`; the fitted starts count as degrees of freedom."""
+        """Root mean square of what a fit is off [m]; the initial states count as degrees of freedom."""
         left = (fit.residual**2).sum() / max(1, self.freedom(fit))
         return float(np.sqrt(left)) * self.windows.sigma
 
-    def stepped(self, fit: Fit, held: Held, left: Floats, winch: Floats, terms: Terms) -> Fit:
-        """See `Fitter`: each window takes the damping that suits it, or stays where it is."""
-        tried = np.clip(np.multiply.outer(NEAR, held.own), LEAST_DAMPING, MOST_DAMPING)
-        by_start = held.linear.by_start
-        steps = np.stack([self._steps(fit.change, by_start, left, each) for each in tried])
+    def stepped(
+        self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms
+    ) -> Fit:
+        """Each window takes the damping that suits it, or stays where it is."""
+        settings = self.settings.least_squares
+        tried = np.clip(
+            np.multiply.outer(settings.trials, cache.damping),
+            settings.least_damping,
+            settings.most_damping,
+        )
+        by_local = cache.jacobian.by_local
+        steps = np.stack([self._steps(fit.local, by_local, left, each) for each in tried])
         if not steps.any():
-            return replace(self.at(fit.change, winch, terms), held=held)
-        changes = fit.change + np.concatenate([np.zeros_like(fit.change)[None], steps])
-        points, carried = self._trials(fit, winch, terms, changes)
-        windows = np.arange(len(fit.change))
-        costs = np.stack([self._cost(p, windows, c) for p, c in zip(points, changes, strict=True)])
-        best, own = costs.argmin(axis=0), np.concatenate([tried[-1:], tried])
-        held = replace(held, own=own[best, windows])
+            return replace(self.at(fit.local, winch, terms), cache=cache)
+        locals_ = fit.local + np.concatenate([np.zeros_like(fit.local)[None], steps])
+        points, carried = self._trials(fit, winch, terms, locals_)
+        windows = np.arange(len(fit.local))
+        costs = np.stack([self._cost(p, windows, c) for p, c in zip(points, locals_, strict=True)])
+        best, damping = costs.argmin(axis=0), np.concatenate([tried[-1:], tried])
+        cache = replace(cache, damping=damping[best, windows])
         if costs[best, windows].sum() + self._shared_cost(winch, terms) >= fit.cost:
             best = np.zeros_like(best)
-        change = changes[best, windows]
-        if best.any() and not self.predictor.apart(terms):  # what windows begin with changes, too
-            return replace(self.at(change, winch, terms), held=held)
-        starts = Starts(self.predictor.moved(self.first, change), winch)
-        after = self._predicted(starts, terms, change, points[best, windows], carried)
-        return replace(after, held=held)
+        local = locals_[best, windows]
+        if best.any() and not self.simulator.apart(terms):  # what windows begin with changes, too
+            return replace(self.at(local, winch, terms), cache=cache)
+        initial = InitialStates(self.simulator.moved(self.first, local), winch)
+        after = self._predicted(initial, terms, local, points[best, windows], carried)
+        return replace(after, cache=cache)
 
-    def elsewhere(
-        self,
-        fit: Fit,
-        seed: int = 0,
-        stuck: float = STUCK,
-        usual: float | None = None,
-        most: int | None = None,
-    ) -> Fit:
-        """See `Fitter`.
+    def restarted(self, fit: Fit, restart: Restart) -> Fit:
+        """A fit in which windows that are stuck begin elsewhere; the fit itself if none is better.
 
         Windows that fit much worse than the others may have begun in a wrong place, or have been led
         there by a wrong model: they are tried on from where they are, from their first estimates, and
         with their bodies turned at random as far as nobody sees it.
         """
-        square = self.mean_squares(fit)
+        settings, square, usual = self.settings.multistart, self.mean_squares(fit), restart.usual
+        stuck = settings.stuck if restart.stuck is None else restart.stuck
         if usual is None:  # a window by itself has no others to be compared with
             usual = float(np.median(square)) if len(square) > 1 else 1.0
-        loudest = np.argsort(-square)[:most]
+        loudest = np.argsort(-square)[: restart.most]
         doubted = np.sort(loudest[square[loudest] > stuck * max(1.0, usual)])
         if not len(doubted):
             return fit
-        here = fit.change[doubted]
-        turned = self._turned(np.repeat(here, TRIES, axis=0), seed)
+        here, turns = fit.local[doubted], settings.turns
+        turned = self._turned(np.repeat(here, turns, axis=0), restart.seed)
         tried = np.concatenate([here, np.zeros_like(here), turned])
-        return self.searched(
-            fit, np.concatenate([doubted, doubted, np.repeat(doubted, TRIES)]), tried
-        )
+        members = np.concatenate([doubted, doubted, np.repeat(doubted, turns)])
+        return self.searched(fit, members, tried)
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
-        """See `Fitter`: each window begins where it fits better."""
+        """The better of two fits of one model, in which each window begins where it fits better."""
         fit, other = sorted((fit, other), key=lambda each: each.cost)
-        members = np.arange(len(fit.change))
+        members = np.arange(len(fit.local))
         own, its = (
-            self.costs(fit.carried, fit.terms, members, each.change) for each in (fit, other)
+            self.costs(fit.carried, fit.terms, members, each.local) for each in (fit, other)
         )
         moved = its < own
-        change = np.where(moved[:, None], other.change, fit.change)
-        mixed = self.at(change, fit.starts.winch, fit.terms)
+        local = np.where(moved[:, None], other.local, fit.local)
+        mixed = self.at(local, fit.initial.winch, fit.terms)
         if mixed.cost >= fit.cost:
             return fit
-        return mixed if fit.held is None else replace(mixed, held=fit.held | moved)
+        return replace(mixed, cache=fit.cache).outdated(moved)
 
-    def _turned(self, change: Floats, seed: int) -> Floats:
-        """Changes (n, X) with random turns of the bodies about their unseen axes added."""
-        rng, change = np.random.default_rng(seed), change.copy()
+    def _turned(self, local: Floats, seed: int) -> Floats:
+        """Local parameters (n, X) with random turns of the bodies about their unseen axes added."""
+        rng, local = np.random.default_rng(seed), local.copy()
         for body, axis in unseen_axes(self.windows.robot).items():
             turn = FREE_VELOCITIES * body + np.arange(3, 6)
-            change[:, turn] += rng.normal(0.0, TURN, (len(change), 1)) * axis
-        return change
+            spread = self.settings.multistart.turn
+            local[:, turn] += rng.normal(0.0, spread, (len(local), 1)) * axis
+        return local
 
     def _trials(
-        self, fit: Fit, winch: Floats, terms: Terms, changes: Floats
+        self, fit: Fit, winch: Floats, terms: Terms, locals_: Floats
     ) -> tuple[Floats, Carried]:
-        """Windows with other offsets and terms at changes (n, K, X), the first of which is the fit's.
+        """Windows with other offsets and terms at (n, K, X), the first of which is the fit's.
 
         Returns:
           (n, K, steps + 1, P, 3) points of each window alone [m], and what the first begin with.
         """
-        if terms == fit.terms and np.array_equal(winch, fit.starts.winch):
+        if terms == fit.terms and np.array_equal(winch, fit.initial.winch):
             known, carried = fit.points[None], fit.carried
-        elif self.predictor.apart(terms):  # all in one batch
-            known, carried = np.empty((0, *fit.points.shape)), self.predictor.began(winch, terms)
+        elif self.simulator.apart(terms):  # all in one batch
+            known, carried = np.empty((0, *fit.points.shape)), self.simulator.began(winch, terms)
         else:
-            stay = self.at(fit.change, winch, terms)
+            stay = self.at(fit.local, winch, terms)
             known, carried = stay.points[None], stay.carried
-        new = changes[len(known) :]
-        members = np.tile(np.arange(len(fit.change)), len(new))
-        states = self.predictor.moved(self.first[members], new.reshape(len(members), -1))
-        points = self.predictor.parallel(states, carried, terms, members)
+        new = locals_[len(known) :]
+        members = np.tile(np.arange(len(fit.local)), len(new))
+        states = self.simulator.moved(self.first[members], new.reshape(len(members), -1))
+        points = self.simulator.parallel(states, carried, terms, members)
         return np.concatenate([known, points.reshape(*new.shape[:2], *points.shape[1:])]), carried
 
-    def costs(self, carried: Carried, terms: Terms, members: np.ndarray, change: Floats) -> Floats:
-        """(n,) cost of each window alone, at changes (n, X)."""
-        predictor = self.predictor
-        states = predictor.moved(self.first[members], change)
-        return self._cost(predictor.parallel(states, carried, terms, members), members, change)
+    def costs(self, carried: Carried, terms: Terms, members: np.ndarray, local: Floats) -> Floats:
+        """(n,) cost of each window alone, at local parameters (n, X)."""
+        simulator = self.simulator
+        states = simulator.moved(self.first[members], local)
+        return self._cost(simulator.parallel(states, carried, terms, members), members, local)
 
-    def _cost(self, points: Floats, members: np.ndarray, change: Floats) -> Floats:
-        """(n,) of each window alone, with predicted points (n, steps + 1, P, 3)."""
+    def _cost(self, points: Floats, members: np.ndarray, local: Floats) -> Floats:
+        """(n,) cost of each window alone, with predicted points (n, steps + 1, P, 3)."""
         residual = self.windows.residual_of(members, points)
-        cost = (residual**2).sum(axis=-1) + self.prior_cost(change)
+        cost = (residual**2).sum(axis=-1) + self.local_cost(local)
         return np.where(np.isfinite(points).all(axis=(1, 2, 3)), cost, np.inf)
 
     def _steps(
-        self, change: Floats, by_start: Floats, left: Floats, damping: float | Floats
+        self, local: Floats, by_local: Floats, left: Floats, damping: float | Floats
     ) -> Floats:
-        """(n, X) steps of the starts towards residuals (n, D)."""
-        local, pull = self.normal(change, by_start, left, damping)
-        return np.linalg.solve(local, pull[..., None])[..., 0]
+        """(n, X) steps of the initial states towards residuals (n, D)."""
+        matrix, right = self.normal_equations(local, by_local, left, damping)
+        return np.linalg.solve(matrix, right[..., None])[..., 0]
 
-    def searched(self, fit: Fit, members: np.ndarray, change: Floats) -> Fit:
-        """Windows from other starts: each of `members` (n,) from (n, X), kept where it ends lower."""
-        for number, step in enumerate(islice(cycle(SCALES), SEARCHES)):
-            states = self.predictor.moved(self.first[members], change)
-            points = self.predictor.parallel(states, fit.carried, fit.terms, members)
-            by_start = self.differences.roughly_by_start(fit, members, change, step)
+    def searched(self, fit: Fit, members: np.ndarray, local: Floats) -> Fit:
+        """Windows from other initial states: each of `members` (n,) from (n, X), kept if it ends lower."""
+        settings, rough = self.settings.multistart, self.settings.jacobian.rough_steps
+        for number, step in enumerate(islice(cycle(rough), settings.rounds)):
+            states = self.simulator.moved(self.first[members], local)
+            points = self.simulator.parallel(states, fit.carried, fit.terms, members)
+            by_local = self.differences.rough_by_local(fit, members, local, step)
             left = np.nan_to_num(self.windows.residual_of(members, points))
-            steps = np.stack([self._steps(change, by_start, left, d) for d in DAMPING])
-            tried = np.concatenate([np.zeros_like(change)[None], steps]) + change
+            steps = np.stack([self._steps(local, by_local, left, d) for d in settings.damping])
+            tried = np.concatenate([np.zeros_like(local)[None], steps]) + local
             rows = np.tile(members, len(tried))
-            cost = self.costs(fit.carried, fit.terms, rows, tried.reshape(-1, change.shape[1]))
+            cost = self.costs(fit.carried, fit.terms, rows, tried.reshape(-1, local.shape[1]))
             cost = cost.reshape(len(tried), -1)
-            change = tried[cost.argmin(axis=0), np.arange(len(members))]
-            if number + 1 == HEATS:
-                through = _best_of(members, cost.min(axis=0), FINALISTS)
-                members, change = members[through], change[through]
-        cost = self.costs(fit.carried, fit.terms, members, change)
-        own = self.costs(fit.carried, fit.terms, np.arange(len(fit.change)), fit.change)
-        found = fit.change.copy()
-        for k, value, candidate in zip(members, cost, change, strict=True):
+            local = tried[cost.argmin(axis=0), np.arange(len(members))]
+            if number + 1 == settings.heats:
+                through = _best_of_each(members, cost.min(axis=0), settings.finalists)
+                members, local = members[through], local[through]
+        cost = self.costs(fit.carried, fit.terms, members, local)
+        own = self.costs(fit.carried, fit.terms, np.arange(len(fit.local)), fit.local)
+        found = fit.local.copy()
+        for k, value, candidate in zip(members, cost, local, strict=True):
             if value < own[k]:
                 own[k], found[k] = value, candidate
-        after = self.at(found, fit.starts.winch, fit.terms)
+        after = self.at(found, fit.initial.winch, fit.terms)
         if after.cost >= fit.cost:
             return fit
-        moved = (found != fit.change).any(axis=1)
-        return after if fit.held is None else replace(after, held=fit.held | moved)
+        moved = (found != fit.local).any(axis=1)
+        return replace(after, cache=fit.cache).outdated(moved)
 
 
-def _best_of(members: np.ndarray, cost: Floats, most: int) -> np.ndarray:
+def _best_of_each(members: np.ndarray, cost: Floats, most: int) -> np.ndarray:
     """Indices of the `most` cheapest of each member."""
     cheapest = np.argsort(cost)
     return np.concatenate([cheapest[members[cheapest] == one][:most] for one in np.unique(members)])

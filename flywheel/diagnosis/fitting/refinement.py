@@ -3,36 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.parameters import Free
-from flywheel.diagnosis.fitting.stopping import ROUNDS, hopeless
+from flywheel.diagnosis.fitting.parameters import FreeParameter
+from flywheel.diagnosis.fitting.stopping import out_of_reach
 
 F = TypeVar("F", bound=Fitter)
-# Root mean square of what half the time step changes in a window [sigma], above which it is halved: more
-# tells in the fit, and contacts in coarse steps make cliffs in its cost that no start gets over.
-TOLERATED = 0.3
 
 
 def shorter_steps(
-    fitter: F, fit: Fit, free: Sequence[Free] = (), tolerated: float = TOLERATED
+    fitter: F,
+    fit: Fit,
+    free: Sequence[FreeParameter] = (),
+    tolerated: float | None = None,
 ) -> tuple[F, Fit]:
     """A fitter with steps that will do for a model, and its fit; the same two where they do already.
 
     A plant's own may be too coarse where caps hit the ground. What it does in shorter ones is taken where
-    that fits better: recordings of a simulation may well have been made in the plant's own. Better starts
-    that were found on the way are no evidence for shorter steps: longer ones are tried from there, too.
+    that fits better: recordings of a simulation may well have been made in the plant's own. Better initial
+    states that were found on the way are no evidence for shorter steps: longer ones are tried from there,
+    too.
 
     Args:
-      fit: with sizes of effects `free` or none.
-      tolerated: see `TOLERATED`.
+      fitter: of the model.
+      fit: with values of effects `free` or none.
+      free: see `fit`.
+      tolerated: what half the time step may change in a window [sigma]; None for the settings'.
     """
-    while (coarse := fitter.coarse(fit, tolerated)).any():
-        finer = fitter.refined(coarse)
+    if tolerated is None:
+        tolerated = fitter.settings.refinement.tolerated
+    while (finer := fitter.finer(fit, tolerated)) is not None:
+        coarse = finer.time_steps != fitter.time_steps
         fit, other = _compared(fitter, fit, finer, in_other_steps(finer, fit, coarse), free)
         if fit.cost <= other.cost:
             break
@@ -44,23 +48,23 @@ def shorter_steps(
 
 
 def _compared(
-    fitter: Fitter, fit: Fit, finer: Fitter, other: Fit, free: Sequence[Free]
+    fitter: Fitter, fit: Fit, finer: Fitter, other: Fit, free: Sequence[FreeParameter]
 ) -> tuple[Fit, Fit]:
     """Both fits, fitted on until the one in shorter steps is better, or clearly will not be.
 
-    Before it is fitted, it is worse: its starts suited the longer steps.
+    Before it is fitted, it is worse: its initial states suited the longer steps.
     """
-    for _ in range(ROUNDS):
+    stopping = fitter.settings.stopping
+    for _ in range(stopping.rounds):
         if not fit.converged:
             fit = fitter.fit(fit, free, rounds=1)
         before, other = other, finer.fit(other, free, rounds=1)
         missing, fell = other.cost - fit.cost, before.cost - other.cost
-        if missing < 0.0 or other.converged or hopeless(missing, fell):
+        if missing < 0.0 or other.converged or out_of_reach(missing, fell, stopping.hope):
             break
     return fit, other
 
 
 def in_other_steps(fitter: Fitter, fit: Fit, where: np.ndarray) -> Fit:
     """A fit with the time steps of another fitter, which are not the same in windows `where` (K,)."""
-    held = None if fit.held is None else fit.held | where
-    return replace(fitter.under(fit, fit.terms), held=held)
+    return fitter.with_terms(fit, fit.terms).outdated(where)

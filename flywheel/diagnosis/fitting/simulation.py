@@ -1,4 +1,4 @@
-"""What a plant with effects predicts for every window, from given starts."""
+"""Simulate all windows with a plant and effects, from given initial states."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ HASTY = 0  # in the place of a fineness: `hasty` steps of the plant's own length
 
 
 @dataclass(frozen=True)
-class Starts:
-    """The unknowns that belong to the windows and recordings, not to the robot.
+class InitialStates:
+    """Where windows and recordings begin, which belongs to them and not to the robot.
 
     Attributes:
-      mechanics: (K,) states at the windows' starts; their activations do not count.
-      winch: (logs, W) how far the winches were from where they were thought to be, when each
+      mechanics: (K,) states at the begin of each window; their activations do not count.
+      winch: (recordings, W) how far the winches were from where they were thought to be, when each
         recording began [m].
     """
 
@@ -45,8 +45,8 @@ class Carried:
     memory: Memories
 
 
-class Predictor:
-    """Predicts windows with one plant, each in time steps of its own.
+class WindowSimulator:
+    """Simulates windows with one plant, each in time steps of its own.
 
     Args:
       windows: to be predicted.
@@ -54,8 +54,8 @@ class Predictor:
       busy: called before every simulation.
 
     Attributes:
-      fineness: (K,) how many times shorter than the plant's MuJoCo's steps are in each window; see `finer`
-        and `HASTY`.
+      fineness: (K,) how many times shorter than the plant's MuJoCo's steps are in each window; see
+        `halved` and `HASTY`.
     """
 
     def __init__(
@@ -75,13 +75,13 @@ class Predictor:
         )
         self.length = length
 
-    def finer(self, where: np.ndarray | bool = True) -> Predictor:
+    def halved(self, where: np.ndarray | bool = True) -> WindowSimulator:
         """The same with steps of half the length in windows `where` (K,), by default in all."""
-        finer = copy(self)
-        finer.fineness = np.where(where, 2 * self.fineness, self.fineness)
-        return finer
+        halved = copy(self)
+        halved.fineness = np.where(where, 2 * self.fineness, self.fineness)
+        return halved
 
-    def roughly(self, where: np.ndarray | bool = True) -> Predictor:
+    def hasty(self, where: np.ndarray | bool = True) -> WindowSimulator:
         """The same with `hasty` steps of the plant's own length in windows `where` (K,)."""
         rough = copy(self)
         rough.fineness = np.where(where, HASTY, self.fineness)
@@ -96,10 +96,12 @@ class Predictor:
         """Per log, what the winches are told (n, T, W) under each of n sets of terms."""
         return [
             self.augmented.commands(np.repeat(log.controls[None], len(terms), axis=0), terms)
-            for log in self.windows.logs
+            for log in self.windows.recordings
         ]
 
-    def chained(self, starts: Starts, terms: Sequence[Terms]) -> tuple[Floats, list[Carried]]:
+    def chained(
+        self, starts: InitialStates, terms: Sequence[Terms]
+    ) -> tuple[Floats, list[Carried]]:
         """Predict all windows of a log, under each of n sets of terms.
 
         Winch positions and what cables remember go on from window to window.
@@ -128,13 +130,13 @@ class Predictor:
         )
 
     def _beside_each_other(
-        self, starts: Starts, terms: Sequence[Terms]
+        self, starts: InitialStates, terms: Sequence[Terms]
     ) -> tuple[Floats, list[Carried]]:
-        """See `chained`: all windows at once, as steps of large batches cost less."""
+        """All windows of `chained` at once, as steps of large batches cost less."""
         self._busy()
         windows, count, told = self.windows, len(terms), self.told(terms)
         winch = self._winches(starts.winch, told)
-        at = list(zip(windows.log, windows.first, strict=True))
+        at = list(zip(windows.recording, windows.first, strict=True))
         commands = np.stack([told[log][:, f : f + windows.steps] for log, f in at], axis=1)
         rows = (count * len(windows), -1)
         state = self.with_winch(_tiled(starts.mechanics, count), winch.reshape(rows))
@@ -148,15 +150,15 @@ class Predictor:
         return points, [Carried(winch[i], {}) for i in range(count)]
 
     def began(self, winch: Floats, terms: Terms) -> Carried:
-        """What windows begin with under terms that leave them `apart`, with offsets (logs, W) [m]."""
+        """What windows begin with under terms that leave them `apart`, with offsets (recordings, W) [m]."""
         return Carried(self._winches(winch, self.told([terms]))[0], {})
 
     def _winches(self, offsets: Floats, told: Sequence[Floats]) -> Floats:
-        """(n, K, W) where windows begin, of what each log is told (n, T, W), with offsets (logs, W)."""
+        """(n, K, W) where windows begin, of what each log is told (n, T, W), with offsets (recordings, W)."""
         windows = self.windows
         begins = self.nominal[windows.first == 0] + offsets
         wound = [self._wound(*each) for each in zip(begins, told, strict=True)]
-        at = zip(windows.log, windows.first, strict=True)
+        at = zip(windows.recording, windows.first, strict=True)
         return np.stack([wound[log][:, first] for log, first in at], axis=1)
 
     def _wound(self, start: Floats, told: Floats) -> Floats:
@@ -171,9 +173,9 @@ class Predictor:
         return np.stack(positions, axis=1)
 
     def _one_after_the_other(
-        self, starts: Starts, terms: Sequence[Terms]
+        self, starts: InitialStates, terms: Sequence[Terms]
     ) -> tuple[Floats, list[Carried]]:
-        """See `chained`."""
+        """The windows of `chained`, the first of each recording before the second, and so on."""
         windows, count = self.windows, len(terms)
         told = self.told(terms)
         points = np.empty((count, *windows.measured.shape))
@@ -183,7 +185,7 @@ class Predictor:
         held = np.repeat((self.nominal[windows.first == 0] + starts.winch)[None], count, axis=0)
         for members in windows.ranks:
             self._busy()
-            logs = windows.log[members]
+            logs = windows.recording[members]
             state = _tiled(starts.mechanics[members], count)
             now = held[:, logs]
             winch[:, members] = now
@@ -201,7 +203,7 @@ class Predictor:
             points[:, members] = seen.reshape(count, len(members), *seen.shape[1:])
             last = self.plant.winch(motion.states[:, -1]).reshape(count, len(members), -1)
             held[:, logs] = last
-            memory = _to_logs(motion.memory, count, logs, len(windows.logs))
+            memory = _to_logs(motion.memory, count, logs, len(windows.recordings))
         return points, [self._carried(winch[i], kept, i, count) for i in range(count)]
 
     def parallel(
@@ -227,7 +229,7 @@ class Predictor:
         self._busy()
         windows = self.windows
         told = self.told([terms])
-        places = zip(windows.log[members], windows.first[members], strict=True)
+        places = zip(windows.recording[members], windows.first[members], strict=True)
         commands = np.stack([told[i][0, f : f + windows.steps] for i, f in places])
         memory = {name: values[members] for name, values in carried.memory.items()}
         state = self.with_winch(starts, carried.winch[members] if winch is None else winch)

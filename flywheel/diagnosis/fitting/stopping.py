@@ -1,26 +1,43 @@
-"""What another round of a fit is worth, and whether there is hope in it."""
+"""When a fit stops: it has converged, it is not worth another round, or its target is out of reach."""
 
 from __future__ import annotations
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+import numpy as np
 
-# Times the noise, above which a model is wrong and not just badly fitted; and of what it leaves above that,
-# what a round of its fit must explain to be followed by another.
-WRONG, FRUITLESS = 1.1, 0.05
-ROUNDS = 10  # of a fit, at most
-HOPE = 2.0  # further rounds like the last one, after which a fit must have reached its target
+from flywheel.diagnosis.settings import StoppingSettings
 
 
-def worth_a_round(fitter: Fitter, fit: Fit) -> float:
-    """What a round must make the cost fall by to be followed by another; 0 for a model that may be right."""
-    return FRUITLESS * max(0.0, fit.cost - WRONG * fitter.freedom(fit))
+def converged(before: float, after: float, settings: StoppingSettings, enough: float = 0.0) -> bool:
+    """Whether a step hardly changed the cost.
+
+    Args:
+      before, after: the cost.
+      settings: its falls that count as hardly.
+      enough: fall below which it has converged, too.
+    """
+    hardly = min(settings.converged_share * before, settings.converged_fall)
+    return bool(np.isfinite(before)) and before - after < max(enough, hardly)
 
 
-def hopeless(missing: float, fell: float, hope: float = HOPE) -> bool:
+def least_worthwhile_fall(cost: float, freedom: int, settings: StoppingSettings) -> float:
+    """Fall of the cost that is worth another round; 0 for a model that may be right.
+
+    A model that is clearly wrong is not fitted to the last digit.
+
+    Args:
+      cost: of the fit.
+      freedom: its degrees of freedom, which noise alone would cost.
+      settings: what is clearly wrong.
+    """
+    return settings.fruitless * max(0.0, cost - settings.wrong * freedom)
+
+
+def out_of_reach(missing: float, fell: float, hope: float) -> bool:
     """Whether a fit clearly stays above its target, or diverges.
 
     Args:
-      missing: what is missing to the target after a round; NaN or infinite for one that diverges.
+      missing: to the target after a round; NaN or infinite for a fit that diverges.
       fell: what the cost fell by in that round.
+      hope: further rounds like that one that are allowed for.
     """
     return not missing <= hope * fell

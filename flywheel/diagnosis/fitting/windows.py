@@ -1,4 +1,4 @@
-"""Recordings cut into windows, each with a start of its own."""
+"""Recordings cut into windows, each with an initial state of its own, and how noisy they are."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.noise import noise_doubt, noise_floor
+from flywheel.diagnosis.settings import WindowSettings
 from flywheel.effects import Scales
 from flywheel.errors import DataError
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
 
-WINDOW = 1.8  # length of a window [sqrt(L / g)]
-REMNANT = 0.5  # of that, below which a recording gives no window if others do
-FEWEST_SAMPLES = 0.3  # share of its samples that a window needs
+ORDER = 4  # of the differences that show the noise: motion that is smooth over five samples cancels
+GAIN = np.sqrt(70.0)  # standard deviation of a fourth difference of unit white noise
+NORMAL = 0.6745  # median absolute deviation of a unit normal
+DOUBT = 3.2  # by simulation: neighbouring differences share samples, and a median wastes some
+FEWEST = 50  # differences below which an estimate means nothing
 
 
 @dataclass(frozen=True)
-class Log:
-    """What one recording says, on the model's time grid.
+class Recording:
+    """What was measured, on the model's time grid.
 
     Attributes:
       points: (T + 1, P, 3) measured points [m]; NaN where missing.
@@ -33,7 +35,7 @@ class Log:
     winch: Floats
 
     @classmethod
-    def of(cls, trajectory: Trajectory) -> Log:
+    def of(cls, trajectory: Trajectory) -> Recording:
         """From an unbatched trajectory."""
         seen = trajectory.observations
         return cls(seen.points, trajectory.controls, seen.winch)
@@ -41,25 +43,25 @@ class Log:
 
 @dataclass(frozen=True)
 class Windows:
-    """Equally long windows that tile each log, row by row.
+    """Equally long windows that tile each recording, one after the other.
 
     Attributes:
-      robot: whose logs they are.
-      logs: the recordings.
+      robot: whose recordings they are.
+      recordings: all of them.
       dt: control step [s].
       steps: of each window.
-      log: (K,) index of each window's log.
-      first: (K,) the step of the log at which each begins.
+      recording: (K,) index of each window's recording.
+      first: (K,) the step of the recording at which each begins.
       measured: (K, steps + 1, P, 3) [m].
       sigma: noise of each coordinate [m].
       doubt: standard deviation of one over its square, relative to that; 0 where it was given.
     """
 
     robot: Robot
-    logs: tuple[Log, ...]
+    recordings: tuple[Recording, ...]
     dt: float
     steps: int
-    log: np.ndarray
+    recording: np.ndarray
     first: np.ndarray
     measured: Floats
     sigma: float
@@ -72,6 +74,7 @@ class Windows:
         trajectories: Sequence[Trajectory],
         seconds: float | None = None,
         sigma: float | None = None,
+        settings: WindowSettings = WindowSettings(),
     ) -> Windows:
         """Cut trajectories into windows of about `seconds`.
 
@@ -80,6 +83,7 @@ class Windows:
           trajectories: unbatched, of one control step.
           seconds: of a window; None for what suits the robot's size.
           sigma: noise of a coordinate [m]; None to estimate it.
+          settings: tuned numbers.
 
         Raises:
           DataError: nothing to cut, different control steps, or too few measurements.
@@ -90,44 +94,44 @@ class Windows:
         if len(steps_of) > 1:
             raise DataError(f"Recordings need one control step, got {sorted(steps_of)} s.")
         dt = trajectories[0].dt
-        wanted = seconds or WINDOW * Scales.of(robot).time
-        logs = tuple(Log.of(t) for t in trajectories)
-        lengths = [len(log.controls) for log in logs]
+        wanted = seconds or settings.seconds * Scales.of(robot).time
+        recordings = tuple(Recording.of(t) for t in trajectories)
+        lengths = [len(log.controls) for log in recordings]
         # What is left behind a gap may be too short for a window, and does not shorten all others.
-        shortest = min([n for n in lengths if n * dt >= REMNANT * wanted] or lengths)
+        shortest = min([n for n in lengths if n * dt >= settings.remnant * wanted] or lengths)
         steps = shortest // max(1, round(shortest * dt / wanted))
         if steps < 2:
             raise DataError(f"A recording of {shortest} steps is too short for a window.")
         places = [
             (index, first)
-            for index, log in enumerate(logs)
+            for index, log in enumerate(recordings)
             for first in range(0, len(log.controls) - steps + 1, steps)
         ]
-        measured = np.stack([logs[i].points[f : f + steps + 1] for i, f in places])
+        measured = np.stack([recordings[i].points[f : f + steps + 1] for i, f in places])
         known = np.isfinite(measured).all(axis=-1).mean(axis=(1, 2))
-        if (known < FEWEST_SAMPLES).all():
+        if (known < settings.least_measured).all():
             raise DataError(
-                f"No window has {FEWEST_SAMPLES:.0%} of its points measured; the fullest has "
+                f"No window has {settings.least_measured:.0%} of its points measured; the fullest has "
                 f"{known.max():.0%}."
             )
         return cls(
             robot=robot,
-            logs=logs,
+            recordings=recordings,
             dt=dt,
             steps=steps,
-            log=np.array([i for i, _ in places]),
+            recording=np.array([i for i, _ in places]),
             first=np.array([f for _, f in places]),
             measured=measured,
-            sigma=noise_floor([log.points for log in logs]) if sigma is None else sigma,
-            doubt=noise_doubt([log.points for log in logs]) if sigma is None else 0.0,
+            sigma=noise_floor([log.points for log in recordings]) if sigma is None else sigma,
+            doubt=noise_doubt([log.points for log in recordings]) if sigma is None else 0.0,
         )
 
     def __len__(self) -> int:
-        return len(self.log)
+        return len(self.recording)
 
     @property
     def ranks(self) -> list[np.ndarray]:
-        """Windows that are the first of their logs, those that are the second, and so on."""
+        """Windows that are the first of their recordings, those that are the second, and so on."""
         number = self.first // self.steps
         return [np.flatnonzero(number == rank) for rank in range(number.max() + 1)]
 
@@ -155,3 +159,34 @@ class Windows:
         slope = np.where(seen, difference / (step * self.sigma), 0.0)
         flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
         return flat.swapaxes(1, 2)
+
+
+def noise_floor(points: Sequence[Floats]) -> float:
+    """Standard deviation of the noise of each coordinate [m].
+
+    From the median of fourth differences in time, which neither smooth motion nor a few leaps change.
+    Gaps leave out the differences that reach over them.
+
+    Args:
+      points: (T + 1, P, 3) of each recording, at regular times; NaN where missing [m].
+
+    Raises:
+      DataError: too few samples in a row.
+    """
+    known = _differences(points)
+    if len(known) < FEWEST:
+        raise DataError(
+            f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}."
+        )
+    return float(np.median(np.abs(known)) / (NORMAL * GAIN))
+
+
+def noise_doubt(points: Sequence[Floats]) -> float:
+    """Standard deviation of one over the estimated variance, for a true one of 1; arguments as above."""
+    return DOUBT / float(np.sqrt(max(1, len(_differences(points)))))
+
+
+def _differences(points: Sequence[Floats]) -> Floats:
+    """(n,) fourth differences of everything that was measured five times in a row."""
+    differences = [np.diff(p, ORDER, axis=0).ravel() for p in points if len(p) > ORDER]
+    return np.concatenate([d[np.isfinite(d)] for d in differences] or [np.empty(0)])

@@ -25,7 +25,7 @@ LARGEST_EVIDENCE = 200_000  # characters, as JSON: a plant's file must stay one 
 
 
 class _Part(BaseModel):
-    """Of an answer; what other versions add to it is left out."""
+    """A part of an answer; what other versions add to it is left out."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 

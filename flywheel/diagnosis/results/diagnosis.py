@@ -8,78 +8,17 @@ from typing import Any
 import numpy as np
 
 from flywheel.diagnosis.checks.adequacy import Adequacy
-from flywheel.diagnosis.checks.localisation import Whereabouts
+from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel
+from flywheel.diagnosis.checks.held_out import Errors
+from flywheel.diagnosis.checks.localisation import Location
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
 from flywheel.diagnosis.results.verdict import EXIT_CODES, Alternative, Verdict
-from flywheel.diagnosis.selection.misspecification import NONE, OtherLaw
+from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.selection.score_test import Score
-from flywheel.diagnosis.selection.suspect_parameters import Doubtful
+from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
 
-
-@dataclass(frozen=True)
-class Errors:
-    """Root mean square of measured minus predicted, after the starts were fitted [m].
-
-    Attributes:
-      noise: that is in the measurements.
-      baseline: of the plant as it was.
-      augmented: with the effects that were found.
-    """
-
-    noise: float
-    baseline: float
-    augmented: float
-
-    def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        return {
-            "noise": self.noise,
-            "baseline": self.baseline,
-            "augmented": self.augmented,
-            "unit": "m",
-        }
-
-
-@dataclass(frozen=True)
-class Likeness:
-    """How much of what a learned law does an effect of the library would do.
-
-    Attributes:
-      effect, location: which.
-      share: of the squared change, by its best size; 1 for all of it.
-    """
-
-    effect: str
-    location: str
-    share: float
-
-    def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        return {"effect": self.effect, "location": self.location, "share": self.share}
-
-
-@dataclass(frozen=True)
-class StandIn:
-    """A law of the cables, learned from the recordings for what the library does not have.
-
-    Attributes:
-      errors: on the recordings that it was learned from; the baseline has all effects that were found.
-      held_out: on those that it was not, where the baseline is the plant as it was; None without any.
-      likeness: effects that do most nearly what it does, the nearest first.
-    """
-
-    errors: Errors
-    held_out: Errors | None
-    likeness: tuple[Likeness, ...]
-
-    def summary(self) -> dict[str, Any]:
-        """As in JSON."""
-        return {
-            "error": self.errors.summary(),
-            "held_out": None if self.held_out is None else self.held_out.summary(),
-            "like": [each.summary() for each in self.likeness],
-        }
+FORMAT = 2  # of the JSON; see `answer` for the older one
 
 
 @dataclass(frozen=True)
@@ -100,7 +39,7 @@ class TimeSteps:
         return sum(each < self.own for each in self.taken)
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {"own": self.own, "taken": list(self.taken), "unit": "s"}
 
 
@@ -119,14 +58,14 @@ class Diagnosis:
       evidence: to look at.
       seconds: it took.
       model: name of the model under test; "" for the plant itself.
-      other_law: that explains the most beside the first answer.
-      other_form: it explains so much that what was found must have another form.
-      where: what no effect explains acts; None where nothing is left.
-      stand_in: a learned law for it, likewise.
+      misspecification: laws of no library that explain something beside the first answer.
+      other_form: they explain so much that what was found must have another form.
+      location: where what no effect explains acts; None where nothing is left.
+      discrepancy: a learned law for it, likewise.
       calibration: what the plant was not sure of, as fitted beside the first answer; in JSON, with what
         was `held_back` (see `Found`).
       time_steps: of the simulations.
-      doubtful: numbers of the MJCF that may be what is wrong instead.
+      suspects: numbers of the MJCF that may be what is wrong instead.
     """
 
     verdict: Verdict
@@ -140,19 +79,19 @@ class Diagnosis:
     evidence: Evidence
     seconds: float = 0.0
     model: str = ""
-    other_law: OtherLaw = NONE
+    misspecification: Misspecification = NONE
     other_form: bool = False
-    where: Whereabouts | None = None
-    stand_in: StandIn | None = None
+    location: Location | None = None
+    discrepancy: DiscrepancyModel | None = None
     calibration: Alternative = ()
     time_steps: TimeSteps = TimeSteps(0.0, ())
-    doubtful: tuple[Doubtful, ...] = ()
+    suspects: tuple[SuspectParameter, ...] = ()
 
     @property
     def next_experiment(self) -> NextExperiment:
         """What to record next."""
-        law = self.other_law.instead or self.other_law.name
-        other = law if self.other_form and self.where is None else ""
+        law = self.misspecification.instead or self.misspecification.name
+        other = law if self.other_form and self.location is None else ""
         return next_experiment(self.verdict, self.answers, self.ranking, self.evidence, other)
 
     @property
@@ -161,15 +100,17 @@ class Diagnosis:
         return EXIT_CODES[self.verdict]
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
+        wrong_form = self.misspecification.summary() if self.other_form else None
         return {
+            "format": FORMAT,
             "verdict": str(self.verdict),
             "model": self.model or "plant",
             "answer_set": [[found.summary() for found in each] for each in self.answers],
             "calibration": [
                 {**each.summary(), "held_back": each.held_back} for each in self.calibration
             ],
-            "doubtful_numbers": [each.summary() for each in self.doubtful],
+            "suspect_parameters": [each.summary() for each in self.suspects],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,
             "error": self.errors.summary(),
@@ -180,9 +121,9 @@ class Diagnosis:
                 "inconstancy": self.after.inconstancy,
                 "loudest": self.after.loudest,
             },
-            "other_law": self.other_law.summary() if self.other_form else None,
-            "unexplained": None if self.where is None else self.where.summary(),
-            "stand_in": None if self.stand_in is None else self.stand_in.summary(),
+            "misspecification": wrong_form,
+            "unexplained": None if self.location is None else self.location.summary(),
+            "discrepancy_model": None if self.discrepancy is None else self.discrepancy.summary(),
             "next_experiment": self.next_experiment.summary(),
             "time_steps": self.time_steps.summary(),
             "seconds": self.seconds,

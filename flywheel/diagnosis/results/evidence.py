@@ -10,8 +10,7 @@ import numpy as np
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.score_test import ScoreTest
-from flywheel.diagnosis.selection.step import Step
+from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.records import Floats
 
 RIVALS = 8  # candidates in the table of who is like whom
@@ -37,7 +36,7 @@ class Evidence:
 
     Attributes:
       points, cables: names of the tracked points, and of the cables.
-      log, first: (K,) recording and step at which each window begins.
+      recording, first: (K,) recording and step at which each window begins.
       dt: [s].
       sigma: noise [m].
       measured, before, after: (K, T + 1, P, 3) [m].
@@ -50,7 +49,7 @@ class Evidence:
 
     points: tuple[str, ...]
     cables: tuple[str, ...]
-    log: np.ndarray
+    recording: np.ndarray
     first: np.ndarray
     dt: float
     sigma: float
@@ -65,15 +64,15 @@ class Evidence:
     band: float
 
     @classmethod
-    def of(cls, fitter: Fitter, steps: Sequence[Step]) -> Evidence:
-        """Of the steps of a selection."""
+    def of(cls, fitter: Fitter, models: Sequence[ScoredModel]) -> Evidence:
+        """Collect it from the models of a search."""
         windows = fitter.windows
-        first, last = steps[0].fit, steps[-1].fit
-        rivals, likeness = _likeness(steps[0])
+        first, last = models[0].fit, models[-1].fit
+        rivals, likeness = _likeness(models[0])
         return cls(
             points=tuple(point.name for point in windows.robot.points),
             cables=tuple(cable.name for cable in windows.robot.cables),
-            log=windows.log,
+            recording=windows.recording,
             first=windows.first,
             dt=windows.dt,
             sigma=windows.sigma,
@@ -81,8 +80,8 @@ class Evidence:
             before=first.points,
             after=last.points,
             ladder=tuple(
-                Rung(_label(windows, steps, i), fitter.rms(step.fit))
-                for i, step in enumerate(steps)
+                Rung(_label(windows, models, i), fitter.rms(model.fit))
+                for i, model in enumerate(models)
             ),
             rivals=rivals,
             likeness=likeness,
@@ -98,20 +97,20 @@ class Evidence:
         return np.nanmean(np.where(np.isfinite(off), off, np.nan), axis=(1, 3))
 
 
-def _label(windows: Windows, steps: Sequence[Step], index: int) -> str:
+def _label(windows: Windows, models: Sequence[ScoredModel], index: int) -> str:
     if index == 0:
         return "as it was"
-    known = {(t.effect.name, t.place) for t in steps[index - 1].fit.terms}
-    added = [t for t in steps[index].fit.terms if (t.effect.name, t.place) not in known]
+    known = {(t.effect.name, t.place) for t in models[index - 1].fit.terms}
+    added = [t for t in models[index].fit.terms if (t.effect.name, t.place) not in known]
     return "+ " + ", ".join(t.label(windows.robot) for t in added)
 
 
-def _likeness(step: Step) -> tuple[tuple[Candidate, ...], Floats]:
+def _likeness(model: ScoredModel) -> tuple[tuple[Candidate, ...], Floats]:
     """The best candidates, and the |cosine| of the directions that they would explain."""
-    test: ScoreTest = step.test
+    test = model.test
     place = {id(c): i for i, c in enumerate(test.candidates)}
     chosen, directions = [], []
-    for score in step.scores[:RIVALS]:
+    for score in model.scores[:RIVALS]:
         columns = test.columns[:, test.slices[place[id(score.candidate)]][score.shape]]
         weights = np.array(score.sizes) if any(score.sizes) else np.ones(columns.shape[1])
         direction = columns @ weights
@@ -126,8 +125,8 @@ def _likeness(step: Step) -> tuple[tuple[Candidate, ...], Floats]:
 
 
 def _autocorrelation(windows: Windows, fit: Fit) -> Floats:
-    """(LAGS,) of the residuals along time, over all windows and coordinates together."""
+    """(LAGS,) autocorrelation of the residuals along time, over all windows and coordinates together."""
     left = fit.residual.reshape(len(windows), windows.steps + 1, -1)
-    power = (left**2).sum()
+    squares = (left**2).sum()
     lags = range(1, min(LAGS, windows.steps) + 1)
-    return np.array([(left[:, lag:] * left[:, :-lag]).sum() / power for lag in lags])
+    return np.array([(left[:, lag:] * left[:, :-lag]).sum() / squares for lag in lags])

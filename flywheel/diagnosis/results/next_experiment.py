@@ -6,14 +6,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from flywheel.diagnosis.equivalence import SAME
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.verdict import Alternative, Verdict
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.probes import PROBES
+from flywheel.diagnosis.selection.misspecification import PROBES
 from flywheel.diagnosis.selection.score_test import Score
 
 SHOWN = 3  # effects whose best experiment is named
+SAME = 0.999  # |cosine| from which two candidates are one
 AGAIN = (
     "Record the same commands once more from the same start: what comes back at the same moment belongs "
     "to the robot, what does not came from outside or happened once."
@@ -51,7 +51,7 @@ class NextExperiment:
         return f"flywheel design {names}" if names else ""
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {"aim": self.aim, "shown_by": self.shown_by, "command": self.command}
 
 
@@ -68,7 +68,7 @@ def next_experiment(
       verdict, answers: what was found.
       ranking: of all candidates on top of the model as it was.
       evidence: who is easily taken for whom.
-      other_law: of `probes`, whose form an answer has that leaves nothing else; "" for none.
+      other_law: a law of no library, whose form an answer has that leaves nothing else; "" for none.
     """
     if verdict is Verdict.NOT_CONVERGED:
         return NextExperiment(REST)

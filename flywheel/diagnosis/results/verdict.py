@@ -1,14 +1,17 @@
-"""The answer of a diagnosis: a word, and effects with their values."""
+"""The answer of a diagnosis: a word, and effects with their values; and what the word follows from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.parameters import BELIEVED
+from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
+from flywheel.diagnosis.selection.misspecification import Misspecification
+from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.settings import JacobianSettings, Limits
 from flywheel.effects import Parameter, Term, place_name
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -58,7 +61,7 @@ class Value:
     in_plant: float
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {
             "value": self.value,
             "low": self.low,
@@ -77,12 +80,14 @@ class Found:
       location: name of the cable or point; "" for the whole robot.
       values: of its parameters.
       term: the same, to be added to a plant.
+      held_back: a value ended as far from what was said of it as that is believed.
     """
 
     effect: str
     location: str
     values: tuple[Value, ...]
     term: Term
+    held_back: bool = False
 
     @property
     def shown(self) -> bool:
@@ -96,15 +101,8 @@ class Found:
         sizes = self.values[: len(self.term.effect.sizes)]
         return max(abs(v.value) / max(v.high - v.low, 1e-300) for v in sizes)
 
-    @property
-    def held_back(self) -> bool:
-        """A value ended as far from what was said of it as that is believed."""
-        # A step that ends at a bound may miss it by a rounding.
-        known = zip(self.term.values, self.term.known, strict=False)
-        return any(abs(value) > 0.999 * BELIEVED * deviation for value, deviation in known)
-
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {
             "effect": self.effect,
             "location": self.location,
@@ -115,15 +113,32 @@ class Found:
 Alternative = tuple[Found, ...]
 
 
-def found(term: Term, deviations: Floats, by_step: Floats, robot: Robot) -> Found:
-    """A term with what is known about its values, as `Uncertainty` has it."""
+def found(
+    term: Term,
+    deviations: Floats,
+    by_step: Floats,
+    robot: Robot,
+    believed: float = JacobianSettings().believed,
+) -> Found:
+    """A term with what is known about its values.
+
+    Args:
+      term: an effect with fitted values.
+      deviations, by_step: of these values, as `Uncertainty` has them.
+      robot: whose effect it is.
+      believed: standard deviations of what was said of a value that it may be off.
+    """
     values = tuple(
         _value(parameter, value, deviation, of_step)
         for parameter, value, deviation, of_step in zip(
             term.effect.parameters, term.values, deviations, by_step, strict=True
         )
     )
-    return Found(term.effect.name, place_name(term.effect, term.place, robot), values, term)
+    # A step that ends at a bound may miss it by a rounding.
+    known = zip(term.values, term.known, strict=False)
+    held_back = any(abs(value) > 0.999 * believed * deviation for value, deviation in known)
+    location = place_name(term.effect, term.place, robot)
+    return Found(term.effect.name, location, values, term, held_back)
 
 
 def _value(parameter: Parameter, fitted: float, deviation: float, by_step: float) -> Value:
@@ -133,3 +148,85 @@ def _value(parameter: Parameter, fitted: float, deviation: float, by_step: float
     return Value(
         parameter.name, float(value), float(max(low, least)), float(high), parameter.unit, fitted
     )
+
+
+def beyond(limits: Limits, own: OwnErrors) -> Limits:
+    """Limits within which a model's own errors are not taken for more."""
+    return replace(
+        limits,
+        threshold=max(limits.threshold, limits.margin * own.score),
+        loud=limits.loud * max(1.0, own.noise),
+        correlated=limits.correlated + max(0.0, own.correlation),
+        outstanding=max(limits.outstanding, own.loudest),
+    )
+
+
+def only_noise(limits: Limits, left: Adequacy) -> bool:
+    """Whether nothing but noise is left."""
+    return (
+        left.noise < limits.loud + limits.sure * left.doubt
+        and left.correlation < limits.correlated
+        and left.loudest < limits.outstanding
+    )
+
+
+def constant(limits: Limits, left: Adequacy) -> bool:
+    """Whether fitted sizes are the same everywhere."""
+    return left.inconstancy < limits.inconstant
+
+
+def imitated(limits: Limits, law: Misspecification) -> bool:
+    """Whether an effect of the answer only imitates a law that is none of the library.
+
+    Which explains by so much more that it would have been seen beside the effect.
+    """
+    return law.gain > limits.threshold
+
+
+def other_form(limits: Limits, law: Misspecification) -> bool:
+    """Whether what was found has another form than the effects of the library.
+
+    An effect that is there leaves something to another law where the plant has it in a slightly
+    other form; but in its place that law would not explain more.
+    """
+    beside = law.score > limits.threshold and law.share > limits.other
+    return imitated(limits, law) or beside
+
+
+def verdict_of(
+    limits: Limits,
+    last: ScoredModel,
+    answer: Alternative,
+    before: Adequacy,
+    after: Adequacy,
+    law: Misspecification,
+) -> Verdict:
+    """The answer in a word, before it is asked whether others explain the recordings as well.
+
+    Args:
+      limits: what counts as seen.
+      last: model of the search.
+      answer: of that; empty if nothing was found.
+      before, after: what the first and the last model leave.
+      law: that explains more than the answer.
+    """
+    if not np.isfinite(last.fit.cost):
+        return Verdict.NOT_CONVERGED
+    enough = only_noise(limits, after) and not other_form(limits, law)
+    if not answer:
+        if enough:
+            smallest = [score.smallest for score in last.scores]
+            blind = all(
+                size > s.candidate.effect.sizes[0].high
+                for size, s in zip(smallest, last.scores, strict=True)
+            )
+            return Verdict.DATA_INSUFFICIENT if blind else Verdict.NOISE_ONLY
+        return Verdict.OUTSIDE_LIBRARY
+    # An effect of which nobody can say that it is there, although it explains much, is not the effect.
+    if not constant(limits, after) or not all(each.shown for each in answer):
+        return Verdict.OUTSIDE_LIBRARY
+    if not enough:
+        explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
+        partial = explained > 0.5 and not imitated(limits, law)
+        return Verdict.PARTIAL if partial else Verdict.OUTSIDE_LIBRARY
+    return Verdict.EFFECT

@@ -6,102 +6,99 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flywheel.diagnosis.fitting.least_squares import Fit
-from flywheel.diagnosis.fitting.stopping import HOPE
-from flywheel.diagnosis.selection.deduplication import places, same_place
-from flywheel.diagnosis.selection.probes import probed
-from flywheel.diagnosis.selection.score_test import Score
-from flywheel.diagnosis.selection.step import Step
-from flywheel.diagnosis.selection.stepwise import SHORTLIST, Selection, without
+from flywheel.diagnosis.selection.candidates import places
+from flywheel.diagnosis.selection.misspecification import probed
+from flywheel.diagnosis.selection.score_test import Score, ScoredModel
+from flywheel.diagnosis.selection.stepwise import Search, added, without
 from flywheel.effects import Term
-
-RIVAL = 0.8  # share of an effect's power from which another is tried in its place
-PATIENCE = 40.0  # `HOPE` for a law: one that is given up too early is an effect wrongly named
 
 
 @dataclass(frozen=True)
-class Exchange:
+class ExchangedModels:
     """What came of a model whose effects were exchanged for others.
 
     Attributes:
-      last: the model, perhaps with better starts.
+      last: the model, perhaps with better initial states.
       others: models that explain the data as well.
-      without: effect that was exchanged, and the model without it.
+      without: each effect that was exchanged, and the model without it.
     """
 
     last: Fit
     others: tuple[Fit, ...]
-    without: tuple[tuple[Term, Step], ...]
+    without: tuple[tuple[Term, ScoredModel], ...]
 
-    def shorter(self, selection: Selection) -> Step | None:
+    def shorter(self, search: Search) -> ScoredModel | None:
         """The model without the least needed effect of several, if that does nearly as well."""
         if len(self.without) < 2:
             return None
-        term, step = min(
-            self.without, key=lambda each: selection.share(self.last, each[1].fit, each[0])
+        term, model = min(
+            self.without, key=lambda each: search.share(self.last, each[1].fit, each[0])
         )
-        return step if selection.share(self.last, step.fit, term) <= 1.0 else None
+        return model if search.share(self.last, model.fit, term) <= 1.0 else None
 
 
-def exchanged(selection: Selection, steps: Sequence[Step], margin: float) -> Exchange:
-    """The last model of a selection, and those that explain the data as well.
+def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> ExchangedModels:
+    """The last model of a search, and those that explain the data as well.
 
     Each of its effects is exchanged for others, and for probes, that scored nearly as well in its place.
-    A model that is better may have found better starts only: the last one is then fitted from them, too.
+    A model that is better may have found better initial states only: the last one is then fitted from them,
+    too.
 
     Args:
-      selection: that made the steps.
-      steps: the last one's model is meant.
+      search: that made the models.
+      models: of the search; the last one is meant.
       margin: difference of the criteria up to which a model is as good.
     """
-    last = steps[-1].fit
+    last = models[-1].fit
     found: list[Fit] = []
-    shorter: list[tuple[Term, Step]] = []
-    for term in selection.new(steps):
-        step = _without(selection, steps, term)
-        shorter.append((term, step))
-        least = RIVAL * max(s.power for s in step.scores if same_place(s, term))
-        for scores in (step.scores, step.probes):
-            near = [s for s in scores if s.power > least and not same_place(s, term)]
-            found += _in_place(selection, last, term, near, margin)
+    shorter: list[tuple[Term, ScoredModel]] = []
+    for term in added(models):
+        model = _without(search, models, term)
+        shorter.append((term, model))
+        least = search.settings.rival * max(s.statistic for s in model.scores if s.proposes(term))
+        for scores in (model.scores, model.probes):
+            near = [s for s in scores if s.statistic > least and not s.proposes(term)]
+            found += _in_place(search, last, term, near, margin)
     for fit in found:
-        if selection.criterion(fit) < selection.criterion(last):
-            last = _from_its_starts(selection, last, fit)
-    return Exchange(last, tuple(found), tuple(shorter))
+        if search.criterion(fit) < search.criterion(last):
+            last = _from_its_initial_states(search, last, fit)
+    return ExchangedModels(last, tuple(found), tuple(shorter))
 
 
-def _without(selection: Selection, steps: Sequence[Step], term: Term) -> Step:
-    """The last model without a term: a step before it, where one was that model already."""
-    *earlier, last = steps
+def _without(search: Search, models: Sequence[ScoredModel], term: Term) -> ScoredModel:
+    """The last model without a term: one before it, where that was this model already."""
+    *earlier, last = models
     left = places(without(last.fit.terms, term))
-    for step in reversed(earlier):
-        if places(step.fit.terms) == left:
-            return step
-    return selection.look(selection.dropped(last.fit, term))
+    for model in reversed(earlier):
+        if places(model.fit.terms) == left:
+            return model
+    return search.score_all(search.dropped(last.fit, term))
 
 
 def _in_place(
-    selection: Selection, last: Fit, term: Term, scores: Sequence[Score], margin: float
+    search: Search, last: Fit, term: Term, scores: Sequence[Score], margin: float
 ) -> list[Fit]:
     """Models with a candidate in the place of a term that are as good."""
-    others, limit = without(last.terms, term), selection.criterion(last) + margin
+    others, limit = without(last.terms, term), search.criterion(last) + margin
     found: list[Fit] = []
     known = [(last, term)]
     for score in scores:
-        if len(found) >= SHORTLIST:
+        if len(found) >= search.settings.shortlist:
             break
-        twins = (_twin(selection, fit, its, score) for fit, its in known)
+        twins = (_twin(search, fit, its, score) for fit, its in known)
         fit = next((twin for twin in twins if twin is not None), None)
         if fit is None:
             terms = (*others, score.candidate.term(score.sizes, score.shape))
-            begun = selection.fitter.under(last, terms)
-            fit = selection.pursued(begun, limit, PATIENCE if probed(terms) else HOPE)
+            begun = search.fitter.with_terms(last, terms)
+            hope = search.settings.hope_of_law if probed(terms) else None
+            fit = search.fit_until(begun, limit, hope)
             known.append((fit, fit.terms[-1]))
-        if selection.criterion(fit) < limit:
+        if search.criterion(fit) < limit:
             found.append(fit)
     return found
 
 
-def _twin(selection: Selection, fit: Fit, term: Term, score: Score) -> Fit | None:
+def _twin(search: Search, fit: Fit, term: Term, score: Score) -> Fit | None:
     """The model with a candidate in the place of a term, and its values, if that predicts the same.
 
     Two fits of one model differ by more than a margin may be; twins need none.
@@ -110,11 +107,11 @@ def _twin(selection: Selection, fit: Fit, term: Term, score: Score) -> Fit | Non
     if len(effect.parameters) != len(term.values) or not score.candidate.allows(term.values):
         return None
     terms = (*without(fit.terms, term), Term(effect, place, term.values))
-    twin = selection.fitter.under(fit, terms)
+    twin = search.fitter.with_terms(fit, terms)
     return twin if abs(twin.cost - fit.cost) < 1e-6 * fit.cost else None
 
 
-def _from_its_starts(selection: Selection, fit: Fit, other: Fit) -> Fit:
-    """A fit, where another model's starts suit its windows better, begun from those."""
-    begun = selection.fitter.under(other, fit.terms)
-    return selection.combined(fit, selection.pursued(begun, selection.criterion(fit)))
+def _from_its_initial_states(search: Search, fit: Fit, other: Fit) -> Fit:
+    """A fit, where another model's initial states suit its windows better, begun from those."""
+    begun = search.fitter.with_terms(other, fit.terms)
+    return search.combined(fit, search.fit_until(begun, search.criterion(fit)))

@@ -8,7 +8,9 @@ from itertools import product
 
 import numpy as np
 
-from flywheel.effects import Effect, Scales, Term, place_name
+from flywheel.effects import NAMED, Effect, Scales, Term, Terms, place_name
+from flywheel.errors import DataError
+from flywheel.registry import lookup
 from flywheel.robots import Robot
 
 AT = "@"  # between an effect and its place, where people name them
@@ -19,8 +21,9 @@ class Candidate:
     """One effect at one place.
 
     Attributes:
-      effect, place: see `Term`.
-      typical: of every size.
+      effect: what.
+      place: index of the cable or point; None for the whole robot.
+      typical: value of every size that is usual.
       shapes: alternatives for the values of its shapes; one empty tuple where it has none.
       location: name of the place; "" for the whole robot.
     """
@@ -77,3 +80,38 @@ def candidates(robot: Robot, library: Mapping[str, Effect]) -> tuple[Candidate, 
             location = place_name(effect, place, robot)
             found.append(Candidate(effect, place, typical, shapes, location))
     return tuple(found)
+
+
+def places(terms: Terms) -> set[tuple[str, int | None]]:
+    """Which effects terms are of, and where."""
+    return {(term.effect.name, term.place) for term in terms}
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that may be the one, at a place or at any.
+
+    Attributes:
+      name: as it was asked for.
+      candidates: the effect at each place that it may be at.
+    """
+
+    name: str
+    candidates: tuple[Candidate, ...]
+
+    @classmethod
+    def named(cls, name: str, robot: Robot, library: Mapping[str, Effect] = NAMED) -> Rival:
+        """From "effect", at any place, or "effect@place", at one.
+
+        Raises:
+          UnknownNameError: no such effect or place.
+          DataError: a place for an effect that has none.
+        """
+        effect, at, place = name.partition(AT)
+        found = candidates(robot, {effect: lookup(library, effect, "effect")})
+        if not at:
+            return cls(name, found)
+        at_places = {candidate.location: candidate for candidate in found if candidate.location}
+        if not at_places:
+            raise DataError(f"{effect} is of the whole robot: name it without {AT}{place}.")
+        return cls(name, (lookup(at_places, place, f"place of {effect}"),))

@@ -1,22 +1,105 @@
-"""Whether an answer has the right form: what laws of no library explain beside it, or in its place."""
+"""Whether an answer has the right form: laws that no effect of the library has, as questions.
+
+A cable whose damping grows with the square of its speed is well imitated by one that is damped in
+proportion to it: hardly anything is left, and the fit looks right. Asked directly for what the square would
+explain besides, the data say so. A probe is such a law: it is scored like a candidate, and never an answer.
+One that explains much beside the answer, or more in its place, means that the answer has the wrong form.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit
-from flywheel.diagnosis.selection.probes import probed
-from flywheel.diagnosis.selection.step import Step
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.score_test import Score
+from flywheel.effects import CommandEffect, Effect, Parameter, TensionEffect, Terms
+from flywheel.effects.effect import Cables, Memory, Values
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+
+class FasterDamping(TensionEffect):
+    """Damping in proportion to the square of the speed, as in a fluid."""
+
+    name = "damping_by_speed_squared"
+    sizes = (
+        Parameter(
+            "damping", "N s^2/m^2", lambda s: 2.0 * s.weight * (s.time / s.length) ** 2, low=-20.0
+        ),
+    )
+    equation = "dT = c |V| V"
+    source = "drag"
+    shown_by = "fast strokes of all winches"
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        return values["damping"] * np.abs(cables.speed) * cables.speed, memory
+
+
+class StretchedDamping(TensionEffect):
+    """Damping in proportion to the tension."""
+
+    name = "damping_by_tension"
+    sizes = (Parameter("time", "s", lambda s: 0.02 * s.time, low=-20.0),)
+    equation = "dT = a T V / l0"
+    source = "first order in tension and speed"
+    shown_by = "fast strokes at high and low pretension"
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        return values["time"] * cables.elastic * cables.speed / cables.rest, memory
+
+
+class Tiring(TensionEffect):
+    """Cables that lose stiffness, or gain some, while a recording runs. The memory is the time."""
+
+    name = "stiffness_in_time"
+    sizes = (Parameter("rate", "1/s", lambda s: 0.02 / s.time, low=-20.0),)
+    equation = "dT = -a t T"
+    source = "first order in time"
+    shown_by = "the same motion early and late in a recording"
+    remembers = True
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        return -values["rate"] * memory * cables.elastic, memory + cables.dt
+
+
+class UnevenGain(CommandEffect):
+    """Winches whose rate is no straight line of what they are told."""
+
+    name = "gain_by_rate"
+    stage = 2
+    sizes = (Parameter("share", "-", lambda s: 0.1, low=-5.0, high=5.0),)
+    equation = "r -> (1 + g |r| / r_max) r"
+    source = "second order in the command"
+    shown_by = "strokes at different rates"
+
+    def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
+        full = np.maximum(np.abs(robot.control_low), np.abs(robot.control_high))
+        more = values["share"][:, None] * np.abs(controls) / full
+        return controls * (1.0 + more * robot.rate_driven)
+
+
+PROBES: dict[str, Effect] = {
+    probe.name: probe for probe in (FasterDamping(), StretchedDamping(), Tiring(), UnevenGain())
+}
+
+
+def is_probe(effect: Effect) -> bool:
+    """Whether it is a question, and not one of the library's effects."""
+    return effect in PROBES.values()
+
+
+def probed(terms: Terms) -> Terms:
+    """Those of them that are probes."""
+    return tuple(term for term in terms if is_probe(term.effect))
 
 
 @dataclass(frozen=True)
-class OtherLaw:
-    """What laws of `probes` explain that an answer does not.
+class Misspecification:
+    """What probes explain that an answer does not.
 
     Attributes:
       name: of the law that explains the most beside it; "" for none.
@@ -34,7 +117,7 @@ class OtherLaw:
     gain: float = -np.inf
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         gain = self.gain if self.instead else None
         return {
             "law": self.name,
@@ -45,25 +128,32 @@ class OtherLaw:
         }
 
 
-NONE = OtherLaw()
+NONE = Misspecification()
 
 
-def other_law(
-    selection: Selection, first: Step, last: Step, instead: Sequence[Fit] = ()
-) -> OtherLaw:
-    """What laws explain that the last step of a selection, which began with the first, does not.
+def misspecification(
+    first: Fit,
+    last: Fit,
+    probes: Sequence[Score],
+    instead: Sequence[Fit],
+    criterion: Callable[[Fit], float],
+) -> Misspecification:
+    """What laws explain that the last model of a search does not.
 
     Args:
-      instead: models with a law in the place of an effect of the last step.
+      first, last: the models that the search began and ended with.
+      probes: scores on top of the last one.
+      instead: models with a law in the place of an effect of the last one.
+      criterion: of a model, the less the better.
     """
-    if not last.probes:
+    if not probes:
         return NONE
-    best = max(last.probes, key=lambda score: score.power)
-    explained = max(0.0, first.fit.cost - last.fit.cost)
-    share = best.power / max(explained + best.power, 1e-9)
-    law = OtherLaw(best.candidate.effect.name, best.score, share)
+    best = max(probes, key=lambda score: score.statistic)
+    explained = max(0.0, first.cost - last.cost)
+    share = best.statistic / max(explained + best.statistic, 1e-9)
+    law = Misspecification(best.candidate.effect.name, best.score, share)
     if not instead:
         return law
-    better = min(instead, key=selection.criterion)
-    gain = selection.criterion(last.fit) - selection.criterion(better)
+    better = min(instead, key=criterion)
+    gain = criterion(last) - criterion(better)
     return replace(law, instead=probed(better.terms)[0].effect.name, gain=gain)

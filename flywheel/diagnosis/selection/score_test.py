@@ -1,27 +1,30 @@
 """The projected score test: which effect explains what the fitted model cannot.
 
-Everything that is unknown and of no interest (the windows' starts, the winches' offsets, effects that
-are already in the model) is projected out of residuals and sensitivities alike. What is left of an
-effect's sensitivity, g, and of the residual, r, gives its size, its score and what the data could show
-at all, without a refit: Lagrange-multiplier test (Rao 1948), in the linearisation of the fit.
+Everything that is unknown and of no interest (initial states, the winches' offsets, effects that are already
+in the model) is projected out of residuals and sensitivities alike. What is left of an effect's sensitivity,
+g, and of the residual, r, gives its size (g'r / g'g), its Lagrange-multiplier statistic ((g'r)^2 / g'g) and
+what the data could show at all, without a refit (Rao 1948), in the linearisation of the fit.
+
+Two effects are scored together, too: what explains nothing alone may do so beside another.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.jacobian_cache import Linear
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.selection.candidates import Candidate
+from flywheel.diagnosis.settings import PairSettings, ScoreSettings
+from flywheel.effects import Term, Terms
 from flywheel.records import Floats
 
-# A sensitivity is the change that a typical size makes. Where that is large, in some window [sigma], the
-# change that a share of it makes may be a better promise: where a robot rolls, it soon rolls elsewhere.
-LARGE, SHARE = 1.0, 0.1
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
+CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes are stated
+SURE = 1.645  # standard deviations by which its root is exceeded in 95 of 100 recordings
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class Projection:
     """Takes out of vectors what the nuisances can explain.
 
     Attributes:
-      bases: (K, D + X, X) orthonormal, of the starts with their priors.
+      bases: (K, D + X, X) orthonormal, of the local parameters with their priors.
       shared: (K, D + X, S) orthonormal over all windows together, of what windows share.
       weights: (K,) of the windows, at most 1; what one bad window says counts less.
     """
@@ -40,18 +43,18 @@ class Projection:
 
     @classmethod
     def of(
-        cls, fitter: Fitter, linear: Linear, sizes: Floats | None, weights: Floats
+        cls, fitter: Fitter, jacobian: Jacobian, by_value: Floats | None, weights: Floats
     ) -> Projection:
-        """The nuisances of a fit: starts, offsets, and the sizes (K, D, n) already in the model."""
-        count, _, entries = linear.by_start.shape
+        """Take out initial states, offsets, and (K, D, n) the values already in the model."""
+        count, _, entries = jacobian.by_local.shape
         root = weights[:, None, None]
-        prior = np.broadcast_to(np.diag(1.0 / fitter.prior), (count, entries, entries))
-        bases = np.linalg.qr(np.concatenate([linear.by_start * root, prior], axis=1))[0]
-        shared = fitter.shared(linear, None) * root
-        if sizes is not None:
-            shared = np.concatenate([shared, sizes * root], axis=2)
+        prior = np.broadcast_to(np.diag(1.0 / fitter.local_prior), (count, entries, entries))
+        bases = np.linalg.qr(np.concatenate([jacobian.by_local * root, prior], axis=1))[0]
+        shared = fitter.by_shared(jacobian, None) * root
+        if by_value is not None:
+            shared = np.concatenate([shared, by_value * root], axis=2)
         partial = cls(bases, np.zeros((*bases.shape[:2], 0)), weights)
-        left = partial._without_starts(partial._padded(shared))
+        left = partial._without_local(partial._padded(shared))
         flat = left.reshape(-1, left.shape[2])
         norms = np.linalg.norm(flat, axis=0)
         flat = flat[:, norms > DEAD] / norms[norms > DEAD]
@@ -61,20 +64,20 @@ class Projection:
 
     def __call__(self, vectors: Floats) -> Floats:
         """(K (D + X), n) what is left of vectors (K, D, n)."""
-        left = self.of_starts(vectors)
+        left = self.without_local(vectors)
         left = left.reshape(-1, left.shape[2])
         shared = self.shared.reshape(len(left), -1)
         return left - shared @ (shared.T @ left)
 
-    def of_starts(self, vectors: Floats) -> Floats:
-        """(K, D + X, n) what the windows' starts leave of vectors (K, D, n)."""
-        return self._without_starts(self._padded(vectors * self.weights[:, None, None]))
+    def without_local(self, vectors: Floats) -> Floats:
+        """(K, D + X, n) what the local parameters leave of vectors (K, D, n)."""
+        return self._without_local(self._padded(vectors * self.weights[:, None, None]))
 
     def _padded(self, vectors: Floats) -> Floats:
         missing = self.bases.shape[1] - vectors.shape[1]
         return np.pad(vectors, ((0, 0), (0, missing), (0, 0)))
 
-    def _without_starts(self, vectors: Floats) -> Floats:
+    def _without_local(self, vectors: Floats) -> Floats:
         return vectors - self.bases @ (self.bases.swapaxes(1, 2) @ vectors)
 
 
@@ -85,8 +88,9 @@ class Score:
     Attributes:
       candidate: which.
       shape: index of its best shape.
-      power: S, fall of the squared residuals in the linearisation [sigma^2].
-      score: S per size and per noise, to compare with `Threshold`.
+      statistic: Lagrange-multiplier (LM) statistic: fall of the squared residuals in the linearisation
+        [sigma^2].
+      score: the statistic per size and per noise, to compare with `Limits.threshold`.
       sizes: one-step estimates, in multiples of the typical sizes.
       errors: their standard deviations.
       smallest: size that these data would have shown (95 %), in multiples of the typical one.
@@ -94,11 +98,16 @@ class Score:
 
     candidate: Candidate
     shape: int
-    power: float
+    statistic: float
     score: float
     sizes: tuple[float, ...]
     errors: tuple[float, ...]
     smallest: float
+
+    def proposes(self, term: Term) -> bool:
+        """Whether it is of the effect of a term, at its place."""
+        candidate = self.candidate
+        return candidate.effect.name == term.effect.name and candidate.place == term.place
 
 
 @dataclass(frozen=True)
@@ -109,7 +118,8 @@ class ScoreTest:
       candidates: that were tested.
       residual: (N,).
       columns: (N, n) of every size of every shape of every candidate, in `unit_terms` order.
-      shorter: (n,) bool, those that are what a share of a typical size changes.
+      shorter: (n,) bool, those that are what a part of a typical size changes.
+      part: of a typical size that these are the secants of.
       slices: candidate -> shape -> its columns.
       noise: variance of the residual per degree of freedom.
       freedom: degrees of freedom of the residual.
@@ -122,6 +132,7 @@ class ScoreTest:
     residual: Floats
     columns: Floats
     shorter: np.ndarray
+    part: float
     slices: tuple[tuple[slice, ...], ...]
     noise: float
     freedom: float
@@ -130,36 +141,71 @@ class ScoreTest:
     left: Floats
 
     def scores(self, residual: Floats | None = None) -> list[Score]:
-        """Of every candidate, in order; of another residual if one is given."""
+        """The score of every candidate, in order; for another residual if one is given."""
         r = self.residual if residual is None else residual
-        gram, pull = self.columns.T @ self.columns, self.columns.T @ r
+        gram, right = self.columns.T @ self.columns, self.columns.T @ r
         return [
-            self._score(index, candidate, gram, pull)
+            self._score(index, candidate, gram, right)
             for index, candidate in enumerate(self.candidates)
         ]
 
-    def _score(self, index: int, candidate: Candidate, gram: Floats, pull: Floats) -> Score:
+    def _score(self, index: int, candidate: Candidate, gram: Floats, right: Floats) -> Score:
         tried = []
         for shape, columns in enumerate(self.slices[index]):
-            a, b = gram[columns, columns], pull[columns]
-            sizes, power = _solved(a, b, candidate)
-            tried.append((power, shape, sizes, a))
-        power, shape, sizes, a = max(tried, key=lambda each: each[0])
+            a, b = gram[columns, columns], right[columns]
+            sizes, statistic = _solved(a, b, candidate)
+            tried.append((statistic, shape, sizes, a))
+        statistic, shape, sizes, a = max(tried, key=lambda each: each[0])
         inverse = np.linalg.pinv(a)
         noise = max(self.noise, 1.0)
         return Score(
             candidate,
             shape,
-            power,
-            power / len(sizes) / noise,
+            statistic,
+            statistic / len(sizes) / noise,
             tuple(sizes),
             tuple(np.sqrt(noise * np.diag(inverse).clip(min=0.0))),  # below by rounding only
             smallest_shown(a, noise),
         )
 
 
-CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes are stated
-SURE = 1.645  # standard deviations by which its root is exceeded in 95 of 100 recordings
+@dataclass(frozen=True)
+class ScoredModel:
+    """A fitted model, and the score of every candidate on top of it.
+
+    Attributes:
+      fit: the model.
+      jacobian: around it.
+      by_value: (K, D, n) its sensitivities to its values; None without any.
+      test: of every candidate and every probe.
+      scores: of every candidate, best first.
+      probes: of every probe; see `misspecification`.
+    """
+
+    fit: Fit
+    jacobian: Jacobian
+    by_value: Floats | None
+    test: ScoreTest
+    scores: tuple[Score, ...]
+    probes: tuple[Score, ...]
+
+    @property
+    def beyond_noise(self) -> float:
+        """Squares that the model leaves beyond noise [sigma^2]; may be a little below zero."""
+        return (self.test.noise - 1.0) * self.test.freedom
+
+    @property
+    def left(self) -> float:
+        """The same by what the fit costs in fact, which may be more where it is stuck [sigma^2]."""
+        return self.fit.cost - self.test.freedom
+
+    def promises(self, share: float, by_chance: float) -> bool:
+        """Whether some candidate promises to explain a share of what is left beyond noise.
+
+        And more than other initial states of a fit that is stuck may explain: a share `by_chance`.
+        """
+        best = max(score.statistic for score in self.scores)
+        return best >= max(share * self.beyond_noise, by_chance * self.left)
 
 
 def smallest_shown(gram: Floats, noise: float = 1.0) -> float:
@@ -197,10 +243,10 @@ def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
     return sizes, float(b @ sizes)
 
 
-def secants(fitter: Fitter, fit: Fit, chosen: Sequence[Candidate], share: float = 1.0) -> Floats:
-    """(K, D, n) what that share of every typical size of every shape changes, per typical size."""
-    terms = [(*fit.terms, term) for c in chosen for term in c.unit_terms(share)]
-    return fitter.columns(fit, terms) / share
+def secants(fitter: Fitter, fit: Fit, chosen: Sequence[Candidate], part: float = 1.0) -> Floats:
+    """(K, D, n) what that part of every typical size of every shape changes, per typical size."""
+    terms = [(*fit.terms, term) for c in chosen for term in c.unit_terms(part)]
+    return fitter.columns(fit, terms) / part
 
 
 def sensitivities(
@@ -209,6 +255,7 @@ def sensitivities(
     library: Sequence[Candidate],
     projection: Projection,
     residual: Floats,
+    settings: ScoreSettings = ScoreSettings(),
 ) -> tuple[Floats, np.ndarray]:
     """(N, n) with every size of every shape, projected: of two secants the one that promises more.
 
@@ -217,11 +264,13 @@ def sensitivities(
     raw, slices = secants(fitter, fit, library), slices_of(library)
     change = np.sqrt(fitter.windows.mean_square(raw)).max(axis=0)
     found, taken = projection(raw), np.zeros(raw.shape[2], bool)
-    large = [i for i, own in enumerate(slices) if any(change[s].max() > LARGE for s in own)]
+    large = [
+        i for i, own in enumerate(slices) if any(change[s].max() > settings.large for s in own)
+    ]
     if not large:
         return found, taken
     again = [library[i] for i in large]
-    shorter = projection(secants(fitter, fit, again, SHARE))
+    shorter = projection(secants(fitter, fit, again, settings.part))
     for candidate, whole, part in zip(
         again, (slices[i] for i in large), slices_of(again), strict=True
     ):
@@ -243,7 +292,8 @@ def score_test(
     fit: Fit,
     library: Sequence[Candidate],
     known: Floats | None = None,
-    linear: Linear | None = None,
+    jacobian: Jacobian | None = None,
+    settings: ScoreSettings = ScoreSettings(),
 ) -> ScoreTest:
     """Test candidates on top of a fit.
 
@@ -251,33 +301,78 @@ def score_test(
       fitter, fit: the model so far.
       library: candidates.
       known: (K, D, n) sensitivities of sizes that were fitted, to be projected out.
-      linear: of the fit, where it is at hand.
+      jacobian: of the fit, where it is at hand.
+      settings: tuned numbers.
     """
-    linear = linear or fitter.linear(fit)
+    jacobian = jacobian or fitter.jacobian(fit)
     mean = fitter.mean_squares(fit)
-    entries = linear.by_start.shape[2]
-    # Windows that saw less than their starts have unknowns fit however wrong the model is.
+    entries = jacobian.by_local.shape[2]
+    # Windows that saw less than they have local parameters fit however wrong the model is.
     tells = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3)) > entries
     usual = max(
         float(np.median(mean[tells] if tells.any() else mean)), 1e-9
     )  # 0 where all diverged
     weights = 1.0 / np.sqrt(np.maximum(1.0, mean / usual))
-    projection = Projection.of(fitter, linear, known, weights)
-    whole = Projection.of(fitter, linear, known, np.ones(len(mean)))
+    projection = Projection.of(fitter, jacobian, known, weights)
+    whole = Projection.of(fitter, jacobian, known, np.ones(len(mean)))
     residual = projection(fit.residual[..., None])[:, 0]
     measured = int(np.isfinite(fitter.windows.measured).sum())
     freedom = float(measured - len(mean) * entries - projection.shared.shape[2])
     noise = float(residual @ residual) / max(freedom, 1.0)
-    columns, shorter = sensitivities(fitter, fit, library, projection, residual)
+    columns, shorter = sensitivities(fitter, fit, library, projection, residual, settings)
     return ScoreTest(
-        tuple(library),
-        residual,
-        columns,
-        shorter,
-        slices_of(library),
-        noise,
-        freedom,
-        projection,
-        whole,
-        whole(fit.residual[..., None])[:, 0],
+        candidates=tuple(library),
+        residual=residual,
+        columns=columns,
+        shorter=shorter,
+        part=settings.part,
+        slices=slices_of(library),
+        noise=noise,
+        freedom=freedom,
+        projection=projection,
+        whole=whole,
+        left=whole(fit.residual[..., None])[:, 0],
     )
+
+
+def promising_pairs(
+    test: ScoreTest,
+    scores: Sequence[Score],
+    threshold: float,
+    settings: PairSettings = PairSettings(),
+) -> list[Terms]:
+    """Pairs that promise to explain clearly more than the best candidate alone, the best first.
+
+    Args:
+      scores: of the test's candidates, best first.
+      threshold: score from which an effect counts as seen, which the second one has to add.
+      settings: tuned numbers.
+    """
+    gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
+    index = {score.candidate: i for i, score in enumerate(test.scores())}
+    found = []
+    for pair in combinations(scores[: settings.among], 2):
+        columns = [
+            np.arange(test.columns.shape[1])[test.slices[index[s.candidate]][s.shape]] for s in pair
+        ]
+        both = np.concatenate(columns)
+        a, b = gram[np.ix_(both, both)], right[both]
+        if np.linalg.cond(a) > settings.singular:
+            continue
+        sizes = np.linalg.solve(a, b)
+        parts = np.split(sizes, [len(columns[0])])
+        if not all(_allowed(s, part) for s, part in zip(pair, parts, strict=True)):
+            continue
+        terms = tuple(
+            s.candidate.term(tuple(part), s.shape) for s, part in zip(pair, parts, strict=True)
+        )
+        found.append((float(b @ sizes), terms))
+    found.sort(key=lambda each: -each[0])
+    least = settings.more * scores[0].statistic + threshold
+    return [terms for statistic, terms in found[: settings.count] if statistic > least]
+
+
+def _allowed(score: Score, sizes: Floats) -> bool:
+    """Sizes that cannot be negative are not."""
+    parameters = score.candidate.effect.sizes
+    return all(s >= 0 or not p.one_sided for s, p in zip(sizes, parameters, strict=True))

@@ -1,8 +1,8 @@
-"""Effects as seen from the first estimates of all starts, where a wrong model has led fitted ones astray.
+"""Screening of candidates at the first estimates of all initial states.
 
-Starts that are fitted under a wrong model make up for what it lacks. Where that is much, and where
-contacts make motions turn, what an effect changes around such starts may say nothing of what it would
-explain, not even its sign. First estimates come from the measurements alone: noisy, but not misled.
+Initial states that are fitted under a wrong model make up for what it lacks. Where that is much, and where
+contacts make motions turn, what an effect changes around them may say nothing of what it would explain, not
+even its sign. First estimates come from the measurements alone: noisy, but not misled.
 """
 
 from __future__ import annotations
@@ -13,65 +13,65 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
-from flywheel.diagnosis.fitting.stopping import worth_a_round
-from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.deduplication import places
-from flywheel.diagnosis.selection.score_test import Score
-from flywheel.diagnosis.selection.step import Step
+from flywheel.diagnosis.selection.candidates import Candidate, places
+from flywheel.diagnosis.selection.score_test import Score, ScoredModel
+from flywheel.diagnosis.settings import ScreeningSettings
 from flywheel.effects import Term, Terms
 
-SIZES = (-2.0, -1.0, 1.0, 2.0)  # that are tried, in multiples of the typical one
-# Of what a fit leaves, that some score must promise to be believed; of what first estimates leave, that an
-# effect must explain there.
-BELIEVED, MOSTLY = 0.5, 0.5
 
-
-def at_first_sight(
-    fitter: Fitter, step: Step, library: Sequence[Candidate], known: Sequence[Score]
+def screened(
+    fitter: Fitter,
+    model: ScoredModel,
+    library: Sequence[Candidate],
+    known: Sequence[Score],
+    settings: ScreeningSettings = ScreeningSettings(),
 ) -> list[Terms]:
-    """A further effect that explains most of what the model leaves at the first estimates; none mostly.
+    """A further effect that explains most of what the model leaves at the first estimates; mostly none.
 
-    It is only asked where a model is clearly wrong, and no score promises to explain much of it; and not of
-    a network, which begins with what it saw.
+    It is only asked where a model is clearly wrong, and no score promises to explain much of it; and not
+    where a model begins with what was measured.
 
     Args:
-      fitter, step: the model.
+      fitter: of the model.
+      model: so far.
       library: what may be added.
-      known: what is refitted anyway.
+      known: what is fitted anyway.
+      settings: tuned numbers.
     """
-    believed = max(score.power for score in step.scores) > BELIEVED * step.left
-    wrong = isinstance(fitter, StartFitter) and worth_a_round(fitter, step.fit) > 0.0
-    had = places(step.fit.terms)
+    believed = max(score.statistic for score in model.scores) > settings.believed * model.left
+    wrong = fitter.starts_are_free and fitter.worthwhile(model.fit) > 0.0
+    had = places(model.fit.terms)
     further = [each for each in library if (each.effect.name, each.place) not in had]
     if believed or not wrong or not further:
         return []
-    begun = fitter.beginning(as_said(step.fit.terms))  # what was fitted was misled, too
-    best = [(*_best(fitter, begun, candidate), candidate) for candidate in further]
+    begun = fitter.first_estimate(as_said(model.fit.terms))  # what was fitted was misled, too
+    best = [(*_best(fitter, begun, each, settings.sizes), each) for each in further]
     cost, term, candidate = min(best, key=lambda each: each[0])
-    explained = begun.cost - cost > MOSTLY * (begun.cost - step.test.freedom)
+    explained = begun.cost - cost > settings.explained * (begun.cost - model.test.freedom)
     if not explained or any(_same_way(score, candidate, term) for score in known):
         return []
     return [(term,)]
 
 
-def _best(fitter: Fitter, begun: Fit, candidate: Candidate) -> tuple[float, Term]:
+def _best(
+    fitter: Fitter, begun: Fit, candidate: Candidate, sizes: Sequence[float]
+) -> tuple[float, Term]:
     """What the windows' residuals cost with the best of its terms, without any fit."""
-    terms = list(dict.fromkeys(_terms(candidate)))  # bounded sizes are the same ones
+    terms = list(dict.fromkeys(_terms(candidate, sizes)))  # bounded sizes are the same ones
     points = fitter.predictions(begun, [(*begun.terms, term) for term in terms])
     costs = np.array([(fitter.windows.residual(each) ** 2).sum() for each in points])
     costs = np.where(np.isfinite(points).all(axis=(1, 2, 3, 4)), costs, np.inf)
     return float(costs.min()), terms[int(costs.argmin())]
 
 
-def _terms(candidate: Candidate) -> list[Term]:
+def _terms(candidate: Candidate, sizes: Sequence[float]) -> list[Term]:
     """Each size alone, with each shape, as far as it can have it."""
     two_sided = np.tile(
         [not size.one_sided for size in candidate.effect.sizes], len(candidate.shapes)
     )
     return [
         term
-        for size in SIZES
+        for size in sizes
         for term, both in zip(candidate.unit_terms(size), two_sided, strict=True)
         if both or size > 0
     ]

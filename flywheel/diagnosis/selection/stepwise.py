@@ -1,217 +1,70 @@
-"""Which effects, together: forward by score, with joint refits, pairs, and a look back."""
+"""Stepwise selection of effects: forward by score, with joint refits, pairs, and a look back."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.jacobian_cache import Held
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.multistart import begun_elsewhere
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
+from flywheel.diagnosis.fitting.multistart import restarted
 from flywheel.diagnosis.fitting.nuisance import as_said, asked
-from flywheel.diagnosis.fitting.parameters import free_values
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
-from flywheel.diagnosis.fitting.stopping import HOPE, ROUNDS, hopeless, worth_a_round
-from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.deduplication import different, places
-from flywheel.diagnosis.selection.pairs import promising_pairs
-from flywheel.diagnosis.selection.score_test import Score, score_test
-from flywheel.diagnosis.selection.screening import at_first_sight
-from flywheel.diagnosis.selection.step import Step
-from flywheel.effects import Scales, Term, Terms
-from flywheel.records import Floats
+from flywheel.diagnosis.fitting.stopping import out_of_reach
+from flywheel.diagnosis.selection.candidates import Candidate, places
+from flywheel.diagnosis.selection.score_test import Score, ScoredModel, promising_pairs, score_test
+from flywheel.diagnosis.selection.screening import screened
+from flywheel.diagnosis.settings import SelectionSettings
+from flywheel.effects import Term, Terms
 
-SHORTLIST = 4  # candidates that are refitted in each turn
-SHARE = 0.5  # of the best candidate's power that one needs to be refitted
-PER_FAMILY = 2  # places of one effect on the short list
-TURNS = 6  # of the selection, at most
-MOST = 3  # effects found together
-# Of what an answer leaves beyond noise, that another effect must promise to explain; and the last one that
-# may be added, without which the answer is not the whole one anyway.
-SLIGHT, MOSTLY = 0.2, 0.4
-TOLERATED_BY_NOTHING = 0.05  # `TOLERATED` of time steps, before nothing is said to be there
-LAST_HOPE = 1.0  # `HOPE`, where it is about the last effect that may be added
-SLIGHT_FALL = 5.0  # of the cost in a round, by which no race is decided [sigma^2]
+SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
 
-class Selection:
-    """Adds effects to a fitted model until none explains any more.
+@dataclass(frozen=True)
+class Search:
+    """The state of a search for effects that a model lacks.
 
-    Args:
-      fitter: of the windows; its time steps may become shorter as effects are found.
+    Attributes:
+      fitter: of the windows; a later state may have one with shorter time steps.
       library: what may be added.
       threshold: score from which an effect counts as seen.
+      settings: tuned numbers.
       progress: told what has been done.
-      probes: laws that are tested like candidates, and never added.
+      probes: laws that are scored like candidates, and never added.
     """
 
-    def __init__(
-        self,
-        fitter: Fitter,
-        library: Sequence[Candidate],
-        threshold: float,
-        progress: Callable[[str], None] = lambda note: None,
-        probes: Sequence[Candidate] = (),
-    ) -> None:
-        self.fitter, self.library, self.threshold = fitter, tuple(library), threshold
-        self.probes = tuple(probes)
-        self.progress = progress
-        self.scales = Scales.of(fitter.windows.robot)
+    fitter: Fitter
+    library: tuple[Candidate, ...]
+    threshold: float
+    settings: SelectionSettings = SelectionSettings()
+    progress: Callable[[str], None] = lambda note: None
+    probes: tuple[Candidate, ...] = ()
 
-    def run(self, first: Step) -> list[Step]:
-        """The model as it was, with one effect more, and so on; the last step is the answer.
-
-        Where nothing is found that a model lacks, and it may lack nothing, it is asked again in time steps
-        that are shorter than a fit needs: what contacts in coarse steps do may hide a small effect.
-        """
-        steps = self._run(first)
-        if self.new(steps) or worth_a_round(self.fitter, steps[-1].fit):
-            return steps
-        fit = steps[-1].fit
-        fitter, fit = shorter_steps(
-            self.fitter, fit, free_values(fit.terms, self.scales), TOLERATED_BY_NOTHING
-        )
-        if fitter is self.fitter:
-            return steps
-        self.fitter = fitter
-        # A plant whose own effects had other values is still the first step.
-        return [*steps[:-1], *self._run(self.look(self._from_elsewhere(self.pursued(fit))))]
-
-    def _run(self, first: Step) -> list[Step]:
-        """See `run`, in the time steps that the fitter has."""
-        steps, most = [first], len(first.fit.terms) + MOST
-        if changed := self._moved(first):
-            steps.append(self.look(changed))
-        for _ in range(TURNS):
-            room = most - len(steps[-1].fit.terms)
-            least = SLIGHT if room > 1 else MOSTLY
-            if room < 1 or (self.new(steps) and not steps[-1].explained(least)):
-                break
-            better = self._next(steps[-1], room)
-            # A score is a promise of the linearisation; a fit need not keep it.
-            if better is None or self.criterion(better) >= self.criterion(steps[-1].fit):
-                break
-            # Only the fit was not good enough yet; other values of what the plant had are an answer.
-            if places(better.terms) == places(steps[-1].fit.terms) and (
-                len(steps) > 1 or not self._moves(steps[0], better)
-            ):
-                steps.pop()
-            steps.append(self.look(better))
-        return steps
-
-    def _moved(self, first: Step) -> Fit | None:
-        """The model as it was with other values of the effects that it had; None if they were right."""
-        if not asked(first.fit.terms):
-            return None
-        fit = self.pursued(replace(first.fit, converged=False))  # with its values held so far
-        return fit if self._moves(first, fit) else None
-
-    def _moves(self, first: Step, fit: Fit) -> bool:
-        """Whether a fit explains enough to say that what the model had has other values."""
-        had = asked(first.fit.terms)
-        return bool(had) and first.fit.cost - fit.cost > sum(self._worth(term) for term in had)
-
-    def new(self, steps: Sequence[Step]) -> Terms:
-        """Terms of the last step that the first does not have."""
-        before = places(steps[0].fit.terms)
-        return tuple(
-            t for t in asked(steps[-1].fit.terms) if (t.effect.name, t.place) not in before
-        )
-
-    def shortened(self, fit: Fit, term: Term) -> Fit:
-        """A fit without a term, fitted anew."""
-        return self.pursued(self.fitter.under(fit, without(fit.terms, term)))
-
-    def look(self, fit: Fit) -> Step:
-        """Test all candidates and probes on top of a model."""
-        linear = self.fitter.linear(fit)
-        fit = replace(fit, held=Held.fresh(linear))
-        numbers, sizes = self.fitter.step_error(fit), self.known(fit)
-        taken = numbers if sizes is None else np.concatenate([numbers, sizes], axis=2)
-        test = score_test(self.fitter, fit, (*self.library, *self.probes), taken, linear)
+    def score_all(self, fit: Fit) -> ScoredModel:
+        """Score all candidates and probes on top of a model."""
+        fitter, jacobian = self.fitter, self.fitter.jacobian(fit)
+        fit = replace(fit, cache=fitter.cached(jacobian))
+        free = fitter.free(fit.terms)
+        by_value = fitter.by_value(fit, free) if free else None
+        numerics = fitter.step_error(fit)
+        known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
+        everything = (*self.library, *self.probes)
+        test = score_test(fitter, fit, everything, known, jacobian, self.settings.score)
         count, scores = len(self.library), test.scores()
         ranking = sorted(scores[:count], key=lambda s: -s.score)
         self.progress(f"scored {count} candidates on top of {len(fit.terms)} effects")
-        return Step(fit, linear, sizes, test, tuple(ranking), tuple(scores[count:]))
+        return ScoredModel(fit, jacobian, by_value, test, tuple(ranking), tuple(scores[count:]))
 
-    def known(self, fit: Fit) -> Floats | None:
-        """(K, D, n) sensitivities with all values of the model's terms; None without terms."""
-        free = free_values(fit.terms, self.scales)
-        return self.fitter.by_size(fit, free) if free else None
+    def criterion(self, fit: Fit) -> float:
+        """Bayesian information criterion (BIC): cost, with what every fitted value costs."""
+        measured = np.isfinite(self.fitter.windows.measured).sum()
+        values = sum(len(term.values) for term in fit.terms)
+        return fit.cost + values * float(np.log(measured))
 
-    def _next(self, step: Step, room: int) -> Fit | None:
-        """The model with another effect, or two if there is `room`, fitted; None if none is seen."""
-        best = step.scores[0]
-        if best.score < self.threshold:
-            return None
-        short = self.short(step)
-        proposals: list[Terms] = [
-            (score.candidate.term(score.sizes, score.shape),) for score in short
-        ]
-        proposals += at_first_sight(self.fitter, step, self.library, short)
-        if room > 1:
-            proposals += promising_pairs(step.test, step.scores, self.threshold)
-        begun = different([self.begun(step, (*step.fit.terms, *terms)) for terms in proposals])
-        fitted = [self._a_round(fit) for fit in begun]
-        first, *others = self.race(fitted, HOPE if room > 1 else LAST_HOPE)
-        return self.pruned(first, (step.fit, *others))
-
-    def race(self, begun: Sequence[Fit], hope: float = HOPE) -> list[Fit]:
-        """Several models, each fitted on for as long as it may become the best; the best one first.
-
-        Starts that had to make up for a wrong model find back slowly: after a few rounds the wrong one
-        of two may be ahead. Of models that are one by several names, one is fitted.
-
-        Args:
-          begun: the one that promised the most first. If it is not ahead, windows of it may have got
-            stuck, and begin elsewhere before anything else.
-          hope: see `pursued`.
-        """
-        favourite, *others = different(begun)
-        if any(self.criterion(fit) < self.criterion(favourite) for fit in others):
-            favourite = self.fitter.elsewhere(favourite)
-        first, *others = sorted((favourite, *others), key=self.criterion)
-        first, *others = self._in_steps_of_the_first(first, others)
-        ended = [self.pursued(first, slight=SLIGHT_FALL)]
-        for fit in others:
-            target = min(map(self.criterion, ended))
-            ended.append(self.pursued(fit, target, hope, slight=SLIGHT_FALL))
-        best, *beaten = sorted(ended, key=self.criterion)
-        return [self.pursued(self.in_time_steps(self._from_elsewhere(best))), *beaten]
-
-    def _in_steps_of_the_first(self, first: Fit, others: Sequence[Fit]) -> list[Fit]:
-        """Models in time steps that will do for the first: cliffs of coarse ones may decide a race."""
-        before = self.fitter
-        first = self._stepped(first)
-        if self.fitter is before:
-            return [first, *others]
-        changed = before.time_steps != self.fitter.time_steps
-        return [first, *(in_other_steps(self.fitter, fit, changed) for fit in others)]
-
-    def in_time_steps(self, fit: Fit) -> Fit:
-        """A fit in time steps that will do for it, fitted on if they are others."""
-        before = self.fitter
-        fit = self._stepped(fit)
-        return fit if self.fitter is before else self._from_elsewhere(self.pursued(fit))
-
-    def _stepped(self, fit: Fit) -> Fit:
-        """A fit in time steps that will do for it, which are those of all fits from here on.
-
-        Without the effect that it has now, nobody could see what shorter steps make better.
-        """
-        free = free_values(fit.terms, self.scales)
-        self.fitter, fit = shorter_steps(self.fitter, fit, free)
-        return fit
-
-    def _from_elsewhere(self, fit: Fit) -> Fit:
-        """A fit, fitted on where windows that got stuck begin better elsewhere."""
-        elsewhere = begun_elsewhere(self.fitter, fit)
-        return fit if elsewhere is fit else self.pursued(elsewhere)
-
-    def pursued(
-        self, fit: Fit, target: float = np.inf, hope: float = HOPE, slight: float = 0.0
+    def fit_until(
+        self, fit: Fit, target: float = np.inf, hope: float | None = None, slight: float = 0.0
     ) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target.
 
@@ -219,41 +72,64 @@ class Selection:
         round not at all.
 
         Args:
-          slight: fall of the cost in a round, below which the rest is left for later.
+          fit: where to begin.
+          target: criterion that is to be reached.
+          hope: further rounds like the last one, within which it must be; None for the settings'.
+          slight: fall of the cost in a round, below which the rest is left for later [sigma^2].
         """
-        free = free_values(fit.terms, self.scales)
-        for _ in range(ROUNDS):
+        stopping = self.fitter.settings.stopping
+        hope, free = stopping.hope if hope is None else hope, self.fitter.free(fit.terms)
+        for _ in range(stopping.rounds):
             if fit.converged:
                 break
-            enough = worth_a_round(self.fitter, fit)
+            enough = self.fitter.worthwhile(fit)
             before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
             fell = before.cost - fit.cost
-            if fell < slight or hopeless(self.criterion(fit) - target, fell, hope):
+            if fell < slight or out_of_reach(self.criterion(fit) - target, fell, hope):
                 break
         return fit
 
-    def begun(self, step: Step, terms: Terms) -> Fit:
-        """The model with these terms instead, at the step's starts or as first estimated; no fit yet.
+    def warm_start(self, model: ScoredModel, terms: Terms) -> Fit:
+        """A model with other terms, before anything else is fitted to them.
 
-        What is not known exactly begins where it is, or as it was said: what made up for a wrong model
-        may be far off, and hardly finds back.
+        Its initial states are the model's, or as first estimated. What is not known exactly begins where it
+        is, or as it was said: what made up for a wrong model may be far off, and hardly finds back.
         """
-        free = free_values(terms, self.scales)
+        free = self.fitter.free(terms)
         begun = (
-            self.fitter.under_or_anew(step.fit, each, free)
+            self.fitter.warm_start(model.fit, each, free)
             for each in dict.fromkeys((terms, as_said(terms)))
         )
         return min(begun, key=lambda fit: fit.cost)
 
-    def _a_round(self, fit: Fit) -> Fit:
-        """A fit after its first round."""
-        self.progress(f"fitting {', '.join(term.effect.name for term in fit.terms)}")
-        return self.fitter.fit(fit, free_values(fit.terms, self.scales), rounds=1)
+    def restarted(self, fit: Fit) -> Fit:
+        """A fit, fitted on where windows that are stuck begin better elsewhere."""
+        elsewhere = restarted(self.fitter, fit)
+        return fit if elsewhere is fit else self.fit_until(elsewhere)
+
+    def without_term(self, fit: Fit, term: Term) -> Fit:
+        """A fit without a term, fitted anew."""
+        return self.fit_until(self.fitter.with_terms(fit, without(fit.terms, term)))
+
+    def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
+        """A fit without a term, as far as that may be as good.
+
+        Args:
+          fit: with the term.
+          term: to be left out.
+          others: further models; one of them may know better initial states.
+        """
+        less = self.fitter.with_terms(fit, without(fit.terms, term))
+        for other in others:
+            if places(other.terms) == places(less.terms):  # fitted, but maybe in other time steps
+                again = self.fitter.with_terms(other, other.terms)
+                less = self.fitter.best_of(less, again)
+        return self.fit_until(less, self.criterion(fit) + self.least_explained(term))
 
     def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
         """The model without the terms that it does nearly as well without.
 
-        That may be all of them: starts that found a better place on the way are no evidence for an
+        That may be all of them: initial states that found a better place on the way are no evidence for an
         effect. What a term explains, fitted, must be as much as the score asks for.
 
         Args:
@@ -271,44 +147,192 @@ class Selection:
 
     def share(self, fit: Fit, less: Fit, term: Term) -> float:
         """What a term of a fit explains beside one without it, over what counts as seen."""
-        return (less.cost - fit.cost) / self._worth(term)
+        return (less.cost - fit.cost) / self.least_explained(term)
 
-    def _worth(self, term: Term) -> float:
-        """What a term has to explain to be seen."""
+    def least_explained(self, term: Term) -> float:
+        """What a term has to explain to be seen [sigma^2]."""
         return self.threshold * len(term.effect.sizes)
 
-    def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
-        """A fit without a term, as far as that may be as good; `others` may know better starts."""
-        less = self.fitter.under(fit, without(fit.terms, term))
-        for other in others:
-            if places(other.terms) == places(less.terms):  # fitted, but maybe in other time steps
-                again = self.fitter.under(other, other.terms)
-                less = self.fitter.best_of(less, again)
-        return self.pursued(less, self.criterion(fit) + self._worth(term))
-
     def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
-        """The better of two fits of one model, with the starts that are better in the other, fitted on."""
-        return self.pursued(self.fitter.best_of(fit, other), target)
+        """The better of two fits of one model, with the initial states that are better in the other."""
+        return self.fit_until(self.fitter.best_of(fit, other), target)
 
-    def criterion(self, fit: Fit) -> float:
-        """Cost with what every fitted value costs (BIC)."""
-        measured = np.isfinite(self.fitter.windows.measured).sum()
-        values = sum(len(term.values) for term in fit.terms)
-        return fit.cost + values * float(np.log(measured))
-
-    def short(self, step: Step) -> list[Score]:
-        """Candidates worth a refit, best first."""
+    def shortlist(self, model: ScoredModel) -> list[Score]:
+        """Candidates worth a fit, best first."""
+        settings = self.settings
         found: list[Score] = []
         families: dict[str, int] = {}
-        for score in step.scores:
+        for score in model.scores:
             family = score.candidate.effect.name
-            enough = score.power >= SHARE * step.scores[0].power
-            if enough and score.score >= self.threshold and families.get(family, 0) < PER_FAMILY:
+            enough = score.statistic >= settings.share * model.scores[0].statistic
+            few = families.get(family, 0) < settings.per_family
+            if enough and score.score >= self.threshold and few:
                 found.append(score)
                 families[family] = families.get(family, 0) + 1
-        return found[:SHORTLIST]
+        return found[: settings.shortlist]
+
+
+def stepwise(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredModel]]:
+    """Add effects until none explains any more.
+
+    Where nothing is found that a model lacks, and it may lack nothing, it is asked again in time steps that
+    are shorter than a fit needs: what contacts in coarse steps do may hide a small effect.
+
+    Args:
+      search: its state at the beginning.
+      first: the model as it was.
+
+    Returns:
+      Its state at the end, and the model as it was, with one effect more, and so on; the last is the answer.
+    """
+    search, models = _forward(search, first)
+    fitter, fit = search.fitter, models[-1].fit
+    if added(models) or fitter.worthwhile(fit):
+        return search, models
+    tolerated = fitter.settings.refinement.tolerated_by_nothing
+    finer, fit = shorter_steps(fitter, fit, fitter.free(fit.terms), tolerated)
+    if finer is fitter:
+        return search, models
+    search = replace(search, fitter=finer)
+    search, further = _forward(search, search.score_all(search.restarted(search.fit_until(fit))))
+    # A plant whose own effects had other values is still the first model.
+    return search, [*models[:-1], *further]
+
+
+def in_time_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
+    """A fit in time steps that will do for it, fitted on if they are others."""
+    finer, fit = _in_shorter_steps(search, fit)
+    return (finer, fit) if finer is search else (finer, finer.restarted(finer.fit_until(fit)))
+
+
+def added(models: Sequence[ScoredModel]) -> Terms:
+    """Terms of the last model that the first does not have."""
+    before = places(models[0].fit.terms)
+    last = asked(models[-1].fit.terms)
+    return tuple(t for t in last if (t.effect.name, t.place) not in before)
 
 
 def without(terms: Terms, term: Term) -> Terms:
     """All terms but one."""
     return tuple(t for t in terms if t is not term)
+
+
+def deduplicated(fits: Sequence[Fit]) -> list[Fit]:
+    """Fits without those that cost the same to the last digit as one before; diverging ones all differ."""
+    found: list[Fit] = []
+    for fit in fits:
+        twins = [math.isclose(fit.cost, each.cost, rel_tol=SAME) for each in found]
+        if math.isinf(fit.cost) or not any(twins):
+            found.append(fit)
+    return found
+
+
+def _forward(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredModel]]:
+    """The turns of `stepwise`, in the time steps that the fitter has or that an effect asks for."""
+    settings = search.settings
+    models, most = [first], len(first.fit.terms) + settings.most
+    if changed := _with_other_values(search, first):
+        models.append(search.score_all(changed))
+    for _ in range(settings.turns):
+        last = models[-1]
+        room = most - len(last.fit.terms)
+        least = settings.least_share if room > 1 else settings.least_share_of_last
+        if room < 1 or (added(models) and not last.promises(least, settings.by_chance)):
+            break
+        search, better = _next(search, last, room)
+        # A score is a promise of the linearisation; a fit need not keep it.
+        if better is None or search.criterion(better) >= search.criterion(last.fit):
+            break
+        # Only the fit was not good enough yet; other values of what the plant had are an answer.
+        if places(better.terms) == places(last.fit.terms) and (
+            len(models) > 1 or not _has_other_values(search, first, better)
+        ):
+            models.pop()
+        models.append(search.score_all(better))
+    return search, models
+
+
+def _with_other_values(search: Search, first: ScoredModel) -> Fit | None:
+    """The model as it was with other values of the effects that it had; None if they were right."""
+    if not asked(first.fit.terms):
+        return None
+    fit = search.fit_until(replace(first.fit, converged=False))  # with its values held so far
+    return fit if _has_other_values(search, first, fit) else None
+
+
+def _has_other_values(search: Search, first: ScoredModel, fit: Fit) -> bool:
+    """Whether a fit explains enough to say that what the model had has other values."""
+    had = asked(first.fit.terms)
+    least = sum(search.least_explained(term) for term in had)
+    return bool(had) and first.fit.cost - fit.cost > least
+
+
+def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | None]:
+    """The model with another effect, or two if there is `room`, fitted; None if none is seen."""
+    if model.scores[0].score < search.threshold:
+        return search, None
+    fitter, settings, short = search.fitter, search.settings, search.shortlist(model)
+    proposals: list[Terms] = [(score.candidate.term(score.sizes, score.shape),) for score in short]
+    proposals += screened(fitter, model, search.library, short, settings.screening)
+    if room > 1:
+        proposals += promising_pairs(model.test, model.scores, search.threshold, settings.pairs)
+    begun = [search.warm_start(model, (*model.fit.terms, *terms)) for terms in proposals]
+    fits = [_after_a_round(search, fit) for fit in deduplicated(begun)]
+    hope = fitter.settings.stopping.hope if room > 1 else settings.hope_of_last
+    search, (first, *others) = _fitted_in_turn(search, fits, hope)
+    return search, search.pruned(first, (model.fit, *others))
+
+
+def _after_a_round(search: Search, fit: Fit) -> Fit:
+    """A fit after its first round."""
+    search.progress(f"fitting {', '.join(term.effect.name for term in fit.terms)}")
+    return search.fitter.fit(fit, search.fitter.free(fit.terms), rounds=1)
+
+
+def _fitted_in_turn(
+    search: Search, begun: Sequence[Fit], hope: float | None = None
+) -> tuple[Search, list[Fit]]:
+    """Several models, each fitted on for as long as it may become the best; the best one first.
+
+    Initial states that had to make up for a wrong model find back slowly: after a few rounds the wrong one
+    of two may be ahead. Of models that are one by several names, one is fitted.
+
+    Args:
+      search: its state.
+      begun: the one that promised the most first. If it is not ahead, windows of it may be stuck, and begin
+        elsewhere before anything else.
+      hope: see `Search.fit_until`.
+    """
+    favourite, *others = deduplicated(begun)
+    if any(search.criterion(fit) < search.criterion(favourite) for fit in others):
+        favourite = search.fitter.restarted(favourite, Restart())
+    first, *others = sorted((favourite, *others), key=search.criterion)
+    search, (first, *others) = _in_steps_of_the_first(search, first, others)
+    slight = search.settings.slight_fall
+    ended = [search.fit_until(first, slight=slight)]
+    for fit in others:
+        target = min(map(search.criterion, ended))
+        ended.append(search.fit_until(fit, target, hope, slight))
+    best, *beaten = sorted(ended, key=search.criterion)
+    search, best = in_time_steps(search, search.restarted(best))
+    return search, [search.fit_until(best), *beaten]
+
+
+def _in_steps_of_the_first(
+    search: Search, first: Fit, others: Sequence[Fit]
+) -> tuple[Search, list[Fit]]:
+    """Models in time steps that will do for the first: cliffs of coarse ones may decide otherwise."""
+    finer, first = _in_shorter_steps(search, first)
+    if finer is search:
+        return search, [first, *others]
+    changed = search.fitter.time_steps != finer.fitter.time_steps
+    return finer, [first, *(in_other_steps(finer.fitter, fit, changed) for fit in others)]
+
+
+def _in_shorter_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
+    """A fit in time steps that will do for it, which are those of all fits from here on.
+
+    Without the effect that it has now, nobody could see what shorter steps make better.
+    """
+    fitter, fit = shorter_steps(search.fitter, fit, search.fitter.free(fit.terms))
+    return (search if fitter is search.fitter else replace(search, fitter=fitter)), fit

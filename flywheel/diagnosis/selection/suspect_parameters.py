@@ -7,18 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from flywheel.diagnosis.fitting.nuisance import asked
-from flywheel.diagnosis.selection.alternatives import RIVAL
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import Score, sensitivities, slices_of
-from flywheel.diagnosis.selection.step import Step
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.score_test import Score, ScoredModel, sensitivities, slices_of
+from flywheel.diagnosis.selection.stepwise import Search, added
 from flywheel.effects import CALIBRATIONS
-
-LIKELY = 0.25  # share that a number is off at most
 
 
 @dataclass(frozen=True)
-class Doubtful:
+class SuspectParameter:
     """A number of the MJCF which, if it were another, would explain nearly as much as an effect.
 
     Attributes:
@@ -36,7 +32,7 @@ class Doubtful:
     more: bool
 
     def summary(self) -> dict[str, Any]:
-        """As in JSON."""
+        """As JSON has it."""
         return {
             "name": self.name,
             "off": self.off,
@@ -45,49 +41,56 @@ class Doubtful:
         }
 
 
-def doubtful_numbers(
-    selection: Selection, steps: Sequence[Step], unexplained: bool
-) -> tuple[Doubtful, ...]:
+def suspect_parameters(
+    search: Search, models: Sequence[ScoredModel], unexplained: bool
+) -> tuple[SuspectParameter, ...]:
     """Numbers that nobody said to be unsure of, the one that scores highest first.
 
     Args:
-      selection, steps: that led to the answer.
+      search, models: that led to the answer.
       unexplained: the answer leaves something, which a number beside it may explain.
     """
-    found: dict[str, Doubtful] = {}
-    for step, after in zip(steps, [*steps[1:], None], strict=True):
+    found: dict[str, SuspectParameter] = {}
+    for model, after in zip(models, [*models[1:], None], strict=True):
         if after is None and not unexplained:
             break
-        explained = max(score.power for score in step.scores)
+        explained = max(score.statistic for score in model.scores)
         if after is not None:  # which may be more than its score promised
-            explained = max(explained, step.fit.cost - after.fit.cost)
-        for score in _scores(selection, step):
+            explained = max(explained, model.fit.cost - after.fit.cost)
+        for score in _scores(search, model):
             name, off = score.candidate.effect.name, score.sizes[0] * score.candidate.typical[0]
-            seen = score.score >= selection.threshold and score.power >= RIVAL * explained
-            if seen and abs(off) <= LIKELY and name not in found:
-                instead = "" if after is None else _added(selection, step, after)
-                more = score.power > explained
-                found[name] = Doubtful(name, float(off), score.score, instead, more)
+            seen = (
+                score.score >= search.threshold
+                and score.statistic >= search.settings.rival * explained
+            )
+            if seen and abs(off) <= search.settings.suspect_share and name not in found:
+                instead = "" if after is None else _added(search, model, after)
+                more = score.statistic > explained
+                found[name] = SuspectParameter(name, float(off), score.score, instead, more)
     return tuple(sorted(found.values(), key=lambda each: -each.score))
 
 
-def _added(selection: Selection, step: Step, after: Step) -> str:
-    """What a step has more than the one before, or else what it has."""
-    robot = selection.fitter.windows.robot
-    terms = selection.new([step, after]) or asked(after.fit.terms)
+def _added(search: Search, model: ScoredModel, after: ScoredModel) -> str:
+    """What a model has more than the one before, or else what it has."""
+    robot = search.fitter.windows.robot
+    terms = added([model, after]) or asked(after.fit.terms)
     return " with ".join(term.label(robot) for term in terms)
 
 
-def _scores(selection: Selection, step: Step) -> list[Score]:
-    """Of all numbers that the model does not have, and that are not asked about anyway."""
-    fitter, had = selection.fitter, {term.effect.name for term in step.fit.terms}
-    had |= {candidate.effect.name for candidate in selection.library}
+def _scores(search: Search, model: ScoredModel) -> list[Score]:
+    """Scores of all numbers that the model does not have, and that are not asked about anyway."""
+    fitter, had = search.fitter, {term.effect.name for term in model.fit.terms}
+    had |= {candidate.effect.name for candidate in search.library}
     library = {name: each for name, each in CALIBRATIONS.items() if name not in had}
-    numbers, test = candidates(fitter.windows.robot, library), step.test
+    numbers, test = candidates(fitter.windows.robot, library), model.test
     if not numbers:
         return []
-    fit = fitter.under(step.fit, step.fit.terms)  # in the time steps that the fitter has by now
-    columns, shorter = sensitivities(fitter, fit, numbers, test.projection, test.residual)
+    fit = fitter.with_terms(
+        model.fit, model.fit.terms
+    )  # in the time steps that the fitter has by now
+    columns, shorter = sensitivities(
+        fitter, fit, numbers, test.projection, test.residual, search.settings.score
+    )
     of_numbers = replace(
         test, candidates=numbers, columns=columns, shorter=shorter, slices=slices_of(numbers)
     )

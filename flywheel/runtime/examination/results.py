@@ -60,7 +60,7 @@ class CaseResult(ResultRecord):
       held_out_baseline, held_out: on the one held out [m].
       left: variance, correlation, inconstancy and loudest window of what is left, see `Adequacy`.
       left_before: the same of the model as it was.
-      other_law, other_score, other_share, other_gain: see `OtherLaw`.
+      other_law, other_score, other_share, other_gain: see `Misspecification`.
       time_steps: with which each window was simulated in the end [s].
       seconds: of the diagnosis.
       failure: what was raised, or "".

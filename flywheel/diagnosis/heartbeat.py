@@ -8,7 +8,7 @@ from collections.abc import Callable
 SECONDS = 5.0  # between two signs
 
 
-class Pulse:
+class Heartbeat:
     """Hands on what is being done, and says it again while that goes on.
 
     Args:

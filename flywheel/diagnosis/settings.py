@@ -1,0 +1,378 @@
+"""The tuned numbers of a diagnosis: what each is measured in, and why it is what it is.
+
+Lengths, times and speeds "in natural units" are in multiples of the robot's length L, of sqrt(L / g), and of
+sqrt(L g), so that one number suits robots of every size. Squares and costs are in variances of the
+measurement noise [sigma^2].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+
+@dataclass(frozen=True)
+class WindowSettings:
+    """How recordings are cut into windows.
+
+    Attributes:
+      seconds: length of a window, in natural units. Longer ones forget their initial states, shorter ones
+        tell little beside them.
+      remnant: share of that length below which what a recording holds gives no window if others do.
+      least_measured: share of its samples that a window needs.
+    """
+
+    seconds: float = 1.8
+    remnant: float = 0.5
+    least_measured: float = 0.3
+
+
+@dataclass(frozen=True)
+class InitialStateSettings:
+    """How the first estimates of the initial states are smoothed, and how far they may be off.
+
+    Attributes:
+      reach: of the samples to either side of a window's begin that are used, in natural units.
+      speed, acceleration, jerk: what is usual, in natural units: the prior of the local regression.
+      place_prior, speed_prior: standard deviations of the estimates, in natural units.
+      winch_prior: of where the winches were when a recording began, in lengths of the robot.
+    """
+
+    reach: float = 1.0
+    speed: float = 0.5
+    acceleration: float = 1.0
+    jerk: float = 4.0
+    place_prior: float = 0.1
+    speed_prior: float = 0.5
+    winch_prior: float = 0.003
+
+
+@dataclass(frozen=True)
+class JacobianSettings:
+    """Finite differences.
+
+    Attributes:
+      state_step: of precise differences of an initial state, in natural units.
+      rough_steps: of rough ones, in turn: contacts make every one of them blind somewhere.
+      winch_step: of a winch's offset, in lengths of the robot.
+      parameter_step: of a value of an effect, in typical sizes: a secant, not a derivative, since friction
+        and play have none at zero.
+      believed: standard deviations of what is known of a value that it may be off.
+    """
+
+    state_step: float = 2e-3
+    rough_steps: tuple[float, ...] = (2e-3, 8e-3, 5e-4)
+    winch_step: float = 1e-3
+    parameter_step: float = 0.25
+    believed: float = 3.0
+
+
+@dataclass(frozen=True)
+class LeastSquaresSettings:
+    """Levenberg-Marquardt.
+
+    Attributes:
+      shared_damping: of the shared parameters' step, tried one after the other; infinite for no step.
+      least_damping, first_damping, most_damping: of a window's own step.
+      renewed_damping: most that a window is damped with a new Jacobian.
+      trials: times the damping that suited a window's last step, all of which are tried.
+      steps: taken with one Jacobian.
+      many: shared parameters from which their sensitivities, too, are kept for all these steps: simulating
+        them costs the most then.
+      astray: share of a window's predicted change by which it may be missed before its Jacobian is stale.
+      unnoticed: square of such a miss that never matters [sigma^2].
+    """
+
+    shared_damping: tuple[float, ...] = (0.0, 0.1, 1.0, 10.0, 100.0, inf)
+    least_damping: float = 1e-4
+    first_damping: float = 0.1
+    most_damping: float = 1e4
+    renewed_damping: float = 1.0
+    trials: tuple[float, ...] = (0.1, 1.0, 10.0)
+    steps: int = 3
+    many: int = 12
+    astray: float = 0.3
+    unnoticed: float = 0.3
+
+
+@dataclass(frozen=True)
+class StoppingSettings:
+    """When a fit stops.
+
+    Attributes:
+      converged_share, converged_fall: fall of the cost in a step below which it has converged, relative and
+        absolute [sigma^2]: far below what tells models apart.
+      wrong: times the noise above which a model is wrong, and not just badly fitted.
+      fruitless: of what such a model leaves above that, what a round must explain to be followed by another.
+      rounds: at most.
+      hope: further rounds like the last one after which a fit must have reached its target.
+    """
+
+    converged_share: float = 0.001
+    converged_fall: float = 2.0
+    wrong: float = 1.1
+    fruitless: float = 0.05
+    rounds: int = 10
+    hope: float = 2.0
+
+
+@dataclass(frozen=True)
+class RefinementSettings:
+    """Time steps shorter than the plant's own.
+
+    Attributes:
+      tolerated: root mean square of what half the time step changes in a window above which it is halved
+        [sigma]. More tells in the fit, and contacts in coarse steps make cliffs in its cost.
+      tolerated_by_nothing: the same before nothing is said to be there: a small effect may hide behind it.
+      finest: times shorter, at most: quarters are seldom better, and take twice as long.
+    """
+
+    tolerated: float = 0.3
+    tolerated_by_nothing: float = 0.05
+    finest: int = 2
+
+
+@dataclass(frozen=True)
+class MultistartSettings:
+    """Other initial states for windows that are stuck in a local minimum.
+
+    Attributes:
+      stuck: mean square of a window, over the usual one, from which it may be stuck.
+      turns: of the bodies about axes that no point shows, tried for each such window.
+      turn: their standard deviation [rad].
+      damping: of a step in the search, all of which are tried.
+      rounds: of the search.
+      heats: rounds after which only the `finalists` of each window go on.
+      finalists: see `heats`.
+      eased: of what makes a window loud, what must go with another state if its state is to blame.
+      before, after: rounds of a fit before windows are begun elsewhere, and after.
+    """
+
+    stuck: float = 1.3
+    turns: int = 4
+    turn: float = 0.4
+    damping: tuple[float, ...] = (1e-4, 1e-2, 0.1, 1.0, 10.0)
+    rounds: int = 6
+    heats: int = 2
+    finalists: int = 2
+    eased: float = 0.2
+    before: int = 2
+    after: int = 4
+
+
+@dataclass(frozen=True)
+class NuisanceSettings:
+    """Numbers of the MJCF that are known only so well.
+
+    Attributes:
+      beside: standard deviations from what was said, or found, where a fit begins, too.
+      finalists: beginnings that are fitted for more than a round.
+      far_off: times the noise above which no other beginnings are sought: they are not what is wrong.
+      rounds: further ones for every beginning beside what was found.
+      repeats: times that a fit begins beside what was found, at most.
+      worth: fall of the cost that this must bring to be repeated [sigma^2].
+    """
+
+    beside: tuple[float, ...] = (-1.0, 1.0)
+    finalists: int = 2
+    far_off: float = 2.0
+    rounds: int = 2
+    repeats: int = 4
+    worth: float = 4.0
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """The own errors of a trained model.
+
+    Attributes:
+      draws: of initial states nearby; half make the covariance, half test it.
+      place, speed: standard deviations of these states, in natural units.
+      quantile: of its own errors that a network's residual must exceed.
+      passes: the search is repeated from the plant with what was found, so many times at most: where that
+        plant starts depends on what it lacks.
+    """
+
+    draws: int = 96
+    place: float = 0.01
+    speed: float = 0.03
+    quantile: float = 0.95
+    passes: int = 2
+
+
+@dataclass(frozen=True)
+class FittingSettings:
+    """Everything about one fit."""
+
+    initial_states: InitialStateSettings = InitialStateSettings()
+    jacobian: JacobianSettings = JacobianSettings()
+    least_squares: LeastSquaresSettings = LeastSquaresSettings()
+    stopping: StoppingSettings = StoppingSettings()
+    refinement: RefinementSettings = RefinementSettings()
+    multistart: MultistartSettings = MultistartSettings()
+    nuisance: NuisanceSettings = NuisanceSettings()
+    network: NetworkSettings = NetworkSettings()
+
+
+@dataclass(frozen=True)
+class ScoreSettings:
+    """The score test.
+
+    Attributes:
+      large: change that a typical size makes in some window, above which a part of it is tried, too
+        [sigma]: where a robot rolls, it soon rolls elsewhere.
+      part: of a typical size that is tried then.
+    """
+
+    large: float = 1.0
+    part: float = 0.1
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """Two candidates scored together.
+
+    Attributes:
+      count: pairs that are fitted.
+      more: times what the best candidate explains alone, from which a pair is tried.
+      among: candidates, the best ones.
+      singular: condition number of two effects that cannot be told apart.
+    """
+
+    count: int = 1
+    more: float = 1.2
+    among: int = 25
+    singular: float = 1e6
+
+
+@dataclass(frozen=True)
+class ScreeningSettings:
+    """Candidates as seen from the first estimates of the initial states.
+
+    Attributes:
+      sizes: that are tried, in typical sizes.
+      believed: of what a fit leaves, what some score must promise for nothing else to be tried.
+      explained: of what the first estimates leave, what a candidate must explain there.
+    """
+
+    sizes: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
+    believed: float = 0.5
+    explained: float = 0.5
+
+
+@dataclass(frozen=True)
+class SelectionSettings:
+    """The stepwise search.
+
+    Attributes:
+      shortlist: candidates that are fitted in each turn.
+      share: of the best candidate's LM statistic that one needs to be fitted.
+      per_family: places of one effect on the short list.
+      turns: at most.
+      most: effects found together.
+      least_share: of what an answer leaves beyond noise, that another effect must promise to explain.
+      least_share_of_last: the same of the last one that may be added, without which the answer is not the
+        whole one anyway.
+      by_chance: of what a fit leaves beyond noise, what other initial states may explain as well.
+      slight_fall: of the cost in a round, by which no comparison is decided [sigma^2].
+      hope_of_last: `StoppingSettings.hope` where it is about the last effect that may be added.
+      hope_of_law: the same of a law of no library: one that is given up too early is an effect wrongly named.
+      rival: share of an effect's LM statistic from which another is tried in its place.
+      suspect_share: share by which a number of the MJCF is off at most.
+      loud: mean square of a window from which its initial state is doubted before anything is said to be
+        left [sigma^2].
+    """
+
+    shortlist: int = 4
+    share: float = 0.5
+    per_family: int = 2
+    turns: int = 6
+    most: int = 3
+    least_share: float = 0.2
+    least_share_of_last: float = 0.4
+    by_chance: float = 0.1
+    slight_fall: float = 5.0
+    hope_of_last: float = 1.0
+    hope_of_law: float = 40.0
+    rival: float = 0.8
+    suspect_share: float = 0.25
+    loud: float = 1.1
+    score: ScoreSettings = ScoreSettings()
+    pairs: PairSettings = PairSettings()
+    screening: ScreeningSettings = ScreeningSettings()
+
+
+@dataclass(frozen=True)
+class DiscrepancySettings:
+    """The training of a discrepancy model.
+
+    Attributes:
+      beginnings: hidden layers whose outputs are trained for a round, to go on with the best.
+      rounds: of the best of them, at most.
+      patience: rounds that explain little before it is given up: the next one may explain much.
+      step: of a finite difference of an output, in typical sizes.
+      shown: effects that it is said to resemble.
+    """
+
+    beginnings: int = 2
+    rounds: int = 5
+    patience: int = 2
+    step: float = 0.05
+    shown: int = 3
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """What is asked of an answer.
+
+    Attributes:
+      rare: probability of differences between windows, by noise, that count as none.
+      shift: standard deviations of the initial states by which they are moved, to see what of an effect is
+        still detected: a whole one leaves the valley of the cost where there are contacts.
+      pieces: of a window, in which what is left is located.
+      half: of what the highest piece exceeds noise by, above which pieces beside it belong to it.
+    """
+
+    rare: float = 1e-3
+    shift: float = 0.5
+    pieces: int = 10
+    half: float = 0.5
+    discrepancy: DiscrepancySettings = DiscrepancySettings()
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What counts as seen, and what as noise.
+
+    Attributes:
+      threshold: score from which an effect counts as seen.
+      equally_good: difference of two criteria (BIC) below which data do not tell models apart.
+      loud: variance of what is left from which it is more than noise, were that known exactly.
+      sure: standard deviations of the noise's own error on top of `loud`.
+      correlated: correlation from sample to sample, likewise.
+      inconstant: differences of a size between windows, likewise.
+      outstanding: standard deviations of noise by which one window may stand out.
+      other: of what an answer and another law explain, what the other one does.
+      margin: times a model's own errors in a few draws, which seldom are the worst of them.
+    """
+
+    threshold: float = 25.0
+    equally_good: float = 10.0
+    loud: float = 1.05
+    sure: float = 2.0
+    correlated: float = 0.05
+    inconstant: float = 1.0
+    outstanding: float = 6.0
+    other: float = 0.1
+    margin: float = 1.5
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All tuned numbers of a diagnosis."""
+
+    windows: WindowSettings = WindowSettings()
+    fitting: FittingSettings = FittingSettings()
+    selection: SelectionSettings = SelectionSettings()
+    checks: CheckSettings = CheckSettings()
+    limits: Limits = Limits()
