@@ -5,8 +5,8 @@
 
 Sixteen commands on short logs of the truth simulator (diagnoses, a comparison, a power and a design
 answer) and one run of `configs/smoke.yaml`: verdicts, effects and numbers have to agree to 1e-9, stored
-arrays and networks to the bit. Fields that have another name now stand in `renamed.json`. Other processors
-round otherwise: record and check on one machine.
+arrays and networks to the bit. Fields that were renamed or added since then stand in `renamed.json`.
+Other processors round otherwise: record and check on one machine.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks.regression.cases import CASES, Case
-from benchmarks.regression.compare import differences
+from benchmarks.regression.compare import Fields, differences
 from benchmarks.regression.smoke import of_run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,10 +48,10 @@ def main() -> int:
     if given.what == "record":
         given.answers.write_text(json.dumps(found, indent=0, sort_keys=True) + "\n")
         return 0
-    renamed = json.loads(RENAMED.read_text()) if RENAMED.exists() else {}
+    fields = Fields(**json.loads(RENAMED.read_text()))
     before, wrong = json.loads(given.answers.read_text()), 0
     for name, answer in found.items():
-        off = list(differences(before[name], answer, renamed))
+        off = list(differences(before[name], answer, fields))
         wrong += bool(off)
         print(f"{name}: {f'{len(off)} differences' if off else 'the same'}")
         for line in off[:SHOWN]:

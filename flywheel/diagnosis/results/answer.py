@@ -17,6 +17,7 @@ from flywheel.errors import DataError
 from flywheel.quantities import Name
 from flywheel.validation import validated
 
+FORMAT = 2  # of the JSON that is written
 CLEAR = (Verdict.EFFECT, Verdict.PARTIAL)
 EVIDENCE = ("verdict", "error", "held_out", "residual", "recordings", "held_out_recordings")
 MOST_ANSWERS = 1000  # also of the effects of one
@@ -92,8 +93,11 @@ class Answer(_Part):
       calibration: what the plant was not sure of.
       held_out: what was kept to judge the answer by; None for nothing.
       robot: that was diagnosed.
+      format: of the JSON; answers of format 1 do not state it, and have other names for fields that are
+        not read here.
     """
 
+    format: Annotated[int, Field(ge=1)] = 1
     verdict: Name = "(none)"
     answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
     calibration: Together = ()
@@ -105,9 +109,14 @@ class Answer(_Part):
         """Read it.
 
         Raises:
-          DataError: something in it has another type than it must have.
+          DataError: something in it has another type than it must have, or a newer version wrote it.
         """
-        return validated(cls, dict(summary), "The answer cannot be used", DataError)
+        answer = validated(cls, dict(summary), "The answer cannot be used", DataError)
+        if answer.format > FORMAT:
+            raise DataError(
+                f"The answer has format {answer.format}, of a newer version; formats 1 to {FORMAT} are read."
+            )
+        return answer
 
     def chosen(self, number: int | None) -> tuple[FoundEffect, ...]:
         """The effects of an alternative, from 1, or of the first of a clear verdict.

@@ -11,14 +11,13 @@ from flywheel.diagnosis.checks.adequacy import Adequacy
 from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel
 from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.localisation import Location
+from flywheel.diagnosis.results.answer import FORMAT
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
 from flywheel.diagnosis.results.verdict import EXIT_CODES, Alternative, Verdict
 from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.selection.score_test import Score
 from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
-
-FORMAT = 2  # of the JSON; see `answer` for the older one
 
 
 @dataclass(frozen=True)
