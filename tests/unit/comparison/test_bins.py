@@ -18,12 +18,12 @@ def test_the_parts_of_every_table_add_up_to_the_whole_exactly(found: Comparison)
     }  # fmt: skip
     for bins in model.bins:
         assert bins.whole == whole[bins.of], bins.by
-    assert model.whole.count == np.isfinite(found.moments.measured).sum()
+    assert model.whole.count == np.isfinite(found.windows.measured).sum()
 
 
 def test_the_whole_is_the_sum_of_squares_in_noise_variances(found: Comparison) -> None:
-    (model,), moments = found.models, found.moments
-    off = (moments.measured - model.points[:, 1:]) / moments.sigma
+    (model,), windows = found.models, found.windows
+    off = (windows.measured - model.points[:, 1:]) / windows.sigma
     assert np.isclose(model.whole.total, np.nansum(off**2), rtol=1e-9)
     assert np.allclose(model.by_lead, np.nanmean(off**2, axis=(0, 2, 3)))
 

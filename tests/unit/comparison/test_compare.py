@@ -27,7 +27,7 @@ def test_where_nothing_is_hidden_little_is_left_of_the_plants_error(
     assert plant.outcome is Outcome.NOISE_ONLY or plant.excess < LOUD + 0.1, seed
     low, _, high = plant.noise_rms
     assert 0.8 * low < plant.rms < 1.5 * high, seed
-    assert (plant.by_lead < found.persistence)[found.moments.steps // 2 :].all(), seed
+    assert (plant.by_lead < found.persistence)[found.windows.steps // 2 :].all(), seed
 
 
 @pytest.mark.parametrize(("effect", "size"), [("cable_damping", 3.0), ("winch_gain", 1.0)])
@@ -58,7 +58,7 @@ def test_an_untrained_network_is_more_than_noise_though_noise_moves_it_far(
 def test_a_model_in_which_nothing_moves_is_the_line_of_persistence(
     robot: Robot, nothing_hidden: list[Trajectory], found: Comparison
 ) -> None:
-    still = Persistence(robot, 0.01, found.moments.lead)
+    still = Persistence(robot, 0.01, found.windows.lead)
     again = compare([Subject("still", still)], nothing_hidden, horizon=0.5, draws=40)
     assert np.allclose(again.models[0].by_lead, again.persistence)
     assert again.models[0].outcome is Outcome.MORE_THAN_NOISE
@@ -89,8 +89,8 @@ def test_missing_measurements_are_neither_counted_nor_held_against_a_model(
             dataclasses.replace(t, observations=dataclasses.replace(t.observations, points=points))
         )
     found = compare([plant_of(robot)], gappy, horizon=0.4, draws=40, seed=seed)
-    assert found.models[0].whole.count == np.isfinite(found.moments.measured).sum()
-    assert found.models[0].whole.count < found.moments.measured.size
+    assert found.models[0].whole.count == np.isfinite(found.windows.measured).sum()
+    assert found.models[0].whole.count < found.windows.measured.size
     assert found.models[0].excess < LOUD + 0.15, seed
 
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.comparison import Moments
+from flywheel.diagnosis.comparison import ForecastWindows
 from flywheel.diagnosis.comparison.forecast_windows import smoothed
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics import Persistence
@@ -25,14 +25,14 @@ def with_points(t: Trajectory, points: np.ndarray) -> Trajectory:
 def test_windows_follow_one_another_after_a_past(
     robot: Robot, nothing_hidden: list[Trajectory]
 ) -> None:
-    moments = Moments.cut(robot, nothing_hidden, 0.5, 20)
-    assert (moments.lead, moments.warmup, moments.steps) == (50, 30, 50)
-    assert moments.first.tolist() == [50, 100, 50, 100]
-    assert moments.log.tolist() == [0, 0, 1, 1]
+    windows = ForecastWindows.cut(robot, nothing_hidden, 0.5, 20)
+    assert (windows.lead, windows.warmup, windows.steps) == (50, 30, 50)
+    assert windows.first.tolist() == [50, 100, 50, 100]
+    assert windows.recording.tolist() == [0, 0, 1, 1]
     seen = nothing_hidden[1].observations.points
-    assert np.array_equal(moments.measured[2:].reshape(100, -1, 3), seen[51:151])
-    assert np.array_equal(moments.controls(30)[3], nothing_hidden[1].controls[70:150])
-    past = moments.past(Subject("still", Persistence(robot, moments.dt, 20)))
+    assert np.array_equal(windows.measured[2:].reshape(100, -1, 3), seen[51:151])
+    assert np.array_equal(windows.controls(30)[3], nothing_hidden[1].controls[70:150])
+    past = windows.past(Subject("still", Persistence(robot, windows.dt, 20)))
     assert np.array_equal(
         past.observations.points[1], nothing_hidden[0].observations.points[80:101]
     )
@@ -41,14 +41,14 @@ def test_windows_follow_one_another_after_a_past(
 def test_a_model_is_told_the_winches_of_the_plant_that_it_knows(
     robot: Robot, nothing_hidden: list[Trajectory]
 ) -> None:
-    moments = Moments.cut(robot, nothing_hidden, 0.5, 20)
-    still = Subject("still", Persistence(robot, moments.dt, 20))
+    windows = ForecastWindows.cut(robot, nothing_hidden, 0.5, 20)
+    still = Subject("still", Persistence(robot, windows.dt, 20))
     faster = dataclasses.replace(still, terms=(Term(EFFECTS["winch_gain"], None, (0.5,)),))
-    for ask in (moments.past, moments.origin):
+    for ask in (windows.past, windows.origin):
         plain, told = (ask(subject).winch for subject in (still, faster))
         assert np.abs(plain - told).max() > 0.01
-    known = Reckoning(robot, moments.dt, faster.terms).known(nothing_hidden[1])
-    assert np.array_equal(moments.past(faster).winch[3], known[80:101])
+    known = Reckoning(robot, windows.dt, faster.terms).known(nothing_hidden[1])
+    assert np.array_equal(windows.past(faster).winch[3], known[80:101])
 
 
 def test_winches_are_reckoned_once_for_all_parts(
@@ -62,9 +62,9 @@ def test_winches_are_reckoned_once_for_all_parts(
         return known(self, trajectory)
 
     monkeypatch.setattr(Reckoning, "known", counted)
-    moments = Moments.cut(robot, nothing_hidden, 0.5, 20)
-    still = Subject("still", Persistence(robot, moments.dt, 20))
-    for part in (moments[:2], moments[2:]):
+    windows = ForecastWindows.cut(robot, nothing_hidden, 0.5, 20)
+    still = Subject("still", Persistence(robot, windows.dt, 20))
+    for part in (windows[:2], windows[2:]):
         part.past(still)
         part.origin(still)
     assert len(asked) == len(nothing_hidden)
@@ -75,8 +75,8 @@ def test_no_window_begins_where_a_point_is_out_of_sight(
 ) -> None:
     points = nothing_hidden[0].observations.points.copy()
     points[35:60, 2] = np.nan
-    moments = Moments.cut(robot, [with_points(nothing_hidden[0], points)], 0.5, 20)
-    assert moments.first.tolist() == [60, 110]
+    windows = ForecastWindows.cut(robot, [with_points(nothing_hidden[0], points)], 0.5, 20)
+    assert windows.first.tolist() == [60, 110]
 
 
 def test_a_horizon_that_nothing_holds_is_shortened_and_a_short_recording_left_out(
@@ -84,10 +84,10 @@ def test_a_horizon_that_nothing_holds_is_shortened_and_a_short_recording_left_ou
 ) -> None:
     t = nothing_hidden[0]
     short = Trajectory(t.observations[:81], t.controls[:80], t.dt)
-    moments = Moments.cut(robot, [t, short], 30.0, 20, ["long", "short"])
-    assert moments.steps == t.steps - 50
-    assert moments.unused == ("short",)
-    assert moments.labels == ("long, 0.50 to 1.60 s",)
+    windows = ForecastWindows.cut(robot, [t, short], 30.0, 20, ["long", "short"])
+    assert windows.steps == t.steps - 50
+    assert windows.unused == ("short",)
+    assert windows.labels == ("long, 0.50 to 1.60 s",)
 
 
 def test_smoothing_keeps_motion_takes_out_noise_and_bridges_gaps(seed: int) -> None:
@@ -103,18 +103,18 @@ def test_smoothing_keeps_motion_takes_out_noise_and_bridges_gaps(seed: int) -> N
 def test_what_cannot_be_used_is_refused(robot: Robot, nothing_hidden: list[Trajectory]) -> None:
     t = nothing_hidden[0]
     with pytest.raises(DataError, match="no recording"):
-        Moments.cut(robot, [], 0.5, 20)
+        ForecastWindows.cut(robot, [], 0.5, 20)
     tiny = Trajectory(t.observations[:53], t.controls[:52], t.dt)
     with pytest.raises(DataError, match="the longest recording has 52 steps in all"):
-        Moments.cut(robot, [tiny], 0.5, 20)
+        ForecastWindows.cut(robot, [tiny], 0.5, 20)
     with pytest.raises(DataError, match=r"one control step, got \[0.01, 0.02\]"):
-        Moments.cut(robot, [t, dataclasses.replace(t, dt=0.02)], 0.5, 20)
+        ForecastWindows.cut(robot, [t, dataclasses.replace(t, dt=0.02)], 0.5, 20)
     with pytest.raises(DataError, match=r"\(points, winches\) = \(5, 6\)"):
-        Moments.cut(robot, [with_points(t, t.observations.points[:, :5])], 0.5, 20)
+        ForecastWindows.cut(robot, [with_points(t, t.observations.points[:, :5])], 0.5, 20)
     blind = t.observations.points.copy()
     blind[40:, 0] = np.nan
     with pytest.raises(DataError, match="all points are in sight"):
-        Moments.cut(robot, [with_points(t, blind)], 0.5, 20)
+        ForecastWindows.cut(robot, [with_points(t, blind)], 0.5, 20)
     blind[:, 0] = np.nan
     with pytest.raises(DataError, match="Tracked point 0 was never seen"):
         smoothed(blind, 0.01, 0.17)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flywheel.control import RandomControls
-from flywheel.diagnosis.fitting.baseline import fitter_of
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.model import fitter_of
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
 from flywheel.effects import Terms
@@ -52,5 +52,5 @@ def windows(robot: Robot, trajectory: Trajectory) -> Windows:
 
 
 @pytest.fixture(scope="session")
-def fitter(robot: Robot, windows: Windows) -> StartFitter:
+def fitter(robot: Robot, windows: Windows) -> PlantFitter:
     return fitter_of(windows, Plant(robot))

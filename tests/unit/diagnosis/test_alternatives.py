@@ -1,4 +1,4 @@
-"""What effects of an answer are exchanged for others on."""
+"""Other models that explain the data as well, and answers that turn out shorter."""
 
 from __future__ import annotations
 
@@ -11,109 +11,109 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict
-from flywheel.diagnosis.fitting.baseline import fitted
 from flywheel.diagnosis.fitting.least_squares import Fit
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
-from flywheel.diagnosis.selection import alternatives as exchange
+from flywheel.diagnosis.fitting.model import fitted
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.selection import alternatives
+from flywheel.diagnosis.selection.alternatives import ExchangedModels
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.stepwise import Search
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 
 # By its path: the package has a function of that name.
-concluding: Any = import_module("flywheel.diagnosis.diagnose")
+conclusion: Any = import_module("flywheel.diagnosis.diagnose")
 
 
-def test_an_effect_is_exchanged_on_the_latest_step_without_it_or_on_a_fit_anew() -> None:
+def model_of(*terms: Term) -> Any:
+    """What stands in for a scored model with these terms."""
+    return SimpleNamespace(fit=SimpleNamespace(terms=terms))
+
+
+def test_an_effect_is_exchanged_on_the_latest_model_without_it_or_on_a_new_fit() -> None:
     had, moved = (Term(EFFECTS["winch_gain"], None, (share,)) for share in (0.1, 0.2))
     found = Term(EFFECTS["cable_damping"], None, (500.0,))
-    steps: Any = [
-        SimpleNamespace(fit=SimpleNamespace(terms=terms))
-        for terms in ((had,), (moved,), (moved, found))
-    ]
-    selection: Any = SimpleNamespace(
-        look=lambda fit: ("looked at", fit), dropped=lambda fit, term: term
+    models = [model_of(had), model_of(moved), model_of(moved, found)]
+    search: Any = SimpleNamespace(
+        score_all=lambda fit: ("scored", fit), dropped=lambda fit, term: term
     )
-    assert exchange._without(selection, steps, found) is steps[1]
-    assert exchange._without(selection, steps, moved) == ("looked at", moved)
+    assert alternatives._without(search, models, found) is models[1]
+    assert alternatives._without(search, models, moved) == ("scored", moved)
 
 
-def test_of_rivals_that_are_one_by_several_names_one_is_fitted(
-    robot: Robot, fitter: StartFitter, seed: int, monkeypatch: pytest.MonkeyPatch
+def test_of_alternatives_that_are_one_by_several_names_one_is_fitted(
+    robot: Robot, fitter: PlantFitter, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = ("command_delay", "sensor_latency")
     library = candidates(robot, {name: EFFECTS[name] for name in (*names, "winch_gain")})
-    selection = Selection(fitter, library, 25.0)
+    search = Search(fitter, library, 25.0)
     found = Term(EFFECTS["winch_gain"], None, (0.05,))
-    last = fitter.under(fitted(fitter, rounds=1), (found,))
+    last = fitter.with_terms(fitted(fitter, rounds=1), (found,))
     late = float(np.random.default_rng(seed).uniform(0.005, 0.03))
     scores: Any = [
         SimpleNamespace(candidate=each, sizes=(late / each.typical[0],), shape=0)
         for each in library
         if each.effect.name in names
     ]
-    pursued: list[str] = []
+    fitted_on: list[str] = []
 
-    def pursue(fit: Fit, *_: float) -> Fit:
-        pursued.append(fit.terms[-1].effect.name)
+    def fit_until(_: Search, fit: Fit, *__: float | None) -> Fit:
+        fitted_on.append(fit.terms[-1].effect.name)
         return fit
 
-    monkeypatch.setattr(selection, "pursued", pursue)
-    as_good = exchange._in_place(selection, last, found, scores, margin=np.inf)
-    assert pursued == [scores[0].candidate.effect.name], seed
+    monkeypatch.setattr(Search, "fit_until", fit_until)
+    as_good = alternatives._in_place(search, last, found, scores, margin=np.inf)
+    assert fitted_on == [scores[0].candidate.effect.name], seed
     assert {fit.terms[-1].effect.name for fit in as_good} == {*names}, seed
     assert as_good[0].cost == pytest.approx(as_good[1].cost, rel=1e-6), seed
 
 
 def test_values_that_another_effect_cannot_have_make_no_twin(
-    robot: Robot, fitter: StartFitter, seed: int
+    robot: Robot, fitter: PlantFitter, seed: int
 ) -> None:
     """A gain may be negative, a delay not."""
     (late,) = candidates(robot, {"command_delay": EFFECTS["command_delay"]})
-    selection = Selection(fitter, (late,), 25.0)
+    search = Search(fitter, (late,), 25.0)
     gain = Term(EFFECTS["winch_gain"], None, (-0.05,))
-    last = fitter.under(fitter.beginning(), (gain,))
+    last = fitter.with_terms(fitter.first_estimate(), (gain,))
     score: Any = SimpleNamespace(candidate=late, sizes=(0.01,), shape=0)
-    assert exchange._twin(selection, last, gain, score) is None, seed
+    assert alternatives._twin(search, last, gain, score) is None, seed
 
 
 @pytest.mark.parametrize(("costs", "left"), [((130.0, 124.0), 1), ((130.0, 126.0), None)])
 def test_an_effect_goes_that_turns_out_not_to_be_needed(
-    fitter: StartFitter, costs: tuple[float, float], left: int | None
+    fitter: PlantFitter, costs: tuple[float, float], left: int | None
 ) -> None:
-    """With the better starts that were found meanwhile; each has to explain 25 here."""
-    selection = Selection(fitter, (), 25.0)
+    """With the better initial states that were found meanwhile; each has to explain 25 here."""
+    search = Search(fitter, (), 25.0)
     terms = tuple(Term(EFFECTS[n], None, (0.1,)) for n in ("winch_gain", "cable_friction"))
-    last = replace(fitter.beginning(), cost=100.0)
-    steps: list[Any] = [SimpleNamespace(fit=replace(last, cost=cost)) for cost in costs]
-    found = exchange.Exchange(last, (), tuple(zip(terms, steps, strict=True)))
-    assert found.shorter(selection) is (None if left is None else steps[left])
-    alone = exchange.Exchange(last, (), ((terms[1], steps[1]),))
-    assert alone.shorter(selection) is None  # without the only one nothing is left
+    last = replace(fitter.first_estimate(), cost=100.0)
+    models: list[Any] = [SimpleNamespace(fit=replace(last, cost=cost)) for cost in costs]
+    found = ExchangedModels(last, (), tuple(zip(terms, models, strict=True)))
+    assert found.shorter(search) is (None if left is None else models[left])
+    alone = ExchangedModels(last, (), ((terms[1], models[1]),))
+    assert alone.shorter(search) is None  # without the only one nothing is left
 
 
 def test_an_answer_is_judged_without_what_is_not_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     a, b = (Term(EFFECTS[name], None, (0.1,)) for name in ("winch_gain", "cable_friction"))
-    first, shorter, other, last = (
-        SimpleNamespace(fit=SimpleNamespace(terms=terms)) for terms in ((), (b,), (a,), (a, b))
-    )
+    first, shorter, other, last = (model_of(*terms) for terms in ((), (b,), (a,), (a, b)))
     exchanges = iter([SimpleNamespace(shorter=lambda _: shorter)])
     judged: list[Any] = []
 
-    def judge(_: Any, steps: list[Any]) -> Any:
-        judged.append(steps)
-        return SimpleNamespace(steps=steps, verdict=Verdict.NOISE_ONLY)
+    def judge(_: Any, models: list[Any]) -> Any:
+        judged.append(models)
+        return SimpleNamespace(models=models, verdict=Verdict.NOISE_ONLY)
 
-    monkeypatch.setattr(concluding, "exchanged", lambda *_: next(exchanges))
-    monkeypatch.setattr(concluding, "_judged", judge)
-    search: Any = SimpleNamespace(
-        selection=SimpleNamespace(criterion=None, new=lambda _: ()),
-        limits=SimpleNamespace(equally_good=1.0),
+    monkeypatch.setattr(conclusion, "exchanged", lambda *_: next(exchanges))
+    monkeypatch.setattr(conclusion, "_judged", judge)
+    searched: Any = SimpleNamespace(
+        search=SimpleNamespace(criterion=None), limits=SimpleNamespace(equally_good=1.0)
     )
-    begun: Any = SimpleNamespace(steps=[first, other, last], verdict=Verdict.EFFECT)
-    settled, others = concluding._settled(search, begun)
+    begun: Any = SimpleNamespace(models=[first, other, last], verdict=Verdict.EFFECT)
+    concluded, others = conclusion._with_alternatives(searched, begun)
     assert judged == [[first, shorter]]
-    assert (settled.steps, others) == ([first, shorter], [])
+    assert (concluded.models, others) == ([first, shorter], [])
 
 
 def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,23 +121,20 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
     names = ("winch_gain", "cable_friction", "cable_damping")
     a, b, c = (Term(EFFECTS[name], None, (0.1,)) for name in names)
 
-    def step(*terms: Term) -> Any:
-        return SimpleNamespace(fit=SimpleNamespace(terms=terms))
-
-    def judge(_: Any, steps: list[Any]) -> Any:
-        terms = steps[-1].fit.terms
+    def judge(_: Any, models: list[Any]) -> Any:
+        terms = models[-1].fit.terms
         answer = [SimpleNamespace(term=t, shown=t is not b, certainty=0.1) for t in terms]
-        return SimpleNamespace(steps=steps, answer=answer, verdict=Verdict.NOISE_ONLY)
+        return SimpleNamespace(models=models, answer=answer, verdict=Verdict.NOISE_ONLY)
 
-    exchange_of = SimpleNamespace(shorter=lambda _: step(a, b))
-    monkeypatch.setattr(concluding, "exchanged", lambda *_: exchange_of)
-    monkeypatch.setattr(concluding, "_judged", judge)
-    selection = SimpleNamespace(
-        new=lambda steps: steps[-1].fit.terms,
-        shortened=lambda fit, term: step(*(t for t in fit.terms if t is not term)).fit,
-        look=lambda fit: step(*fit.terms),
+    exchange = SimpleNamespace(shorter=lambda _: model_of(a, b))
+    monkeypatch.setattr(conclusion, "exchanged", lambda *_: exchange)
+    monkeypatch.setattr(conclusion, "_judged", judge)
+    search = SimpleNamespace(
+        without_term=lambda fit, term: model_of(*(t for t in fit.terms if t is not term)).fit,
+        score_all=lambda fit: model_of(*fit.terms),
     )
-    search: Any = SimpleNamespace(selection=selection, limits=SimpleNamespace(equally_good=1.0))
-    begun: Any = SimpleNamespace(steps=[step(), step(a), step(a, b, c)], verdict=Verdict.EFFECT)
-    settled, _ = concluding._settled(search, begun)
-    assert [each.fit.terms for each in settled.steps] == [(), (a,)]
+    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(equally_good=1.0))
+    models = [model_of(), model_of(a), model_of(a, b, c)]
+    begun: Any = SimpleNamespace(models=models, verdict=Verdict.EFFECT)
+    concluded, _ = conclusion._with_alternatives(searched, begun)
+    assert [each.fit.terms for each in concluded.models] == [(), (a,)]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.levenberg_marquardt import damped_step
+from flywheel.diagnosis.fitting.least_squares import damped_step
 from flywheel.diagnosis.fitting.nuisance import unsure_terms
-from flywheel.diagnosis.fitting.parameters import BELIEVED, Free, free_values
+from flywheel.diagnosis.fitting.parameters import FreeParameter, free_parameters
+from flywheel.diagnosis.settings import JacobianSettings
 from flywheel.effects import Scales
 from flywheel.robots import Robot
 
@@ -44,10 +45,11 @@ def test_what_is_said_of_a_number_is_believed_up_to_three_deviations(
 ) -> None:
     deviation = float(np.random.default_rng(seed).uniform(0.01, 0.1))
     terms = unsure_terms({"body_mass": deviation})
-    (free,) = free_values(terms, Scales.of(robot))
+    settings = JacobianSettings()
+    (free,) = free_parameters(terms, Scales.of(robot), settings)
     for way in (-1.0, 1.0):
         ((value,),) = (term.values for term in free.moved(terms, way * 1e3))
-        assert value == pytest.approx(way * BELIEVED * deviation), seed
+        assert value == pytest.approx(way * settings.believed * deviation), seed
 
 
 @pytest.mark.parametrize(
@@ -63,5 +65,5 @@ def test_a_difference_stays_within_bounds(
     robot: Robot, value: float, low: float, high: float, step: float
 ) -> None:
     terms = unsure_terms({"body_mass": 1.0})
-    free = Free(0, 0, 1.0, low, high)
+    free = FreeParameter(0, 0, 1.0, low, high, step=0.25)
     assert free.step_from(free.moved(terms, value)) == pytest.approx(step)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.experiments.command_scripts import FAMILIES, Reach, varied
+from flywheel.diagnosis.experiments.command_scripts import FAMILIES, WinchRange, varied
 from flywheel.diagnosis.experiments.design import Design, Designer
-from flywheel.diagnosis.experiments.information import foresee, played
-from flywheel.diagnosis.selection.rivals import Rival
+from flywheel.diagnosis.experiments.information import information_of, simulate_scripts
+from flywheel.diagnosis.selection.candidates import Rival
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, UnknownNameError
 from flywheel.robots import Robot, load_robot
@@ -20,7 +20,7 @@ SIGMA = 0.009
 def test_scripts_stay_where_winches_can_go(name: str, seed: int) -> None:
     robot, rng, dt = load_robot(name), np.random.default_rng(seed), 0.01
     start = robot.winch_of(robot.keyframe)
-    reach = Reach.around(robot, start, dt)
+    reach = WinchRange.around(robot, start, dt)
     wishes = [family(reach, 137, rng) for family in FAMILIES.values()]
     wishes += [varied(reach, wishes[i], wishes[i - 1], 0.3, rng) for i in range(len(wishes))]
     path = reach.path(np.stack(wishes))
@@ -79,8 +79,8 @@ def test_a_design_says_what_its_commands_are_worth(
 ) -> None:
     """The search's own number comes out again from the commands alone."""
     scripts = design.controls[None]
-    motion = played(designer.plant, scripts)
-    again = foresee(designer.plant, scripts, motion, designer.library, SIGMA)
+    motion = simulate_scripts(designer.plant, scripts)
+    again = information_of(designer.plant, scripts, motion, designer.library, SIGMA)
     assert motion.finite.all()
     apart = [again.separation(i, j)[0] for i in range(3) for j in range(3) if i != j]
     assert min(apart) == pytest.approx(design.separation, rel=1e-6), seed

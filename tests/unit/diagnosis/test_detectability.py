@@ -1,17 +1,17 @@
-"""What is kept of a promise around other starts."""
+"""What is still detectable around other initial states."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.checks import detectability as promise
-from flywheel.diagnosis.checks.detectability import LEAST, common_share, kept
-from flywheel.diagnosis.fitting.baseline import fitted
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.checks.detectability import LEAST, common_share, detectable
+from flywheel.diagnosis.fitting.model import fitted
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.step import Step
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.settings import CheckSettings
 from flywheel.effects import EFFECTS
 from flywheel.robots import Robot
 from tests import draws
@@ -20,9 +20,9 @@ NAMES = ("winch_gain", "slope", "contact_softness", "payload")
 
 
 @pytest.fixture(scope="module")
-def step(robot: Robot, fitter: StartFitter) -> Step:
+def model(robot: Robot, fitter: PlantFitter) -> ScoredModel:
     library = candidates(robot, {name: EFFECTS[name] for name in NAMES})
-    return Selection(fitter, library, 25.0).look(fitted(fitter, rounds=2))
+    return Search(fitter, library, 25.0).score_all(fitted(fitter, rounds=2))
 
 
 def test_what_others_have_in_common_is_a_share() -> None:
@@ -40,25 +40,23 @@ def test_what_others_have_in_common_is_a_share() -> None:
         assert common_share(0.0 * here, 0.0 * here) == LEAST, seed
 
 
-def test_nothing_smaller_is_shown_than_around_the_fitted_starts(
-    fitter: StartFitter, step: Step, seed: int
+def test_nothing_smaller_is_shown_than_around_the_fitted_initial_states(
+    fitter: PlantFitter, model: ScoredModel, seed: int
 ) -> None:
-    found = kept(fitter, step, np.random.default_rng(seed))
-    assert [f.candidate for f in found] == [s.candidate for s in step.scores]
-    for before, after in zip(step.scores, found, strict=True):
+    found = detectable(fitter, model, np.random.default_rng(seed))
+    assert [f.candidate for f in found] == [s.candidate for s in model.scores]
+    for before, after in zip(model.scores, found, strict=True):
         assert after.smallest >= before.smallest, (seed, before.candidate.label)
         assert (after.score, after.sizes) == (before.score, before.sizes)
-    gain = next(i for i, s in enumerate(step.scores) if s.candidate.label == "winch_gain")
-    assert found[gain].smallest < 1.5 * step.scores[gain].smallest, (
-        seed
-    )  # commands act anywhere alike
+    gain = next(i for i, s in enumerate(model.scores) if s.candidate.label == "winch_gain")
+    # Commands act anywhere alike.
+    assert found[gain].smallest < 1.5 * model.scores[gain].smallest, seed
 
 
-def test_where_starts_are_known_exactly_all_of_it_is_kept(
-    fitter: StartFitter, step: Step, seed: int, monkeypatch: pytest.MonkeyPatch
+def test_where_initial_states_are_known_exactly_all_of_it_is_detectable(
+    fitter: PlantFitter, model: ScoredModel, seed: int
 ) -> None:
-    monkeypatch.setattr(promise, "ELSEWHERE", 0.0)
-    found = kept(fitter, step, np.random.default_rng(seed))
+    found = detectable(fitter, model, np.random.default_rng(seed), CheckSettings(shift=0.0))
     np.testing.assert_allclose(
-        [f.smallest for f in found], [s.smallest for s in step.scores], rtol=1e-6
+        [f.smallest for f in found], [s.smallest for s in model.scores], rtol=1e-6
     )

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis import diagnose
-from flywheel.diagnosis import pulse as pulses
-from flywheel.diagnosis.pulse import SECONDS, Pulse
+from flywheel.diagnosis.heartbeat import SECONDS, Heartbeat
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
 from flywheel.robots import load_robot
@@ -13,22 +12,22 @@ from tests import draws
 
 def test_what_goes_on_is_said_again_but_not_all_the_time() -> None:
     now, told = [0.0], []
-    pulse = Pulse(told.append, lambda: now[0])
+    heartbeat = Heartbeat(told.append, lambda: now[0])
     for _ in range(10):
-        pulse.again()
+        heartbeat.again()
         now[0] += SECONDS / 4
     assert told == ["beginning"] * 2
-    pulse("fitting")
-    pulse.again()
+    heartbeat("fitting")
+    heartbeat.again()
     now[0] += SECONDS
-    pulse.again()
+    heartbeat.again()
     assert told[2:] == ["fitting", "fitting"]
 
 
 def test_no_part_of_a_diagnosis_is_silent_for_long(monkeypatch) -> None:
     """Who waits for it takes silence for death. Counted in simulations, not in seconds."""
     steps: list[int] = []
-    monkeypatch.setattr(Pulse, "again", lambda self: steps.append(len(told)))
+    monkeypatch.setattr(Heartbeat, "again", lambda self: steps.append(len(told)))
     told: list[str] = []
     robot, rng = load_robot("prism3"), np.random.default_rng(draws.seed())
     plant = Plant(robot)
@@ -41,4 +40,4 @@ def test_no_part_of_a_diagnosis_is_silent_for_long(monkeypatch) -> None:
     assert told
     assert len(steps) > 20
     assert steps[-1] == len(told)  # also after the last note: what is held out is simulated, too
-    assert pulses.SECONDS < 60
+    assert SECONDS < 60

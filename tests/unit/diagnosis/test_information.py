@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.equivalence import equivalences
-from flywheel.diagnosis.experiments.command_scripts import FAMILIES, Reach
-from flywheel.diagnosis.experiments.information import Foresight, foresee, played
+from flywheel.diagnosis.experiments.command_scripts import FAMILIES, WinchRange
+from flywheel.diagnosis.experiments.information import Information, information_of, simulate_scripts
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.score_test import slices_of
 from flywheel.dynamics.plant import Plant
@@ -19,55 +18,58 @@ from flywheel.robots import Robot
 
 
 @pytest.fixture(scope="module")
-def drawn(robot: Robot, seed: int) -> tuple[Foresight, np.ndarray]:
-    """Foresight of two experiments from random sensitivities (S, N, n), which come with it."""
+def drawn(robot: Robot, seed: int) -> tuple[Information, np.ndarray]:
+    """Information of two experiments from random sensitivities (S, N, n), which come with it."""
     library = candidates(robot, {n: EFFECTS[n] for n in ("slope", "creep", "capstan")})
     count = slices_of(library)[-1][-1].stop
     columns = np.random.default_rng(seed).normal(0, 3.0, (2, 40, count))
-    return Foresight(
+    return Information(
         library, columns.swapaxes(1, 2) @ columns, slices_of(library), (0, 1, 0)
     ), columns
 
 
 def test_a_separation_is_what_the_best_fit_of_the_rival_leaves(
-    drawn: tuple[Foresight, np.ndarray], seed: int
+    drawn: tuple[Information, np.ndarray], seed: int
 ) -> None:
-    foresight, columns = drawn
+    information, columns = drawn
     capstan, creep = 2, 1
     for row in range(2):
-        own = columns[row][:, foresight.slices[capstan][0]]
+        own = columns[row][:, information.slices[capstan][0]]
         left = []
-        for shape in foresight.slices[creep]:
+        for shape in information.slices[creep]:
             rival = columns[row][:, shape]
             best = np.linalg.lstsq(rival, own, rcond=None)[0]
             left.append(np.linalg.norm(own - rival @ best))
-        assert foresight.separation(capstan, creep)[row] == pytest.approx(min(left)), seed
+        assert information.separation(capstan, creep)[row] == pytest.approx(min(left)), seed
 
 
 def test_of_several_sizes_the_weakest_combination_counts(
-    drawn: tuple[Foresight, np.ndarray], seed: int
+    drawn: tuple[Information, np.ndarray], seed: int
 ) -> None:
-    foresight, columns = drawn
+    information, columns = drawn
     slope = 0
     angles = np.linspace(0, np.pi, 2001)
     directions = np.stack([np.cos(angles), np.sin(angles)])
     for row in range(2):
-        own = columns[row][:, foresight.slices[slope][0]]
+        own = columns[row][:, information.slices[slope][0]]
         weakest = np.linalg.norm(own @ directions, axis=0).min() / np.sqrt(2)  # per size
-        assert foresight.strength(slope)[row] == pytest.approx(weakest, rel=1e-5), seed
+        assert information.strength(slope)[row] == pytest.approx(weakest, rel=1e-5), seed
         needed = 5.0 + 1.645 / np.sqrt(2)  # per size; the noise is that of both together
-        assert foresight.smallest(slope)[row] == pytest.approx(needed / weakest, rel=1e-5), seed
+        assert information.smallest(slope)[row] == pytest.approx(needed / weakest, rel=1e-5), seed
 
 
 def test_cosines_are_of_the_angles_between_what_two_change(
-    drawn: tuple[Foresight, np.ndarray], seed: int
+    drawn: tuple[Information, np.ndarray], seed: int
 ) -> None:
-    foresight, columns = drawn
-    a, b = columns[1][:, foresight.slices[2][0]][:, 0], columns[1][:, foresight.slices[1][1]][:, 0]
+    information, columns = drawn
+    a, b = (
+        columns[1][:, information.slices[2][0]][:, 0],
+        columns[1][:, information.slices[1][1]][:, 0],
+    )
     cosine = abs(a @ b) / np.linalg.norm(a) / np.linalg.norm(b)
-    assert foresight.cosines(2, 1)[1, 0] == pytest.approx(cosine), seed
-    assert np.allclose(foresight.cosines(0, 0), 1.0)
-    assert foresight.cosines(0, 1).shape == (2, 1)
+    assert information.cosines(2, 1)[1, 0] == pytest.approx(cosine), seed
+    assert np.allclose(information.cosines(0, 0), 1.0)
+    assert information.cosines(0, 1).shape == (2, 1)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +81,7 @@ def plant(robot: Robot) -> Plant:
 def scripts(robot: Robot, plant: Plant, seed: int) -> np.ndarray:
     """One short script of every family."""
     rng = np.random.default_rng(seed)
-    reach = Reach.around(robot, robot.winch_of(robot.keyframe), plant.dt)
+    reach = WinchRange.around(robot, robot.winch_of(robot.keyframe), plant.dt)
     return reach.commands(reach.path(np.stack([f(reach, 60, rng) for f in FAMILIES.values()])))
 
 
@@ -87,40 +89,25 @@ def test_scripts_looked_at_together_and_alone_say_the_same(
     robot: Robot, plant: Plant, scripts: np.ndarray
 ) -> None:
     library = candidates(robot, {"capstan": EFFECTS["capstan"], "slope": EFFECTS["slope"]})
-    motion = played(plant, scripts[:3])
-    together = foresee(plant, scripts[:3], motion, library, 0.01)
-    alone = foresee(plant, scripts[1:2], motion[np.array([1])], library, 0.01)
+    motion = simulate_scripts(plant, scripts[:3])
+    together = information_of(plant, scripts[:3], motion, library, 0.01)
+    alone = information_of(plant, scripts[1:2], motion[np.array([1])], library, 0.01)
     assert np.allclose(together.gram[1], alone.gram[0], rtol=1e-6)
     assert not np.allclose(together.gram[0], together.gram[1], rtol=0.1)
-
-
-def test_a_delay_of_commands_and_of_measurements_are_one_and_a_lag_is_not(
-    robot: Robot, plant: Plant, scripts: np.ndarray, seed: int
-) -> None:
-    names = ("command_delay", "sensor_latency", "actuator_lag", "winch_gain")
-    library = candidates(robot, {name: EFFECTS[name] for name in names})
-    still = np.zeros_like(scripts[:1])  # rates
-    sigma = 0.003 * robot.length
-    assert len(scripts) >= 6
-    found = equivalences(plant, np.concatenate([scripts, still]), library, sigma)
-    pairs = [(e.first.label, e.second.label) for e in found]
-    assert pairs == [("command_delay", "sensor_latency")], seed
-    assert found[0].least > 0.999
-    assert equivalences(plant, still, library, sigma) == ()  # which shows none of them
 
 
 def test_what_cannot_be_looked_at_is_refused(
     robot: Robot, plant: Plant, scripts: np.ndarray
 ) -> None:
     library = candidates(robot, {"capstan": EFFECTS["capstan"]})
-    motion = played(plant, scripts[:1])
+    motion = simulate_scripts(plant, scripts[:1])
     with pytest.raises(DataError, match="no effect to look for"):
-        foresee(plant, scripts[:1], motion, (), 0.01)
+        information_of(plant, scripts[:1], motion, (), 0.01)
     with pytest.raises(DataError, match="noise must be a positive length, got 0"):
-        foresee(plant, scripts[:1], motion, library, 0.0)
+        information_of(plant, scripts[:1], motion, library, 0.0)
     diverged = type(motion)(motion.points, motion.states, np.array([False]), motion.memory)
     with pytest.raises(ModelError, match="diverges under script 0"):
-        foresee(plant, scripts[:1], diverged, library, 0.01)
+        information_of(plant, scripts[:1], diverged, library, 0.01)
 
 
 def test_cables_are_taut_when_hauled_in_and_slack_when_paid_out(robot: Robot, plant: Plant) -> None:

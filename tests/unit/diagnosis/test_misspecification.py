@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import Verdict, diagnose
-from flywheel.diagnosis.results.limits import Limits
-from flywheel.diagnosis.selection.misspecification import NONE, OtherLaw
-from flywheel.diagnosis.selection.probes import PROBES
+from flywheel.diagnosis import Diagnosis, Verdict, diagnose
+from flywheel.diagnosis.results.verdict import imitated, other_form
+from flywheel.diagnosis.selection.misspecification import NONE, PROBES, Misspecification
+from flywheel.diagnosis.settings import Limits, Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.reports.diagnosis_page import diagnosis_page
@@ -24,15 +24,21 @@ def _of(robot: Robot, kind: str, times: float) -> Term:
     return Term(effect, None, (times * effect.sizes[0].typical(Scales.of(robot)),))
 
 
+def _diagnosed(robot: Robot, hidden: Term, recordings: int, seed: int, strict: Limits) -> Diagnosis:
+    logs = [recorded(robot, (hidden,), seed + i) for i in range(recordings)]
+    settings = Settings(limits=strict)
+    return diagnose(Plant(robot), logs, (), FEW, settings, window_seconds=0.4, seed=seed)
+
+
 def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) -> None:
     strict = Limits(other=0.0)  # whatever is seen of another law tells
-    logs = [recorded(robot, (_of(robot, LAW, 5.0),), seed + i) for i in range(3)]
-    found = diagnose(Plant(robot), logs, (), FEW, strict, window_seconds=0.4, seed=seed)
-    assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), (seed, found.other_law)
-    law = found.summary()["other_law"]
-    assert law is not None, (seed, found.other_law)
+    found = _diagnosed(robot, _of(robot, LAW, 5.0), 3, seed, strict)
+    outside = Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL
+    assert found.verdict in outside, (seed, found.misspecification)
+    law = found.summary()["misspecification"]
+    assert law is not None, (seed, found.misspecification)
     # What it explains in the place of the answer, it need not explain beside it as well.
-    assert law["instead"] or law["score"] > strict.threshold, (seed, found.other_law)
+    assert law["instead"] or law["score"] > strict.threshold, (seed, found.misspecification)
     assert law["law"] in PROBES
     named = law["instead"] or law["law"]  # what explains more in the place of the answer tells more
     assert named in PROBES and named in diagnosis_page(found, {}), seed
@@ -41,25 +47,25 @@ def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) ->
 def test_cable_damping_itself_has_the_right_form(robot: Robot, seed: int) -> None:
     # Rarely (seed 2372015498) the noise of so short recordings is estimated so much too small.
     strict = Limits(other=0.0, loud=1.3)
-    logs = [recorded(robot, (_of(robot, "cable_damping", 1.0),), seed + i) for i in range(2)]
-    found = diagnose(Plant(robot), logs, (), FEW, strict, window_seconds=0.4, seed=seed)
-    assert found.verdict is Verdict.EFFECT, (seed, found.other_law)
-    assert found.summary()["other_law"] is None
+    found = _diagnosed(robot, _of(robot, "cable_damping", 1.0), 2, seed, strict)
+    assert found.verdict is Verdict.EFFECT, (seed, found.misspecification)
+    assert found.summary()["misspecification"] is None
 
 
 def test_a_law_that_explains_little_beside_an_answer_is_no_other_form() -> None:
     limits = Limits()
-    assert not limits.other_form(NONE)
-    assert limits.other_form(OtherLaw("x", limits.threshold + 1, limits.other + 0.01))
-    assert not limits.other_form(OtherLaw("x", limits.threshold - 1, 1.0))
-    assert not limits.other_form(OtherLaw("x", 10 * limits.threshold, limits.other - 0.01))
+    score, share = limits.threshold, limits.other
+    assert not other_form(limits, NONE)
+    assert other_form(limits, Misspecification("x", score + 1.0, share + 0.01))
+    assert not other_form(limits, Misspecification("x", score - 1.0, 1.0))
+    assert not other_form(limits, Misspecification("x", 10.0 * score, share - 0.01))
 
 
 def test_a_law_that_explains_more_in_the_place_of_an_effect_is_the_form() -> None:
     limits = Limits()
-    assert limits.imitated(OtherLaw(instead="x", gain=limits.threshold + 1.0))
-    assert limits.other_form(OtherLaw(instead="x", gain=limits.threshold + 1.0))
-    assert not limits.other_form(OtherLaw(instead="x", gain=limits.threshold - 1.0))
+    better = Misspecification(instead="x", gain=limits.threshold + 1.0)
+    assert imitated(limits, better) and other_form(limits, better)
+    assert not other_form(limits, Misspecification(instead="x", gain=limits.threshold - 1.0))
 
 
 @pytest.mark.parametrize("name", PROBES)

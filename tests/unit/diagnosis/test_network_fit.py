@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict, diagnose
-from flywheel.diagnosis.checks.adequacy import adequacy
-from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.checks.adequacy import adequacy, own_errors
+from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.network_fit import NetworkFitter
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.diagnosis.results.limits import OUTSTANDING
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.screening import at_first_sight
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.screening import screened
+from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.settings import FittingSettings, Limits, NetworkSettings
 from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError
@@ -67,26 +68,31 @@ def gain(share: float) -> Term:
     return Term(EFFECTS["winch_gain"], None, (share,))
 
 
+def world_of(robot: Robot, trajectory: Trajectory, draws_of_errors: int) -> PlantFitter:
+    settings = FittingSettings(network=NetworkSettings(draws=draws_of_errors))
+    windows = Windows.cut(robot, [trajectory], LENGTH)
+    return fitter_of(windows, Plant(robot), settings=settings)
+
+
 @pytest.fixture(scope="module")
 def fitter(robot: Robot, trajectory: Trajectory, model: Subject) -> NetworkFitter:
-    world = fitter_of(Windows.cut(robot, [trajectory], LENGTH), Plant(robot))
-    return NetworkFitter(
-        world, fitted(world), (), model, np.random.default_rng(draws.seed()), draws=48
-    )
+    world = world_of(robot, trajectory, draws_of_errors=48)
+    return NetworkFitter(world, fitted(world), (), model, np.random.default_rng(draws.seed()))
 
 
 def test_its_own_errors_are_far_above_the_noise_and_are_not_taken_for_an_effect(
     robot: Robot, fitter: NetworkFitter, seed: int
 ) -> None:
-    fit = fitter.beginning()
+    fit = fitter.first_estimate()
     assert fitter.rms(fit) > 3 * fitter.windows.sigma, seed
-    step = Selection(fitter, candidates(robot, FEW), 25.0).look(fit)
-    own = fitter.own_errors(step.test)
-    assert step.test.noise < 1.5 * max(1.0, own.noise), seed
-    assert step.scores[0].score < max(25.0, 2 * own.score), seed
-    left = adequacy(fitter, fit, step.test, None)
-    assert left.loudest < max(OUTSTANDING, own.loudest), seed
-    assert own.loudest > OUTSTANDING, seed  # far louder in one window than noise ever is
+    scored = Search(fitter, candidates(robot, FEW), 25.0).score_all(fit)
+    own = own_errors(fitter, scored.test)
+    assert own is not None
+    assert scored.test.noise < 1.5 * max(1.0, own.noise), seed
+    assert scored.scores[0].score < max(25.0, 2 * own.score), seed
+    left, outstanding = adequacy(fitter, fit, scored.test, None), Limits().outstanding
+    assert left.loudest < max(outstanding, own.loudest), seed
+    assert own.loudest > outstanding, seed  # far louder in one window than noise ever is
 
 
 def test_only_what_comes_after_its_past_is_explained(fitter: NetworkFitter) -> None:
@@ -98,7 +104,7 @@ def test_only_what_comes_after_its_past_is_explained(fitter: NetworkFitter) -> N
 def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(
     robot: Robot, trajectory: Trajectory, model: Subject
 ) -> None:
-    world = fitter_of(Windows.cut(robot, [trajectory], LENGTH), Plant(robot))
+    world = world_of(robot, trajectory, draws_of_errors=8)
     seen: list[Floats] = []
 
     class Told(Drifting):
@@ -111,14 +117,14 @@ def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(
     for terms in ((), (gain(0.5),)):
         subject = replace(model, dynamics=told, terms=terms)
         seen.clear()
-        NetworkFitter(world, fitted(world), (), subject, rng, draws=8)
+        NetworkFitter(world, fitted(world), (), subject, rng)
         first = seen[0]
         known = Reckoning(robot, trajectory.dt, terms).known(trajectory)[: len(first)]
         assert np.allclose(first, known, atol=1e-9)
 
 
 def test_what_an_effect_changes_vanishes_with_the_effect(fitter: NetworkFitter) -> None:
-    fit = fitter.beginning()
+    fit = fitter.first_estimate()
     same, tiny, small = fitter.predictions(fit, [(), (gain(1e-6),), (gain(0.02),)])
     assert np.array_equal(same, fit.points)
     # In about one drawn recording of seventy, a contact or a restart's twist falls the other way in a
@@ -146,15 +152,15 @@ def test_what_is_hidden_is_found_and_what_is_not_is_not(
     assert found.errors.augmented < found.errors.baseline, seed
 
 
-def test_a_network_is_not_asked_at_first_sight(
+def test_a_network_is_not_screened(
     robot: Robot, fitter: NetworkFitter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     library = candidates(robot, FEW)
-    step = Selection(fitter, library, 25.0).look(fitter.beginning())
-    scores = tuple(replace(score, power=1.0) for score in step.scores)
-    fit = replace(step.fit, cost=10.0 * fitter.freedom(step.fit))
+    scored = Search(fitter, library, 25.0).score_all(fitter.first_estimate())
+    scores = tuple(replace(score, statistic=1.0) for score in scored.scores)
+    fit = replace(scored.fit, cost=10.0 * fitter.freedom(scored.fit))
     monkeypatch.setattr(NetworkFitter, "predictions", None)  # nothing is simulated
-    assert at_first_sight(fitter, replace(step, fit=fit, scores=scores), library, ()) == []
+    assert screened(fitter, replace(scored, fit=fit, scores=scores), library, ()) == []
 
 
 def test_a_model_that_does_not_fit_is_refused(

@@ -10,12 +10,12 @@ import pytest
 
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.adoption import adoptable
-from flywheel.diagnosis.fitting.baseline import baseline_fit, fitted, fitter_of
-from flywheel.diagnosis.fitting.nuisance import FINALISTS, calibrated, unsure_terms
-from flywheel.diagnosis.fitting.parameters import BELIEVED, free_values
+from flywheel.diagnosis.fitting.model import fitted, fitted_as_given, fitter_of
+from flywheel.diagnosis.fitting.nuisance import calibrated, unsure_terms
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.settings import JacobianSettings, NuisanceSettings
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term
 from flywheel.errors import DataError, UnknownNameError
@@ -52,7 +52,7 @@ def test_a_number_is_not_left_in_the_hollow_that_it_begins_in(robot: Robot, seed
     told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.06))
     windows = Windows.cut(robot, [recorded(robot, (), seed)], seconds=0.4)
     fitter = fitter_of(windows, told)
-    fitter, begun = baseline_fit(fitter, fitter.beginning(()), calibrated=False)
+    fitter, begun = fitted_as_given(fitter, fitter.first_estimate(()), calibrated=False)
     found = calibrated(fitter, begun, unsure_terms({"cable_stiffness": 0.05}))
     ((value,),) = (term.values for term in found.terms)
     assert value > 0.025, value
@@ -80,16 +80,16 @@ def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot,
     fitter = fitter_of(windows, Plant(robot))
     (unsure,) = unsure_terms({"cable_stiffness": 0.05})
     (candidate,) = candidates(robot, {"winch_gain": EFFECTS["winch_gain"]})
-    selection = Selection(fitter, (candidate,), 25.0)
-    misled = selection.look(fitted(fitter, (replace(unsure, values=(1.5,)),), rounds=2))
+    search = Search(fitter, (candidate,), 25.0)
+    misled = search.score_all(fitted(fitter, (replace(unsure, values=(1.5,)),), rounds=2))
     terms = (*misled.fit.terms, candidate.term((2.5,)))
-    free = free_values(terms, selection.scales)
-    begun = fitter.under_or_anew(misled.fit, terms, free)
-    lower = selection.begun(misled, terms)
+    free = fitter.free(terms)
+    begun = fitter.warm_start(misled.fit, terms, free)
+    lower = search.warm_start(misled, terms)
     assert lower.cost <= begun.cost, seed
     found, led = (fitter.fit(each, free, rounds=1) for each in (lower, begun))
     # After a round the one that began lower need not be ahead; in the end it is not behind.
-    ended = [selection.pursued(fit).cost for fit in (found, led)]
+    ended = [search.fit_until(fit).cost for fit in (found, led)]
     assert ended[0] < 1.1 * ended[1], seed
     assert abs(found.terms[0].values[0]) < 0.2, seed  # nothing is wrong with it
     assert found.terms[1].values[0] == pytest.approx(0.3, abs=0.05), seed
@@ -118,7 +118,7 @@ def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(
     )
     (stiffness,) = found.calibration
     assert stiffness.held_back, (seed, stiffness)
-    assert stiffness.values[0].in_plant == pytest.approx(BELIEVED * 0.05)
+    assert stiffness.values[0].in_plant == pytest.approx(JacobianSettings().believed * 0.05)
     assert found.summary()["calibration"][0]["held_back"]
     assert "more of cable_stiffness than is believed (3 of" in held_back(found)
     assert held_back(found) in diagnosis_page(found, {})
@@ -187,4 +187,4 @@ def test_only_the_best_beginnings_of_a_model_that_lacks_more_are_fitted_on(
 
     monkeypatch.setattr(type(fitter), "fit", counted)
     calibrated(fitter, begun, said)
-    assert rounds.count(1) == 5 + FINALISTS, (seed, rounds)
+    assert rounds.count(1) == 5 + NuisanceSettings().finalists, (seed, rounds)

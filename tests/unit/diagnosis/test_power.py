@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import diagnose
-from flywheel.diagnosis.experiments.information import played
+from flywheel.diagnosis.experiments.information import simulate_scripts
 from flywheel.diagnosis.experiments.power import ENOUGH, Power, power
-from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
+from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.stepwise import Search
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import EFFECTS, Effect
 from flywheel.records import Observation, Trajectory
@@ -85,11 +85,11 @@ def test_an_effect_above_the_smallest_size_is_seen_and_one_far_below_is_not(
     noise, controls = 0.001 * robot.length, hidden.controls[:80]
     (before,) = power(Plant(robot), controls, noise, gain).prospects
     term = before.candidate.term((times * before.smallest,))
-    truth = played(with_effects(Plant(robot), (term,)), controls[None]).points[0]
+    truth = simulate_scripts(with_effects(Plant(robot), (term,)), controls[None]).points[0]
     measured = truth + np.random.default_rng(seed).normal(0, noise, truth.shape)
     log = Trajectory(Observation(measured, hidden.observations.winch[:81]), controls, hidden.dt)
     fitter = fitter_of(Windows.cut(robot, [log], sigma=noise), Plant(robot))
-    after = Selection(fitter, candidates(robot, gain), ENOUGH**2).look(fitted(fitter)).scores[0]
+    after = Search(fitter, candidates(robot, gain), ENOUGH**2).score_all(fitted(fitter)).scores[0]
     assert (after.score >= ENOUGH**2) == seen, (seed, after.score)
 
 

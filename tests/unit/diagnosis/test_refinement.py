@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.baseline import fitted, fitter_of, refined_fit
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
-from flywheel.diagnosis.fitting.refinement import TOLERATED, in_other_steps, shorter_steps
+from flywheel.diagnosis.fitting.model import fitted, fitted_and_refined, fitter_of
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import TOLERATED_BY_NOTHING, Selection
+from flywheel.diagnosis.selection.stepwise import Search, _fitted_in_turn, stepwise
+from flywheel.diagnosis.settings import FittingSettings, RefinementSettings
 from flywheel.dynamics.plant import (
     AugmentedPlant,
     EffectivePlant,
@@ -30,6 +30,7 @@ from flywheel.robots import Robot
 
 SECONDS, NOISE = 0.8, 0.001
 FALLS = 3
+TOLERATED = RefinementSettings()
 TIMES = 8  # shorter steps are what is taken for the truth
 
 
@@ -48,7 +49,7 @@ def fallen(robot: Robot, seed: int, times: int, terms: Terms = ()) -> Trajectory
     return Trajectory(seen, still[0], own.dt)
 
 
-def fitter_for(robot: Robot, seed: int, times: int) -> StartFitter:
+def fitter_for(robot: Robot, seed: int, times: int) -> PlantFitter:
     logs = [fallen(robot, seed + i, times) for i in range(FALLS)]
     windows = Windows.cut(robot, logs, seconds=0.4, sigma=NOISE * robot.length)
     return fitter_of(windows, Plant(robot))
@@ -56,12 +57,12 @@ def fitter_for(robot: Robot, seed: int, times: int) -> StartFitter:
 
 def test_every_window_is_simulated_in_its_own_steps(robot: Robot, seed: int) -> None:
     fitter = fitter_for(robot, seed, 1)
-    fit, own = fitter.beginning(), fitter.predictor
+    fit, own = fitter.first_estimate(), fitter.simulator
     members = np.arange(len(fitter.windows))
     halved = members % 2 == seed % 2
-    mixed, finer = own.finer(halved), own.finer()
+    mixed, finer = own.halved(halved), own.halved()
     with_own, with_finer, with_both = (
-        each.parallel(fit.starts.mechanics, fit.carried, (), members)
+        each.parallel(fit.initial.mechanics, fit.carried, (), members)
         for each in (own, finer, mixed)
     )
     assert np.array_equal(with_both[halved], with_finer[halved])
@@ -85,7 +86,7 @@ def test_a_plant_with_winches_that_no_robot_may_have_is_still_refined(robot: Rob
 
 def test_steps_are_halved_where_a_fall_asks_for_it(robot: Robot, seed: int) -> None:
     own = fitter_for(robot, seed, TIMES)
-    fitter, fit = refined_fit(own, own.beginning())
+    fitter, fit = fitted_and_refined(own, own.first_estimate())
     shorter = fitter.time_steps < robot.timestep
     assert shorter.any(), seed
     before, after = own.mean_squares(fitted(own))[shorter], fitter.mean_squares(fit)[shorter]
@@ -94,64 +95,62 @@ def test_steps_are_halved_where_a_fall_asks_for_it(robot: Robot, seed: int) -> N
 
 def test_steps_are_asked_for_again_once_there_is_a_model(robot: Robot, seed: int) -> None:
     own = fitter_for(robot, seed, TIMES)
-    selection = Selection(own, (), 25.0)
-    before = own.fit(own.beginning())
-    (after,) = selection.race([before])
-    shorter = selection.fitter.time_steps < robot.timestep
+    before = own.fit(own.first_estimate())
+    search, (after,) = _fitted_in_turn(Search(own, (), 25.0), [before])
+    shorter = search.fitter.time_steps < robot.timestep
     assert shorter.any(), seed
     assert own.time_steps.tolist() == [robot.timestep] * FALLS * 2
     assert after.cost < before.cost, seed
-    again = selection.fitter.under(after, after.terms)
+    again = search.fitter.with_terms(after, after.terms)
     np.testing.assert_allclose(again.cost, after.cost, rtol=1e-9)  # it is a fit of the new fitter
 
 
-def test_models_race_in_the_time_steps_that_the_first_one_asks_for(
+def test_models_are_compared_in_the_time_steps_that_the_first_one_asks_for(
     robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = fitter_for(robot, seed, TIMES)
-    selection = Selection(own, (), 25.0)
-    first = own.fit(own.beginning())
-    other = own.fit(own.under(first, (Term(EFFECTS["winch_gain"], None, (0.05,)),)), rounds=1)
+    first = own.fit(own.first_estimate())
+    other = own.fit(own.with_terms(first, (Term(EFFECTS["winch_gain"], None, (0.05,)),)), rounds=1)
     begun: list[tuple[Fitter, Fit]] = []  # the best one may ask for shorter steps once more
 
-    def pursued(fit: Fit, *_: float, **__: float) -> Fit:
-        begun.append((selection.fitter, fit))
+    def fit_until(search: Search, fit: Fit, *_: float, **__: float) -> Fit:
+        begun.append((search.fitter, fit))
         return fit
 
-    monkeypatch.setattr(selection, "pursued", pursued)
-    selection.race([first, other])
+    monkeypatch.setattr(Search, "fit_until", fit_until)
+    _fitted_in_turn(Search(own, (), 25.0), [first, other])
     for fitter, fit in begun[:2]:
         assert (fitter.time_steps < robot.timestep).any(), seed
-        again = fitter.under(fit, fit.terms)
+        again = fitter.with_terms(fit, fit.terms)
         np.testing.assert_allclose(again.cost, fit.cost, rtol=1e-9)  # a fit of the new fitter
     assert {len(fit.terms) for _, fit in begun[:2]} == {0, 1}, seed
 
 
 def test_recordings_of_the_plant_itself_keep_its_steps(robot: Robot, seed: int) -> None:
     own = fitter_for(robot, seed, 1)
-    fitter, fit = refined_fit(own, own.beginning())
+    fitter, fit = fitted_and_refined(own, own.first_estimate())
     # Should shorter ones fit by chance, then as well.
     assert (fitter.time_steps == robot.timestep).all() or fit.cost < 1.02 * fitted(own).cost, seed
     assert fitter.mean_squares(fit).mean() < 1.2, seed
 
 
 class Costs:
-    """Stands in for a fitter whose fits cost this, one after the other."""
+    """Stands in for a fitter of one window whose fits cost this, one after the other."""
 
-    def __init__(self, *costs: float, finer: Costs | None = None) -> None:
-        self.left, self.finer = list(costs), finer
+    settings = FittingSettings()
 
-    def coarse(self, *_: object) -> np.ndarray:
-        return np.array([self.finer is not None])
+    def __init__(self, *costs: float, shorter: Costs | None = None) -> None:
+        self.left, self.shorter = list(costs), shorter
+        self.time_steps = np.array([1.0 if shorter is None else 2.0])
 
-    def refined(self, _: object) -> Costs | None:
-        return self.finer
+    def finer(self, *_: object) -> Costs | None:
+        return self.shorter
 
-    def under(self, fit: Fit, _: object) -> Fit:
+    def with_terms(self, fit: Fit, _: object) -> Fit:
         return replace(fit, cost=self.left.pop(0), converged=False)
 
     def fit(self, fit: Fit, *_: object, **__: object) -> Fit:
-        return self.under(fit, ())
+        return self.with_terms(fit, ())
 
 
 @pytest.mark.parametrize(
@@ -163,12 +162,12 @@ class Costs:
     ],
 )
 def test_shorter_steps_win_if_they_get_ahead_while_there_is_hope(
-    fitter: StartFitter, costs: tuple[float, ...], wins: bool
+    fitter: PlantFitter, costs: tuple[float, ...], wins: bool
 ) -> None:
     ahead = 949.0 if len(costs) == 3 else 1000.0
     finer = Costs(*costs)
-    own = Costs(2000.0, 1500.0, finer=finer)
-    fit = replace(fitter.beginning(), cost=ahead, converged=True)
+    own = Costs(2000.0, 1500.0, shorter=finer)
+    fit = replace(fitter.first_estimate(), cost=ahead, converged=True)
     taken, after = shorter_steps(own, fit)
     assert (taken is finer) == wins
     assert after.cost == (costs[-1] if wins else ahead)
@@ -176,22 +175,20 @@ def test_shorter_steps_win_if_they_get_ahead_while_there_is_hope(
 
 
 def test_longer_steps_win_if_they_fit_better_from_where_shorter_ones_led_to(
-    fitter: StartFitter,
+    fitter: PlantFitter,
 ) -> None:
-    own = Costs(2000.0, 900.0, finer=Costs(5000.0, 990.0))
-    stuck = replace(fitter.beginning(), cost=1000.0, converged=True)
+    own = Costs(2000.0, 900.0, shorter=Costs(5000.0, 990.0))
+    stuck = replace(fitter.first_estimate(), cost=1000.0, converged=True)
     taken, after = shorter_steps(own, stuck)
     assert taken is own and after.cost == 900.0
 
 
 @pytest.mark.parametrize("draw", [3194873299, 2622254124])
-def test_better_starts_found_in_shorter_steps_are_no_evidence_for_them(
+def test_better_initial_states_found_in_shorter_steps_are_no_evidence_for_them(
     robot: Robot, draw: int
 ) -> None:
-    own = fitter_for(
-        robot, draw, 1
-    )  # of which a fit gets stuck where one in shorter steps does not
-    fitter, fit = refined_fit(own, own.beginning())
+    own = fitter_for(robot, draw, 1)  # a fit gets stuck where one in shorter steps does not
+    fitter, fit = fitted_and_refined(own, own.first_estimate())
     assert (fitter.time_steps == robot.timestep).all()
     assert fit.cost < 1.02 * fitted(own).cost
 
@@ -204,39 +201,39 @@ def before_nothing(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """
     asked: list[float] = []
 
-    def shorter(own: StartFitter, fit: Fit, _: object, tolerated: float = TOLERATED) -> Any:
-        if tolerated == TOLERATED:
+    def shorter(
+        own: PlantFitter, fit: Fit, _: object, tolerated: float | None = None
+    ) -> tuple[PlantFitter, Fit]:
+        if tolerated is None:
             return own, fit
         asked.append(tolerated)
         everywhere = np.ones(len(own.windows), bool)
-        finer = own.refined(everywhere)
+        finer = own.halved(everywhere)
         return finer, in_other_steps(finer, fit, everywhere)
 
     monkeypatch.setattr("flywheel.diagnosis.selection.stepwise.shorter_steps", shorter)
     return asked
 
 
-def selection_of(robot: Robot, seed: int, plant: Plant, terms: Terms = ()) -> Selection:
+def search_of(robot: Robot, seed: int, plant: Plant, terms: Terms = ()) -> Search:
     """For a fall whose noise is said to be so loud that the plant's own steps will do."""
     log = fallen(robot, seed, TIMES, terms)
     windows = Windows.cut(robot, [log], seconds=0.4, sigma=5.0 * NOISE * robot.length)
-    return Selection(
-        fitter_of(windows, plant), candidates(robot, {"slope": EFFECTS["slope"]}), 25.0
-    )
+    return Search(fitter_of(windows, plant), candidates(robot, {"slope": EFFECTS["slope"]}), 25.0)
 
 
 def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(
     robot: Robot, seed: int, before_nothing: list[float]
 ) -> None:
-    selection = selection_of(robot, seed, Plant(robot))
-    own = selection.fitter
-    fit = own.fit(own.beginning())
-    assert not own.coarse(fit, TOLERATED).any(), seed
-    (step,) = selection.run(selection.look(fit))
-    assert before_nothing == [TOLERATED_BY_NOTHING], seed
-    assert (selection.fitter.time_steps < robot.timestep).all(), seed
-    again = selection.fitter.under(step.fit, ())
-    np.testing.assert_allclose(again.cost, step.fit.cost, rtol=1e-9)  # a fit of the new fitter
+    search = search_of(robot, seed, Plant(robot))
+    own = search.fitter
+    fit = own.fit(own.first_estimate())
+    assert own.finer(fit, TOLERATED.tolerated) is None, seed
+    search, (model,) = stepwise(search, search.score_all(fit))
+    assert before_nothing == [TOLERATED.tolerated_by_nothing], seed
+    assert (search.fitter.time_steps < robot.timestep).all(), seed
+    again = search.fitter.with_terms(model.fit, ())
+    np.testing.assert_allclose(again.cost, model.fit.cost, rtol=1e-9)  # a fit of the new fitter
 
 
 def test_a_plant_whose_effect_has_another_value_is_still_asked_about_it_in_shorter_steps(
@@ -247,10 +244,11 @@ def test_a_plant_whose_effect_has_another_value_is_still_asked_about_it_in_short
         (Term(effect, None, (times * effect.sizes[0].typical(Scales.of(robot)),)),)
         for times in (1.0, 4.0)
     )
-    selection = selection_of(robot, seed, EffectivePlant(robot, had), has)
-    own = selection.fitter
-    first, *_, last = selection.run(selection.look(own.fit(own.beginning(had))))
-    assert before_nothing == [TOLERATED_BY_NOTHING], seed
-    assert (selection.fitter.time_steps < robot.timestep).all(), seed
+    search = search_of(robot, seed, EffectivePlant(robot, had), has)
+    own = search.fitter
+    fit = own.fit(own.first_estimate(had))
+    search, (first, *_, last) = stepwise(search, search.score_all(fit))
+    assert before_nothing == [TOLERATED.tolerated_by_nothing], seed
+    assert (search.fitter.time_steps < robot.timestep).all(), seed
     assert first.fit.terms == had, seed
     assert last.fit.terms[0].values == pytest.approx(has[0].values, rel=0.2), seed

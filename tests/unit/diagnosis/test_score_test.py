@@ -1,4 +1,4 @@
-"""The projected score test is least squares: a model that is linear in all its unknowns says so exactly."""
+"""The score test is least squares: a model that is linear in all its parameters says so exactly."""
 
 from __future__ import annotations
 
@@ -8,53 +8,52 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.jacobian_cache import Linear
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.windows import Log, Windows
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
+from flywheel.diagnosis.fitting.windows import Recording, Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import (
     CRITICAL,
-    LARGE,
-    SHARE,
     Projection,
     ScoreTest,
     score_test,
     smallest_shown,
 )
+from flywheel.diagnosis.settings import ScoreSettings
 from flywheel.effects import EFFECTS, Terms
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
-# Windows of two logs, steps after the first, points, what is unknown about each, and winches.
-WINDOWS, STEPS, POINTS, UNKNOWN, WINCHES = 5, 4, 3, 2, 2
+# Windows of two recordings, steps after the first, points, local parameters of each, and winches.
+WINDOWS, STEPS, POINTS, LOCAL, WINCHES = 5, 4, 3, 2, 2
 COORDINATES = (STEPS + 1) * POINTS * 3
 PRIOR, SIGMA = np.array([0.5, 2.0]), 0.01
+SCORE = ScoreSettings()
 
 
 @dataclass
 class LinearModel(Fitter):
-    """Every unknown moves the predictions by as much as it is large; one effect bends with its size.
+    """Every parameter moves the predictions by as much as it is large; one effect bends with its size.
 
     Attributes:
-      windows, prior, winch_prior: see `Fitter`.
-      by_start, by_winch: sensitivities, see `Linear` [sigma].
+      windows, local_prior, winch_prior: see `Fitter`.
+      by_local, by_winch: sensitivities, see `Jacobian` [sigma].
       by_effect: (name, number of the size, shape) -> (K, D) change by a typical size [sigma].
       bent: name of the effect whose first size moves less and in another way at a whole typical size.
       bend: (K, D) change by that [sigma].
     """
 
     windows: Windows
-    prior: Floats
+    local_prior: Floats
     winch_prior: float
-    by_start: Floats
+    by_local: Floats
     by_winch: Floats
     by_effect: dict[tuple[str, int, tuple[float, ...]], Floats]
     typical: dict[str, tuple[float, ...]]
     bent: str = ""
     bend: Floats | float = 0.0
 
-    def linear(self, fit: Fit, precise: bool = True) -> Linear:
-        return Linear(self.by_start, self.by_winch)
+    def jacobian(self, fit: Fit) -> Jacobian:
+        return Jacobian(self.by_local, self.by_winch)
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         return fit.points + SIGMA * np.stack([self._change(each) for each in terms]).reshape(
@@ -73,7 +72,9 @@ class LinearModel(Fitter):
                     change = change + size**2 * self.bend
         return change
 
-    time_steps = at = step_error = stepped = rms = None  # type: ignore[assignment]
+    time_steps = starts_are_free = own_errors = None  # type: ignore[assignment]
+    first_estimate = with_terms = with_local = rough_jacobian = None  # type: ignore[assignment]
+    step_error = stepped = rms = finer = restarted = best_of = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)
@@ -94,13 +95,20 @@ class Case:
 
 
 def windows_of(robot: Robot, rng: np.random.Generator) -> Windows:
-    """Three windows of one log and two of another; some points are missing."""
+    """Three windows of one recording and two of another; some points are missing."""
     measured = rng.normal(size=(WINDOWS, STEPS + 1, POINTS, 3))
     measured[rng.random(measured.shape[:3]) < 0.2] = np.nan
     nothing = np.zeros((0, WINCHES))
-    log = Log(np.zeros((0, POINTS, 3)), nothing, nothing)
+    recording = Recording(np.zeros((0, POINTS, 3)), nothing, nothing)
     return Windows(
-        robot, (log, log), 0.01, STEPS, np.array([0, 0, 0, 1, 1]), np.arange(5), measured, SIGMA
+        robot,
+        (recording, recording),
+        0.01,
+        STEPS,
+        np.array([0, 0, 0, 1, 1]),
+        np.arange(5),
+        measured,
+        SIGMA,
     )
 
 
@@ -123,7 +131,7 @@ def case(robot: Robot) -> Case:
         windows,
         PRIOR,
         0.1,
-        drawn(UNKNOWN),
+        drawn(LOCAL),
         drawn(WINCHES),
         {
             (c.effect.name, n, s): drawn()
@@ -136,26 +144,26 @@ def case(robot: Robot) -> Case:
     residual = 3.0 * drawn()
     residual /= np.sqrt(windows.mean_square(residual))[:, None]
     points = np.zeros((WINDOWS, STEPS + 1, POINTS, 3))
-    unknown = np.zeros((WINDOWS, UNKNOWN))
-    return Case(model, Fit(None, (), unknown, points, residual, None, 0.0), library)  # type: ignore[arg-type]
+    local = np.zeros((WINDOWS, LOCAL))
+    return Case(model, Fit(None, (), local, points, residual, None, 0.0), library)  # type: ignore[arg-type]
 
 
-def stacked(model: LinearModel, weights: Floats, known: Floats | None = None) -> Floats:
+def stacked(model: LinearModel, weights: Floats, by_value: Floats | None = None) -> Floats:
     """(K (D + X), K X + S): all windows' equations below each other, with those of the priors."""
-    shared = model.shared(model.linear(None), known)  # type: ignore[arg-type]
-    rows = COORDINATES + UNKNOWN
-    whole = np.zeros((WINDOWS * rows, WINDOWS * UNKNOWN + shared.shape[2]))
+    shared = model.by_shared(model.jacobian(None), by_value)  # type: ignore[arg-type]
+    rows = COORDINATES + LOCAL
+    whole = np.zeros((WINDOWS * rows, WINDOWS * LOCAL + shared.shape[2]))
     for k in range(WINDOWS):
-        here, own = k * rows, slice(k * UNKNOWN, (k + 1) * UNKNOWN)
-        whole[here : here + COORDINATES, own] = weights[k] * model.by_start[k]
+        here, own = k * rows, slice(k * LOCAL, (k + 1) * LOCAL)
+        whole[here : here + COORDINATES, own] = weights[k] * model.by_local[k]
         whole[here + COORDINATES : here + rows, own] = np.diag(1.0 / PRIOR)
-        whole[here : here + COORDINATES, WINDOWS * UNKNOWN :] = weights[k] * shared[k]
+        whole[here : here + COORDINATES, WINDOWS * LOCAL :] = weights[k] * shared[k]
     return whole
 
 
 def below(vectors: Floats, weights: Floats) -> Floats:
     """(K (D + X), n) of (K, D, n): nothing is asked of the priors."""
-    padded = np.pad(weights[:, None, None] * vectors, ((0, 0), (0, UNKNOWN), (0, 0)))
+    padded = np.pad(weights[:, None, None] * vectors, ((0, 0), (0, LOCAL), (0, 0)))
     return padded.reshape(-1, vectors.shape[2])
 
 
@@ -176,21 +184,21 @@ def test_a_projection_leaves_what_a_fit_of_all_nuisances_leaves(
     rng = np.random.default_rng(1)
     known = rng.normal(size=(WINDOWS, COORDINATES, sizes)) if sizes else None
     vectors = rng.normal(size=(WINDOWS, COORDINATES, 4))
-    projection = Projection.of(case.model, case.model.linear(case.fit), known, weights)
+    projection = Projection.of(case.model, case.model.jacobian(case.fit), known, weights)
     expected = left_by(stacked(case.model, weights, known), below(vectors, weights))
     np.testing.assert_allclose(projection(vectors), expected, atol=1e-9)
-    only_starts = stacked(case.model, weights)[:, : WINDOWS * UNKNOWN]
-    of_starts = projection.of_starts(vectors).reshape(-1, 4)
-    np.testing.assert_allclose(of_starts, left_by(only_starts, below(vectors, weights)), atol=1e-9)
+    local = stacked(case.model, weights)[:, : WINDOWS * LOCAL]
+    left = projection.without_local(vectors).reshape(-1, 4)
+    np.testing.assert_allclose(left, left_by(local, below(vectors, weights)), atol=1e-9)
 
 
 def test_nuisances_that_say_the_same_or_nothing_count_once(case: Case) -> None:
     rng = np.random.default_rng(2)
     one = rng.normal(size=(WINDOWS, COORDINATES, 1))
-    linear = case.model.linear(case.fit)
+    jacobian = case.model.jacobian(case.fit)
     thrice = np.concatenate([one, -2.0 * one, 1e-9 * one, 0.0 * one], axis=2)
-    projections = [Projection.of(case.model, linear, known, EVERY) for known in (one, thrice)]
-    offsets = 2 * WINCHES  # two logs
+    projections = [Projection.of(case.model, jacobian, known, EVERY) for known in (one, thrice)]
+    offsets = 2 * WINCHES  # two recordings
     assert [p.shared.shape[2] for p in projections] == [offsets + 1, offsets + 1]
     vectors = rng.normal(size=(WINDOWS, COORDINATES, 2))
     np.testing.assert_allclose(projections[0](vectors), projections[1](vectors), atol=1e-9)
@@ -199,10 +207,10 @@ def test_nuisances_that_say_the_same_or_nothing_count_once(case: Case) -> None:
 def test_nuisances_in_other_units_are_the_same_nuisances(case: Case) -> None:
     rng = np.random.default_rng(3)
     known, vectors = rng.normal(size=(2, WINDOWS, COORDINATES, 2))
-    linear = case.model.linear(case.fit)
-    expected = Projection.of(case.model, linear, known, EVERY)(vectors)
+    jacobian = case.model.jacobian(case.fit)
+    expected = Projection.of(case.model, jacobian, known, EVERY)(vectors)
     for unit in (np.array([1e5, 1.0]), np.array([1e-3, 1e3])):
-        found = Projection.of(case.model, linear, known * unit, EVERY)(vectors)
+        found = Projection.of(case.model, jacobian, known * unit, EVERY)(vectors)
         np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
@@ -226,11 +234,11 @@ def test_a_score_is_what_a_fit_with_the_candidate_explains(case: Case) -> None:
                 expected = np.zeros(count) if falls[-1] == 0.0 else sizes
                 inverse = np.linalg.inv(every.T @ every)[:count, :count]
         assert score.candidate is candidate
-        assert score.power == pytest.approx(max(falls), abs=1e-9)
+        assert score.statistic == pytest.approx(max(falls), abs=1e-9)
         assert score.sizes == pytest.approx(expected, abs=1e-9)
         assert score.errors == pytest.approx(np.sqrt(max(test.noise, 1.0) * np.diag(inverse)))
-        assert score.score == pytest.approx(score.power / count / max(test.noise, 1.0))
-    assert sum(score.power > 0 for score in test.scores()) >= 2
+        assert score.score == pytest.approx(score.statistic / count / max(test.noise, 1.0))
+    assert sum(score.statistic > 0 for score in test.scores()) >= 2
 
 
 def test_of_several_shapes_the_one_that_explains_most_counts(case: Case) -> None:
@@ -254,9 +262,9 @@ def test_a_size_that_cannot_be_negative_explains_nothing_in_its_place(
         planted = test.columns[:, test.slices[index][0]][:, 0] * size
         found = test.scores(planted)[index]
         if one_sided and size < 0:
-            assert found.power == 0.0 and set(found.sizes) == {0.0}
+            assert found.statistic == 0.0 and set(found.sizes) == {0.0}
         else:
-            assert found.sizes[0] == pytest.approx(size) and found.power > 0.0
+            assert found.sizes[0] == pytest.approx(size) and found.statistic > 0.0
 
 
 def test_a_noisy_recording_makes_scores_smaller_and_errors_larger(case: Case) -> None:
@@ -267,7 +275,7 @@ def test_a_noisy_recording_makes_scores_smaller_and_errors_larger(case: Case) ->
     assert loud.score == pytest.approx(usual.score / 4)
     assert loud.errors == pytest.approx(np.multiply(usual.errors, 2))
     assert loud.smallest == pytest.approx(2 * usual.smallest)
-    assert (loud.power, loud.sizes) == (usual.power, usual.sizes)
+    assert (loud.statistic, loud.sizes) == (usual.statistic, usual.sizes)
     assert quiet == usual
 
 
@@ -287,7 +295,7 @@ def test_columns_stand_where_their_candidate_says(case: Case) -> None:
 def test_what_is_in_the_model_already_explains_nothing_more(case: Case) -> None:
     known = np.stack([case.column(2), case.column(0)], axis=2)
     scores = case.test(known=known).scores()
-    assert scores[2].power == pytest.approx(0.0, abs=1e-9)
+    assert scores[2].statistic == pytest.approx(0.0, abs=1e-9)
     assert scores[2].smallest == np.inf
     assert scores[0].smallest == np.inf  # of two sizes, one is known
     assert np.isfinite(scores[3].smallest)
@@ -313,16 +321,18 @@ def test_windows_that_are_all_far_off_count_in_full(case: Case) -> None:
     np.testing.assert_allclose(far.residual, 7.0 * case.test().residual)
 
 
-def test_windows_that_saw_less_than_they_have_unknowns_do_not_say_what_is_usual(case: Case) -> None:
-    """Their starts fit anything: as the usual ones, they would make all others suspect."""
+def test_windows_that_saw_less_than_they_have_parameters_do_not_say_what_is_usual(
+    case: Case,
+) -> None:
+    """Their local parameters fit anything: as the usual ones, they would make all others suspect."""
     windows = case.model.windows
     measured = windows.measured.copy()
     measured[:3] = np.nan
-    measured[:3, 0, 0, :UNKNOWN] = 0.0  # as many as there are unknowns
+    measured[:3, 0, 0, :LOCAL] = 0.0  # as many as there are local parameters
     model = replace(case.model, windows=replace(windows, measured=measured))
     residual = case.fit.residual.copy()
     residual[:3] = 0.0
-    residual[:3, :UNKNOWN] = 1e-3
+    residual[:3, :LOCAL] = 1e-3
     test = replace(case, model=model, fit=replace(case.fit, residual=residual)).test()
     np.testing.assert_allclose(test.projection.weights, 1.0)
 
@@ -339,28 +349,28 @@ def test_where_no_window_saw_enough_all_say_what_is_usual(case: Case) -> None:
 
 
 def test_noise_is_what_is_left_per_degree_of_freedom(case: Case) -> None:
-    """A residual of pure noise has a variance near 1, with every unknown paid for."""
+    """A residual of pure noise has a variance near 1, with every parameter paid for."""
     test = case.test()
     measured = int(np.isfinite(case.model.windows.measured).sum())
-    unknowns = WINDOWS * UNKNOWN + 2 * WINCHES
-    assert test.freedom == measured - unknowns
+    parameters = WINDOWS * LOCAL + 2 * WINCHES
+    assert test.freedom == measured - parameters
     assert test.noise == pytest.approx(test.residual @ test.residual / test.freedom)
     known = np.random.default_rng(4).normal(size=(WINDOWS, COORDINATES, 2))
-    assert case.test(known=known).freedom == measured - unknowns - 2
+    assert case.test(known=known).freedom == measured - parameters - 2
 
 
 def test_an_exact_fit_divides_by_nothing(case: Case) -> None:
     exact = replace(case.fit, residual=np.zeros_like(case.fit.residual))
     test = replace(case, fit=exact).test()
     assert test.noise == 0.0
-    assert all(score.power == score.score == 0.0 for score in test.scores())
+    assert all(score.statistic == score.score == 0.0 for score in test.scores())
     assert np.isfinite(test.columns).all()
 
 
 def test_a_knob_that_is_not_connected_shows_and_explains_nothing(case: Case) -> None:
     zeros = {key: np.zeros_like(column) for key, column in case.model.by_effect.items()}
     for score in replace(case, model=replace(case.model, by_effect=zeros)).test().scores():
-        assert (score.power, score.score, score.smallest) == (0.0, 0.0, np.inf)
+        assert (score.statistic, score.score, score.smallest) == (0.0, 0.0, np.inf)
         assert score.sizes == (0.0,) * len(score.sizes)
 
 
@@ -382,24 +392,24 @@ def test_the_smallest_size_shown_is_found_in_95_of_100_recordings() -> None:
 def test_the_shorter_secant_counts_where_it_promises_more_and_the_whole_one_is_large(
     case: Case, name: str, factor: float
 ) -> None:
-    """An effect that bends: what is missing lies along what a share of its typical size changes.
+    """An effect that bends: what is missing lies along what a part of its typical size changes.
 
     Of several sizes, one that is large is enough.
     """
     bent = next(i for i, c in enumerate(case.library) if c.effect.name == name)
     bend = -0.9 * case.column(bent) + case.column(3)
     raw = case.column(bent) + bend
-    scale = factor * LARGE / np.sqrt(case.model.windows.mean_square(raw)).max()
+    scale = factor * SCORE.large / np.sqrt(case.model.windows.mean_square(raw)).max()
     effects = {key: scale * column * 1e-3 for key, column in case.model.by_effect.items()}
     effects[name, 0, ()] = scale * case.column(bent)
     model = replace(case.model, by_effect=effects, bent=name, bend=scale * bend)
-    share = effects[name, 0, ()] + SHARE * model.bend
-    off = share / np.sqrt(model.windows.mean_square(share))[:, None]
+    part = effects[name, 0, ()] + SCORE.part * model.bend
+    off = part / np.sqrt(model.windows.mean_square(part))[:, None]
     test = replace(case, model=model, fit=replace(case.fit, residual=off)).test()
     (own,) = test.slices[bent]
     taken = np.zeros(test.columns.shape[1], bool)
     taken[own] = factor > 1.0
     np.testing.assert_array_equal(test.shorter, taken)
-    expected = share if factor > 1.0 else scale * raw
+    expected = part if factor > 1.0 else scale * raw
     first = test.columns[:, own.start : own.start + 1]
     np.testing.assert_allclose(first, test.projection(expected[..., None]), atol=1e-6)

@@ -1,4 +1,4 @@
-"""What is seen from first estimates, where fitted starts were led astray."""
+"""What is seen from first estimates, where fitted initial states were led astray."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.baseline import fitted, fitter_of
-from flywheel.diagnosis.fitting.plant_fit import StartFitter
+from flywheel.diagnosis.fitting.model import fitted, fitter_of
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.screening import at_first_sight
-from flywheel.diagnosis.selection.step import Step
-from flywheel.diagnosis.selection.stepwise import Selection
+from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.screening import screened
+from flywheel.diagnosis.selection.stepwise import Search, stepwise
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
 NAMES = ("winch_gain", "payload", "hysteresis")
-Misled = tuple[StartFitter, Step]
+Misled = tuple[PlantFitter, ScoredModel]
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +39,14 @@ def misled(robot: Robot, library: tuple[Candidate, ...], seed: int, sign: float)
     hidden = (Term(EFFECTS["winch_gain"], None, (0.3 * sign,)),)
     windows = Windows.cut(robot, [recorded(robot, hidden, seed)], seconds=0.4)
     fitter = fitter_of(windows, Plant(robot))
-    step = Selection(fitter, library, 25.0).look(fitted(fitter, rounds=2))
-    return fitter, replace(step, scores=tuple(replace(s, power=1.0) for s in step.scores))
+    model = Search(fitter, library, 25.0).score_all(fitted(fitter, rounds=2))
+    return fitter, replace(model, scores=tuple(replace(s, statistic=1.0) for s in model.scores))
 
 
 def test_a_large_effect_is_seen_with_its_sign(
     misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
 ) -> None:
-    ((term,),) = at_first_sight(*misled, library, known=())
+    ((term,),) = screened(*misled, library, known=())
     assert term.effect.name == "winch_gain", seed
     assert np.sign(term.values[0]) == sign, seed
 
@@ -56,56 +56,56 @@ def test_what_a_score_proposes_is_not_proposed_again_but_with_the_other_sign(
 ) -> None:
     score = next(s for s in misled[1].scores if s.candidate.effect.name == "winch_gain")
     same, other = (replace(score, sizes=(way * sign,)) for way in (0.5, -0.5))
-    assert at_first_sight(*misled, library, known=(same,)) == [], seed
-    assert len(at_first_sight(*misled, library, known=(other,))) == 1, seed
+    assert screened(*misled, library, known=(same,)) == [], seed
+    assert len(screened(*misled, library, known=(other,))) == 1, seed
     (slope,) = candidates(robot, {"slope": EFFECTS["slope"]})
     aslant = replace(score, candidate=slope, sizes=(1.0, 1.0))  # two sizes beside one
-    assert len(at_first_sight(*misled, library, known=(aslant,))) == 1, seed
+    assert len(screened(*misled, library, known=(aslant,))) == 1, seed
 
 
 def test_nothing_is_looked_for_where_a_score_promises_much(
     misled: Misled, library: tuple[Candidate, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fitter, step = misled
-    first, *others = step.scores
-    monkeypatch.setattr(StartFitter, "beginning", None)  # nothing is simulated either
-    sure = replace(step, scores=(replace(first, power=0.6 * step.left), *others))
-    assert at_first_sight(fitter, sure, library, known=()) == []
+    fitter, model = misled
+    first, *others = model.scores
+    monkeypatch.setattr(PlantFitter, "first_estimate", None)  # nothing is simulated either
+    sure = replace(model, scores=(replace(first, statistic=0.6 * model.left), *others))
+    assert screened(fitter, sure, library, known=()) == []
 
 
 def test_nothing_is_looked_for_where_the_model_may_be_right(
     misled: Misled, library: tuple[Candidate, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fitter, step = misled
-    monkeypatch.setattr(StartFitter, "beginning", None)
-    right = replace(step, fit=replace(step.fit, cost=1.05 * fitter.freedom(step.fit)))
+    fitter, model = misled
+    monkeypatch.setattr(PlantFitter, "first_estimate", None)
+    right = replace(model, fit=replace(model.fit, cost=1.05 * fitter.freedom(model.fit)))
     assert right.left > 10.0  # of which the scores promise one
-    assert at_first_sight(fitter, right, library, known=()) == []
+    assert screened(fitter, right, library, known=()) == []
 
 
 def test_what_explains_little_is_not_proposed(
     misled: Misled, library: tuple[Candidate, ...], seed: int
 ) -> None:
     payloads = [each for each in library if each.effect.name == "payload"]  # a tenth at most
-    assert at_first_sight(*misled, payloads, known=()) == [], seed
+    assert screened(*misled, payloads, known=()) == [], seed
 
 
-def test_what_is_seen_at_first_is_fitted_beside_what_scores_propose(
+def test_what_is_screened_is_fitted_beside_what_scores_propose(
     misled: Misled,
     library: tuple[Candidate, ...],
     seed: int,
     sign: float,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    fitter, step = misled
-    selection = Selection(fitter, library, 25.0)
-    wrong = next(s for s in step.scores if s.candidate.effect.name == "payload")
+    fitter, model = misled
+    wrong = next(s for s in model.scores if s.candidate.effect.name == "payload")
+    scores = tuple(replace(s, statistic=1.0, score=30.0) for s in model.scores)
+    then = tuple(replace(s, statistic=0.0) for s in model.scores)
     monkeypatch.setattr("flywheel.diagnosis.selection.stepwise.promising_pairs", lambda *_: [])
-    monkeypatch.setattr(selection, "short", lambda _: [replace(wrong, sizes=(1.0,))])
-    scores = tuple(replace(s, power=1.0, score=30.0) for s in step.scores)
-    then = tuple(replace(s, power=0.0) for s in step.scores)
-    monkeypatch.setattr(selection, "look", lambda fit: replace(step, fit=fit, scores=then))
-    found = selection.run(replace(step, scores=scores))[-1]
+    monkeypatch.setattr(Search, "shortlist", lambda *_: [replace(wrong, sizes=(1.0,))])
+    monkeypatch.setattr(Search, "score_all", lambda _, fit: replace(model, fit=fit, scores=then))
+    search = Search(fitter, library, 25.0)
+    found = stepwise(search, replace(model, scores=scores))[1][-1]
     assert [term.effect.name for term in found.fit.terms] == ["winch_gain"], seed
     assert found.fit.terms[0].values[0] == pytest.approx(0.3 * sign, abs=0.05), seed
 
@@ -113,9 +113,9 @@ def test_what_is_seen_at_first_is_fitted_beside_what_scores_propose(
 def test_what_a_model_has_is_not_tried_again(
     misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
 ) -> None:
-    fitter, step = misled
+    fitter, model = misled
     right = next(each for each in library if each.effect.name == "winch_gain")
     had = Term(EFFECTS["winch_gain"], None, (0.01 * sign,))
-    wrong = replace(step, fit=replace(step.fit, terms=(had,)))
-    assert at_first_sight(fitter, step, [right], known=()), seed
-    assert at_first_sight(fitter, wrong, [right], known=()) == [], seed
+    wrong = replace(model, fit=replace(model.fit, terms=(had,)))
+    assert screened(fitter, model, [right], known=()), seed
+    assert screened(fitter, wrong, [right], known=()) == [], seed

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.network_fit import OwnErrors
-from flywheel.diagnosis.results.limits import Limits
-from flywheel.diagnosis.results.verdict import Found, found
+from flywheel.diagnosis.checks.adequacy import OwnErrors
+from flywheel.diagnosis.results.verdict import Found, beyond, found
+from flywheel.diagnosis.settings import Limits
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 from tests import draws
@@ -61,15 +61,15 @@ def test_a_shape_alone_shows_nothing(robot: Robot) -> None:
 def test_what_a_model_does_wrong_by_itself_is_not_taken_for_more() -> None:
     limits, rng = Limits(), np.random.default_rng(draws.seed())
     own = OwnErrors(*rng.uniform((25.0, 1.1, 0.1, 6.0), (100.0, 2.0, 0.5, 60.0)))
-    beyond = limits.beyond(own)
+    wider = beyond(limits, own)
     # A few draws seldom show the worst of them: scores somewhat above theirs are no evidence either.
-    assert beyond.threshold > 1.2 * own.score
-    assert beyond.loud > own.noise
-    assert beyond.correlated > own.correlation
-    assert beyond.outstanding >= own.loudest
+    assert wider.threshold > 1.2 * own.score
+    assert wider.loud > own.noise
+    assert wider.correlated > own.correlation
+    assert wider.outstanding >= own.loudest
 
 
 def test_a_model_that_does_nothing_wrong_is_asked_what_a_plant_is() -> None:
     rng = np.random.default_rng(draws.seed())
     quiet = OwnErrors(*rng.uniform((0.0, 0.5, -0.1, 0.0), (10.0, 1.0, 0.0, 6.0)))
-    assert Limits().beyond(quiet) == Limits()
+    assert beyond(Limits(), quiet) == Limits()

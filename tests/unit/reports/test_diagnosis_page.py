@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
-from flywheel.diagnosis.selection.misspecification import OtherLaw
-from flywheel.diagnosis.selection.probes import PROBES
+from flywheel.diagnosis.selection.misspecification import PROBES, Misspecification
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
 from flywheel.reports.diagnosis_page import sentence, write_diagnosis
@@ -55,19 +54,19 @@ def test_the_summary_is_plain_numbers(found: Diagnosis) -> None:
     gain = summary["answer_set"][0][0]["parameters"]["share"]
     assert gain["low"] < gain["value"] < gain["high"]
     assert gain["in_plant"] == found.answers[0][0].term.values[0]
-    assert summary["unexplained"] is None and summary["stand_in"] is None
+    assert summary["unexplained"] is None and summary["discrepancy_model"] is None
     assert summary["error"]["augmented"] < summary["error"]["baseline"]
     assert set(summary["held_out"]) == {"noise", "baseline", "augmented", "unit"}
 
 
 def test_another_form_is_said_where_nothing_else_is_left(found: Diagnosis, tmp_path: Path) -> None:
-    law = OtherLaw("gain_by_rate", 3.0, 0.01, instead="damping_by_speed_squared", gain=77.0)
-    other = replace(found, verdict=Verdict.OUTSIDE_LIBRARY, other_law=law, other_form=True)
+    law = Misspecification("gain_by_rate", 3.0, 0.01, instead="damping_by_speed_squared", gain=77.0)
+    other = replace(found, verdict=Verdict.OUTSIDE_LIBRARY, misspecification=law, other_form=True)
     page = write_diagnosis(other, tmp_path / "page.html", {}).read_text()
     assert "What no effect explains" in page
     assert "damping_by_speed_squared, which is none of them, explains more" in page
     assert "Most of it is in recording" not in page
     assert PROBES["damping_by_speed_squared"].shown_by in page
-    beside = replace(other, other_law=replace(law, gain=4.0, share=0.3))
+    beside = replace(other, misspecification=replace(law, gain=4.0, share=0.3))
     page = write_diagnosis(beside, tmp_path / "page.html", {}).read_text()
     assert "gain_by_rate, which is none of them, explains 30% besides" in page
