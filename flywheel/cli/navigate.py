@@ -32,7 +32,12 @@ from flywheel.errors import ConfigError, FlywheelError
 from flywheel.files import file_name
 from flywheel.outputs import check_folder, check_outputs
 from flywheel.records import Episode
-from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
+from flywheel.runtime.config.run_config import (
+    RunConfig,
+    config_digest,
+    load_config,
+    load_stored_config,
+)
 from flywheel.runtime.pool.heartbeat import Watch
 from flywheel.runtime.pool.progress import Stage, console_progress
 from flywheel.runtime.results import RESULT_FILE
@@ -261,7 +266,7 @@ def _config(source: Path, overrides: list[str]) -> RunConfig:
     if not source.is_dir():
         return load_config(source, overrides)
     RunFolder(source).config()  # refused where it is not what the run was begun with
-    return load_config(source / "config.yaml", overrides)
+    return load_stored_config(source / "config.yaml", overrides)
 
 
 def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:

@@ -23,7 +23,7 @@ from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import Progress, Quiet
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.results import RESULT_FILE, RunResult
-from flywheel.runtime.run.context import HELPERS, Run
+from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.run.inventory import check_sound
@@ -151,9 +151,6 @@ def _pool(
             config.training.threads,
         ),
     ]
-    if workers.remote_rollouts:
-        helpers = workers.remote_rollouts
-        groups.append(Group(HELPERS, SimWorker, arguments, helpers, threads=config.sim_threads))
     ray.check_fits(groups)
     patience = Patience(workers.start_seconds, workers.stall_seconds, workers.drain_seconds)
     pool = WorkerPool(RayBackend(), groups, cores, patience, stop)

@@ -23,7 +23,7 @@ from tests.chaos.killing import ROOT, kill, outcome, start_driver, wait_for
 pytestmark = [pytest.mark.ray, pytest.mark.slow]
 CONFIG = ROOT / "configs" / "smoke.yaml"
 LONG = 600
-OTHER_WORKERS = ("workers.sim=3", "workers.cores=4", "workers.remote_rollouts=1")
+OTHER_WORKERS = ("workers.sim=3", "workers.cores=4")
 
 
 def words_of(folder: Path) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,9 @@ MOST_FILES = 50  # that one configuration is made of
 MOST_NAMES = 20  # of files that are there
 
 
-def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()) -> M:
+def read_config(
+    schema: type[M], path: str | Path, overrides: Sequence[str] = (), retired: Iterable[str] = ()
+) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
     A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs; or with
@@ -35,6 +37,7 @@ def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()
       schema: what the result must be.
       path: of the YAML file.
       overrides: "a.b=value", the value in YAML; later ones win.
+      retired: "section.key" of settings that an earlier version had; they are ignored.
 
     Raises:
       ConfigError: no such file, not YAML, an unknown key or a wrong value; the message lists the
@@ -44,6 +47,9 @@ def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()
     defaults = schema.model_construct().model_dump(mode="json")
     changed = overridden(values, overrides, defaults)
     plain = resolved(changed, f"The configuration {path}")
+    for section, _, key in (name.partition(".") for name in retired):
+        if isinstance(plain.get(section), dict):
+            plain[section].pop(key, None)
     return validated(schema, plain, f"{path} is not a valid configuration", ConfigError)
 
 

@@ -179,7 +179,6 @@ class WorkersConfig(Part):
       start_seconds: a worker may take to start [s].
       stall_seconds: a busy worker may show no progress before it is replaced [s].
       drain_seconds: running episodes get to end when the run is asked to stop [s].
-      remote_rollouts: each plan is spread over this many further workers; 0 plans in place.
       least_episodes: share of a stage's episodes that must have been recorded for the run to go on.
       least_free_gb: free disk space below which a run does not begin [GB].
     """
@@ -192,6 +191,5 @@ class WorkersConfig(Part):
     start_seconds: Patience = 180.0
     stall_seconds: Patience = 300.0
     drain_seconds: WaitingSeconds = 10.0
-    remote_rollouts: Annotated[int, Bounds(0, 1000)] = 0
     least_episodes: Share = 0.5
     least_free_gb: Annotated[float, Bounds(0, 1e9, "GB")] = 2.0

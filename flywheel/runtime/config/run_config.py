@@ -42,6 +42,8 @@ from flywheel.training.config import MOST_DATASETS
 NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
 # What may differ between a run and its continuation: it changes who computes where, not a number.
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
+# Settings of earlier versions, still in the files of their runs. None of them changed a result.
+RETIRED = ("workers.remote_rollouts",)
 
 
 def _with_preset(network: Any) -> Any:
@@ -175,9 +177,18 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
     """Read a run's configuration from a YAML file and `key=value` arguments.
 
     Raises:
-      ConfigError: see `config_files.read_config`.
+      ConfigError: see `loading.read_config`.
     """
     return read_config(RunConfig, path, overrides)
+
+
+def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
+    """Read the configuration that a run was begun with, by this or an earlier version.
+
+    Raises:
+      ConfigError: see `loading.read_config`.
+    """
+    return read_config(RunConfig, path, overrides, RETIRED)
 
 
 def decisive(config: RunConfig) -> dict[str, Any]:

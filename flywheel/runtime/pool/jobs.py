@@ -120,17 +120,6 @@ class PoolReport:
     cpu_seconds: float = 0.0
 
 
-class Colleagues(Protocol):
-    """Workers that another worker may ask directly, without the driver."""
-
-    def ask(self, method: str, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a method once per tuple of arguments, spread over all of them, and wait.
-
-        The result of a call whose worker is gone is None; errors of the method are raised.
-        """
-        ...
-
-
 class Backend(Protocol):
     """Where workers live. `cluster.RayBackend` in earnest, a plain fake in tests."""
 
@@ -165,10 +154,6 @@ class Backend(Protocol):
 
     def kill(self, worker: Any) -> None:
         """End the worker at once."""
-        ...
-
-    def colleagues(self, workers: Sequence[Any]) -> Colleagues:
-        """Let other workers ask these; pass the result as an argument."""
         ...
 
     def share(self, value: Any) -> Any:

@@ -97,30 +97,6 @@ class WorkerPool:
         """Put a large argument where every worker can read it."""
         return self._backend.share(value)
 
-    def colleagues(self, name: str) -> Any:
-        """Workers of a group for others to ask directly; they get no jobs. Dead ones are replaced."""
-        group = self._groups[name]
-        own = [worker for worker in self._workers if worker.group is group]
-        for worker in own:
-            worker.ticket = self._backend.ready(worker.handle)
-        finished = self._backend.wait([worker.ticket for worker in own], 1.0)
-        for worker in own:
-            if worker.ticket in finished and not self._answers(worker):
-                self._workers.remove(worker)
-                self.restarts += 1
-        there = [worker for worker in self._workers if worker.group is group]
-        there += [self._started(group) for _ in range(group.count - len(there))]
-        self._workers = [w for w in self._workers if w.group is not group] + there
-        return self._backend.colleagues([worker.handle for worker in there])
-
-    def _answers(self, worker: _Worker) -> bool:
-        try:
-            self._backend.result(worker.ticket)
-        except WorkerDied:
-            return False
-        worker.ready = True
-        return True
-
     def run(
         self,
         jobs: Sequence[Job],

@@ -226,36 +226,6 @@ def _name_thread(name: str) -> None:
         Path(f"/proc/self/task/{threading.get_native_id()}/comm").write_text(name[:15])
 
 
-class RayColleagues:
-    """Actors that other actors ask (`jobs.Colleagues`).
-
-    Args:
-      workers: the actors.
-      seconds: that an answer may take [s].
-    """
-
-    def __init__(self, workers: Sequence[Any], seconds: float = 60.0) -> None:
-        self._workers, self._seconds = tuple(workers), seconds
-
-    def ask(self, method: str, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a method of them all at once and wait; None where one is gone."""
-        asked = [
-            self._workers[i % len(self._workers)].work.remote(method, method, *call)
-            for i, call in enumerate(calls)
-        ]
-        return [self._answer(ticket) for ticket in asked]
-
-    def _answer(self, ticket: Any) -> Any:
-        try:
-            return ray.get(ticket, timeout=self._seconds).value
-        except exceptions.RayTaskError as error:
-            if isinstance(error.cause, FlywheelError):
-                raise error.cause from None
-            raise
-        except (*_DEATHS, exceptions.GetTimeoutError):
-            return None
-
-
 class RayBackend:
     """Workers as Ray actors (`jobs.Backend`)."""
 
@@ -326,10 +296,6 @@ class RayBackend:
         self._beats.pop(worker, None)
         ray.kill(worker, no_restart=True)
 
-    def colleagues(self, workers: Sequence[Any]) -> RayColleagues:
-        """Let other actors ask these."""
-        return RayColleagues(workers)
-
     def share(self, value: Any) -> Any:
         """Put it in the object store once; workers on a node share one copy, read-only."""
         return ray.put(value)
@@ -343,8 +309,3 @@ def _obituary(error: BaseException) -> str:
     text = " ".join(lines)
     detail = re.search(r"exit detail: ([^.]*)", text)
     return f"{type(error).__name__}: {detail.group(1) if detail else text[:200]}"
-
-
-def versions() -> dict[str, str]:
-    """Of Ray, for the record of a run."""
-    return {"ray": ray.__version__}

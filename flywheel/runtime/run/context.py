@@ -23,12 +23,10 @@ from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluation
 from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.sharded import Helpers
 from flywheel.runtime.workers.sim_worker import EpisodeNote
 
 # Roughly how long a core is busy with a second of an episode [s]; for the time left that is shown.
 SIMULATING, PLANNING = 0.02, 0.3
-HELPERS = "rollout"
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,6 @@ class Run:
     tracker: Tracker | None
     progress: Progress
     _shared: dict[str, Any] = field(default_factory=dict)
-    _helpers: Any = None
 
     def arms(self, iteration: int) -> list[Arm]:
         """Arms that have an iteration of their own; iteration 0 is common to both."""
@@ -159,7 +156,6 @@ class Run:
           RunError: the operating system refused something: the disk is full, say.
           JobFailed: a job raised an error.
         """
-        self._helpers = None  # whoever asks next finds out who is still there
         if not jobs:
             return PoolReport()
         try:
@@ -177,22 +173,17 @@ class Run:
                 plan.id,
                 "sim",
                 "record",
-                (plan, *(self._planning(model) if plan.controller == "mppi" else ())),
+                (plan, self._planner(model)) if plan.controller == "mppi" else (plan,),
                 size=plan.seconds * (SIMULATING if plan.task_seed is None else PLANNING),
             )
             for plan in plans
         ]
 
-    def _planning(self, model: Model | None) -> tuple[Any, ...]:
-        """Weights to plan with, and those who roll them out if that is not the planner itself."""
+    def _planner(self, model: Model | None) -> Any:
+        """Shared weights of the model that MPPI plans with."""
         if model is None:
             raise RunError("MPPI wants to collect, but there is no model yet.")
-        weights = self.weights(model)
-        if not self.config.workers.remote_rollouts:
-            return (weights,)
-        if self._helpers is None:
-            self._helpers = self.pool.colleagues(HELPERS)
-        return (weights, Helpers(self._helpers, weights))
+        return self.weights(model)
 
 
 def usable(errors: Errors | None) -> bool:

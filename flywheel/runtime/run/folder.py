@@ -28,7 +28,12 @@ from flywheel.errors import ConfigError, RunError
 from flywheel.files import file_name
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.config.loading import differences, yaml_of
-from flywheel.runtime.config.run_config import RunConfig, config_digest, decisive, load_config
+from flywheel.runtime.config.run_config import (
+    RunConfig,
+    config_digest,
+    decisive,
+    load_stored_config,
+)
 from flywheel.runtime.measures import DiagnosisNote
 from flywheel.runtime.results import (
     NOTHING,
@@ -88,7 +93,7 @@ class RunFolder:
           ConfigError: it is not a configuration.
         """
         read_begun(self.path).check(self.path, self.config_file.name)
-        return load_config(self.config_file)
+        return load_stored_config(self.config_file)
 
     def robot(self, config: RunConfig) -> Robot:
         """The robot that the run was begun with, wherever its MJCF is now.

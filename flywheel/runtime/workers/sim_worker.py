@@ -27,7 +27,7 @@ from flywheel.evaluation import (
     score_by,
     score_full,
 )
-from flywheel.records import Episode, Floats, Past
+from flywheel.records import Episode, Floats
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
@@ -39,7 +39,6 @@ from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import Recorder, effects_of
 from flywheel.runtime.workers.model_weights import Weights
 from flywheel.runtime.workers.overlays import overlay
-from flywheel.runtime.workers.sharded import Helpers, ShardedDynamics
 from flywheel.runtime.workers.winches import EpisodeWinches
 
 MODELS_KEPT = 4
@@ -107,9 +106,7 @@ class SimWorker:
         """Latest sign of progress."""
         return self._watch.beat
 
-    def record(
-        self, plan: EpisodePlan, weights: Weights | None = None, helpers: Helpers | None = None
-    ) -> EpisodeNote:
+    def record(self, plan: EpisodePlan, weights: Weights | None = None) -> EpisodeNote:
         """Record and commit an episode, unless the store has it already.
 
         An episode in which the plant or the model diverges is not stored; its note says why.
@@ -117,15 +114,12 @@ class SimWorker:
         Args:
           plan: what to record.
           weights: of the model that MPPI plans with.
-          helpers: that roll it out, instead of this process.
         """
         self._watch.start(plan.id)
         if (there := self._committed(plan.id)) is not None:
             self._recorder.check_own(there)
             return self._note(plan, there)
-        dynamics: Dynamics | None = None if weights is None else self._model(weights)
-        if weights is not None and helpers is not None:
-            dynamics = ShardedDynamics(self._model(weights), helpers.ask)
+        dynamics = None if weights is None else self._model(weights)
         digest = "" if weights is None else weights.digest
         try:
             episode = self._recorder.record(plan, dynamics, digest, self._watch)
@@ -183,11 +177,6 @@ class SimWorker:
         )
         about = {"recordings": ", ".join(fit), "held out": ", ".join(held_out) or "none"}
         return note, diagnosis_page(found, about)
-
-    def rollout(self, weights: Weights, past: Past, controls: Floats) -> tuple[Floats, Floats]:
-        """Points and winch positions that a model predicts, for another worker's planner."""
-        rollout = self._model(weights).rollout(past, controls)
-        return rollout.points, rollout.winch
 
     def overlay(self, weights: Weights, episode: str, effects: Effects = ()) -> Overlay | None:
         """A window of an episode, measured and predicted; None if the model cannot."""
