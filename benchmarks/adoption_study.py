@@ -37,13 +37,13 @@ from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.examination import Named
 from flywheel.runtime.examination.worker import truth_of
-from flywheel.runtime.measures import ResultRecord
 from flywheel.runtime.pool.heartbeat import Watch
 from flywheel.runtime.pool.progress import Progress, console_progress
+from flywheel.runtime.results import ResultRecord
 from flywheel.runtime.workers.episode_plan import Effects, collection
 from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.stored_episodes import EpisodeWinches
 from flywheel.runtime.workers.trainer_worker import SPLITS
-from flywheel.runtime.workers.winches import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
 from flywheel.truth_simulator.cases import Case, Plan, cases
 from flywheel.truth_simulator.scripts import SCRIPTS

@@ -9,10 +9,10 @@ from flywheel.cli.show import console, table
 from flywheel.errors import DataError
 from flywheel.evaluation import BINS
 from flywheel.registry import lookup
-from flywheel.runtime.measures import ErrorNumbers
 from flywheel.runtime.pool.progress import console_progress
+from flywheel.runtime.results import ErrorNumbers
 from flywheel.runtime.run.folder import name_of
-from flywheel.runtime.run.seeds import derive_seed
+from flywheel.runtime.workers.episode_plan import derive_seed
 from flywheel.runtime.workers.model_weights import Weights
 from flywheel.runtime.workers.sim_worker import (
     FLOOR,

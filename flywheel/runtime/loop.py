@@ -13,27 +13,27 @@ from flywheel.errors import ConfigError
 from flywheel.outputs import check_folder
 from flywheel.reports import write_report
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.conclusion import conclude
 from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
-from flywheel.runtime.iteration import run_iteration
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.jobs import Group
 from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import Progress, Quiet
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.results import RESULT_FILE, RunResult
+from flywheel.runtime.results import RESULT_FILE, ErrorNumbers, IterationResult, RunResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.run.inventory import check_sound
-from flywheel.runtime.run.provenance import end_rests_on, result_so_far, start_tags
+from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far, start_tags
 from flywheel.runtime.run.suitability import check_suits
+from flywheel.runtime.stages import Tally, collect, decide, diagnose, evaluate, snapshot, train
+from flywheel.runtime.stages.final_evaluation import conclude
+from flywheel.runtime.stages.video import filmed
 from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
 from flywheel.runtime.tracking.mlflow_client import open_tracker
-from flywheel.runtime.tracking.outbox import OUTBOX_FILE
-from flywheel.runtime.tracking.publish import publish_end, publish_start
-from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
+from flywheel.runtime.tracking.publish import publish_end, publish_iteration_start, publish_start
+from flywheel.runtime.tracking.tracker import OUTBOX_FILE, Tracker, TrackingConfig
 from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 
@@ -205,3 +205,58 @@ def cores_of(workers: WorkersConfig, address: str | None) -> int:
             "booked here. A cluster is named with --address."
         )
     return cores
+
+
+def run_iteration(run: Run, iteration: int) -> list[str]:
+    """Turn the flywheel once, in every arm that has not done so yet.
+
+    Returns:
+      Sentences about what went wrong on the way.
+    """
+    arms = [arm for arm in run.arms(iteration) if run.folder.finished(iteration, arm) is None]
+    if not arms:
+        return []
+    tally = Tally()
+    if run.tracker is not None:
+        for arm in arms:
+            publish_iteration_start(run.tracker, iteration, arm)
+    if run.config.diagnose.on and iteration:
+        with tally.timed("diagnose"):
+            diagnose(run, iteration, tally)
+    with tally.timed("collect"):
+        collected = collect(run, iteration, arms, tally)
+    with tally.timed("snapshot"):
+        snapshots = snapshot(run, iteration, collected)
+    with tally.timed("train"):
+        trained = train(run, iteration, snapshots, tally)
+    with tally.timed("evaluate"):
+        evaluated = evaluate(run, iteration, snapshots, trained, tally)
+    for result in decide(run, iteration, collected, snapshots, trained, evaluated, tally):
+        keep(run, filmed(run, result))
+        run.progress.say(summary(result))
+    return tally.problems
+
+
+def summary(result: IterationResult) -> str:
+    """One line for people."""
+    words = [f"iteration {result.iteration}"]
+    if result.arm != "mppi":
+        words[0] += f" ({result.arm} arm)"
+    words.append(f"{result.episodes} episodes")
+    if result.test is not None:
+        words.append(f"test {_errors(result.test.short)}")
+    if result.recordings is not None:
+        words.append(f"recordings {_errors(result.recordings.short)}")
+    if result.diagnosis is not None:
+        words.append(f"diagnosis: {result.diagnosis.reason}")
+    if result.navigation is not None:
+        success = result.navigation.success
+        words.append(f"{success.reached} of {success.total} goals reached")
+    if result.gate is not None:
+        words.append(result.gate.reason)
+    return "; ".join(words)
+
+
+def _errors(numbers: ErrorNumbers) -> str:
+    rotation = "" if numbers.turnless else f", e_rot {numbers.e_rot:.2f} deg"
+    return f"e_pos {numbers.e_pos_rmse:.2f} %{rotation}"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,8 +18,6 @@ from pydantic import BaseModel
 
 from flywheel.errors import ConfigError
 from flywheel.files import LARGEST_YAML, parsed_yaml, read_text, shown
-from flywheel.runtime.config.overrides import MOST_VALUES, merged, overridden
-from flywheel.runtime.config.references import check_texts, resolved
 from flywheel.validation import LONGEST_PROBLEM, M, validated
 
 EXTENDS = "extends"
@@ -139,3 +139,166 @@ def _near(path: Path) -> str:
             more = f" and {len(known) - MOST_NAMES} more" if len(known) > MOST_NAMES else ""
             return f" There are: {', '.join(known[:MOST_NAMES])}{more}." if known else ""
     return ""
+
+
+MOST_OVERRIDES = 1000  # of a command; a configuration has fewer settings
+MOST_VALUES = 10_000  # of a file or an override, as many as OmegaConf reads
+_KEY = re.compile(r"[^.\[\]]+(\.[^.\[\]]+){0,20}")
+
+
+def merged(old: Any, new: Any) -> Any:
+    """Mappings are merged, anything else is replaced."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return {**old, **{key: merged(old.get(key), value) for key, value in new.items()}}
+    return new
+
+
+def overridden(
+    values: dict[Any, Any], overrides: Sequence[str], defaults: dict[str, Any]
+) -> dict[Any, Any]:
+    """Values with overrides put on top, later ones over earlier ones.
+
+    Args:
+      values: as from a file.
+      overrides: "a.b=value", the value in YAML; "a.0.b" or "a[0].b" is within the first entry of a list.
+      defaults: of what is not in the values; their lists are taken where an entry of one is changed.
+
+    Raises:
+      ConfigError: not of that form, not YAML, or a list does not have that entry.
+    """
+    if len(overrides) > MOST_OVERRIDES:
+        raise ConfigError(
+            f"There are {len(overrides):,} overrides; at most {MOST_OVERRIDES:,} are read. Put them into "
+            "a file."
+        )
+    for override in overrides:
+        key, value = _parsed(override)
+        values = _changed(values, key, value, defaults, override)
+    return values
+
+
+def _parsed(override: str) -> tuple[list[str], Any]:
+    """The parts of the key, and the value."""
+    key, equals, text = override.partition("=")
+    plain = re.sub(r"\[(\w+)\]", r".\1", key)
+    if not equals or not _KEY.fullmatch(plain):
+        raise ConfigError(
+            "An override is key=value, e.g. training.initial.steps=500 or datasets.0.name=soft; got "
+            f"{shown(override)}."
+        )
+    what = f"The value of {shown(override)}"
+    check_texts(parsed_yaml(text, what, ConfigError, MOST_VALUES), what)
+    try:
+        parsed = OmegaConf.from_dotlist([f"value={text}"])
+    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
+        raise ConfigError(f"{what} cannot be read: {error}") from None
+    values = OmegaConf.to_container(parsed)
+    assert isinstance(values, dict)
+    return plain.split("."), values["value"]
+
+
+def _changed(here: Any, key: list[str], value: Any, default: Any, override: str) -> Any:
+    """A copy of `here` in which the value stands at the key."""
+    if not key:
+        return merged(here, value)
+    part, rest = key[0], key[1:]
+    if here is None and isinstance(default, list):
+        here = copy.deepcopy(default)
+    if isinstance(here, list):
+        number = _place(part, here, override)
+        inner = _changed(here[number], rest, value, None, override)
+        return [*here[:number], inner, *here[number + 1 :]]
+    here = here if isinstance(here, dict) else {}
+    default = default.get(part) if isinstance(default, dict) else None
+    return {**here, part: _changed(here.get(part), rest, value, default, override)}
+
+
+def _place(part: str, entries: list[Any], override: str) -> int:
+    """Index of an entry."""
+    number = int(part) if re.fullmatch(r"[0-9]{1,6}", part) else len(entries)
+    if number >= len(entries):
+        there = f"0 to {len(entries) - 1}" if entries else "none"
+        raise ConfigError(
+            f"{shown(override)}: the list has no entry {shown(part)}; there are {len(entries)} ({there}). "
+            "To add one, give the whole list."
+        )
+    return number
+
+
+MOST_REFERENCES = 100
+LONGEST_WITH_REFERENCES = 500  # characters
+LONGEST_TEXT = 10_000  # characters
+MISSING = "???"
+_BEGIN = "${"
+_REFERENCE = re.compile(r"(?<!\\)\$\{([^${}:\[\]]+)\}")
+
+
+def check_texts(values: Any, what: str) -> None:
+    """Refuse texts that are too long, and what is no plain reference.
+
+    Args:
+      values: plain.
+      what: they are, at the beginning of a sentence.
+
+    Raises:
+      ConfigError: see above; or there are too many.
+    """
+    texts = list(_texts(values))
+    for text in texts:
+        most = LONGEST_WITH_REFERENCES if _BEGIN in text else LONGEST_TEXT
+        if len(text) > most:
+            raise ConfigError(
+                f"{what} has a text of {len(text):,} characters, {shown(text)}; at most {most:,}."
+            )
+        if _BEGIN in _REFERENCE.sub("", text):
+            raise ConfigError(
+                f"{what} has {shown(text)}. ${{a.b}} stands for the value at that key; nothing else, such "
+                "as the environment, is looked up."
+            )
+    if sum(len(_REFERENCE.findall(text)) for text in texts) > MOST_REFERENCES:
+        raise ConfigError(f"{what} has more than {MOST_REFERENCES} references (${{a.b}}).")
+
+
+def resolved(values: dict[Any, Any], what: str) -> Any:
+    """Values with each reference replaced by the single value that it refers to.
+
+    Raises:
+      ConfigError: a reference to nothing, to several values, or to a reference; a value that is still
+        to be given ("???").
+    """
+    check_texts(values, what)
+    for text in _texts(values):
+        for key in _REFERENCE.findall(text):
+            found = _at(values, key.split("."))
+            if isinstance(found, dict | list) or _BEGIN in str(found):
+                raise ConfigError(
+                    f"{what}: ${{{key}}} refers to {shown(found)}, not to a single value."
+                )
+            if found is None:
+                raise ConfigError(f"{what}: ${{{key}}} refers to nothing that is given there.")
+    try:
+        return OmegaConf.to_container(OmegaConf.create(values), resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{what}: {str(error).splitlines()[0]}.") from None
+
+
+def _texts(values: Any) -> Iterator[str]:
+    if isinstance(values, str):
+        yield values
+    elif isinstance(values, dict):
+        for key, value in values.items():
+            yield from _texts(key)
+            yield from _texts(value)
+    elif isinstance(values, list):
+        for value in values:
+            yield from _texts(value)
+
+
+def _at(values: Any, key: list[str]) -> Any:
+    """The value at a key, or None."""
+    for part in key:
+        if isinstance(values, list) and re.fullmatch(r"[0-9]{1,6}", part):
+            values = dict(enumerate(values)).get(int(part))
+        else:
+            values = values.get(part) if isinstance(values, dict) else None
+    return values

@@ -9,35 +9,216 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
+    BaseModel,
     BeforeValidator,
+    ConfigDict,
     Field,
+    StringConstraints,
+    field_validator,
     model_validator,
 )
 
 from flywheel.control import MppiConfig
+from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
-from flywheel.effects import AdoptedPlant, WrittenTerm
+from flywheel.effects import NAMED, AdoptedPlant, WrittenTerm
 from flywheel.effects.adopted import MOST_EFFECTS
-from flywheel.errors import ConfigError, FlywheelError, UnknownNameError
+from flywheel.errors import ConfigError, DataError, FlywheelError, UnknownNameError
 from flywheel.files import shown
-from flywheel.quantities import Bounds, Name, Place, Seed, Threads
+from flywheel.quantities import (
+    Bounds,
+    Episodes,
+    EpisodeSeconds,
+    Factor,
+    HorizonSeconds,
+    Name,
+    PartialShare,
+    Patience,
+    Place,
+    Samples,
+    Seed,
+    Share,
+    Threads,
+    WaitingSeconds,
+)
 from flywheel.registry import lookup
-from flywheel.robots import TerrainConfig, load_robot
+from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config.demand import problems
 from flywheel.runtime.config.loading import read_config
-from flywheel.runtime.config.parts import (
-    CollectConfig,
-    DiagnoseConfig,
-    EvaluateConfig,
-    GateConfig,
-    Part,
-    WorkersConfig,
-)
 from flywheel.runtime.tracking.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
 from flywheel.training.config import MOST_DATASETS
+
+MOST_RECORDINGS = 5_000  # that are named in one file
+MOST_COURSES = 100
+# As the store names them.
+SegmentName = Annotated[Name, StringConstraints(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
+# Of a cluster: a hundred machines of a hundred cores.
+Workers = Annotated[int, Bounds(1, 10_000)]
+Processors = Annotated[float, Bounds(0, 1000)]
+
+
+class Part(BaseModel):
+    """Frozen, and no unknown key passes."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class CollectConfig(Part):
+    """Which episodes are recorded for training.
+
+    Attributes:
+      gaits, random, drops: episodes of each kind in iteration 0, spread over the data sets.
+      gait_seconds, random_seconds, drop_seconds: their durations [s].
+      gait_variation: the most by which the cable lengths of a gait's targets are off at random [-];
+        each gait starts from where the robot came to rest after a random drop.
+      mppi: episodes that each later iteration adds.
+      mppi_seconds: their longest duration [s].
+      mppi_samples: plans that are tried at a time for them; None for as many as `mppi.samples`. Data
+        want variety, goals the best plan.
+      validation: share of the episodes of each kind that is kept for validation.
+      test: share of the episodes of each kind of iteration 0 that is kept for tests.
+      recordings: segments already in the store that belong to the data from iteration 0 on.
+    """
+
+    gaits: Episodes = 6
+    gait_seconds: EpisodeSeconds = 30.0
+    gait_variation: Annotated[float, Bounds(0, 0.5)] = 0.15
+    random: Episodes = 10
+    random_seconds: EpisodeSeconds = 30.0
+    drops: Episodes = 4
+    drop_seconds: EpisodeSeconds = 5.0
+    mppi: Annotated[int, Bounds(1, 10_000)] = 10
+    mppi_seconds: EpisodeSeconds = 30.0
+    mppi_samples: Samples | None = None
+    validation: PartialShare = 0.2
+    test: PartialShare = 0.2
+    recordings: tuple[SegmentName, ...] = Field(default=(), max_length=MOST_RECORDINGS)
+
+
+class EvaluateConfig(Part):
+    """How models are judged.
+
+    Predictions start from what was measured. They are compared with what really happened, where a
+    simulated episode tells; with a recording's own measurements else.
+
+    Attributes:
+      tasks: closed-loop episodes per model, each as long as `task.seconds` at most; the same tasks
+        for every model.
+      horizon_seconds: of the short-horizon errors [s].
+      starts: predictions per episode, for the short-horizon errors.
+      full: also predict whole episodes.
+      oracle: also run the tasks with a planner that knows the plant (the ceiling).
+      floor: also score the plant restarted from partial observations (the floor).
+      floor_window: past steps from which the floor estimates velocities; more than 1 for noisy points.
+      video: render one episode per iteration, and per unseen course.
+      unseen: courses, as in `task.course`, that the last champion drives through at the end, as many times
+        as there are tasks; nothing is learned there.
+    """
+
+    tasks: Episodes = 8
+    horizon_seconds: HorizonSeconds = 2.0
+    starts: Samples = 10
+    full: bool = True
+    oracle: bool = True
+    floor: bool = True
+    floor_window: Annotated[int, Bounds(1, 1000, "steps")] = 1
+    video: bool = True
+    unseen: tuple[Place, ...] = Field(default=(), max_length=MOST_COURSES)
+
+    @field_validator("unseen")
+    @classmethod
+    def _can_be_read(cls, courses: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            for course in courses:
+                load_course(course)
+        except FlywheelError as error:
+            raise ValueError(str(error)) from None
+        return courses
+
+
+class DiagnoseConfig(Part):
+    """Whether, before it collects again, a run asks what its plant lacks to explain the recordings.
+
+    What is found, and confirmed by the recordings that are kept for tests, is added to the plant; the
+    first iteration's episodes are then simulated anew, and those of the old plant left out.
+
+    Attributes:
+      on: ask, from iteration 1 on.
+      effects: that may be missing, by name; all of the library by default.
+      unsure: what the MJCF says only so well: effect -> standard deviation, see `diagnosis.calibration`.
+      seconds: of recordings that are looked at, at most; as many of those kept for tests [s].
+      window_seconds: length of the windows [s]; None for what suits the robot.
+    """
+
+    on: bool = False
+    effects: tuple[Name, ...] = Field(default=(), max_length=len(NAMED))
+    unsure: dict[Name, Factor] = Field(default_factory=dict, max_length=len(NAMED))
+    seconds: HorizonSeconds = 12.0
+    window_seconds: HorizonSeconds | None = None
+
+    @field_validator("effects")
+    @classmethod
+    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            for name in names:
+                lookup(NAMED, name, "effect")
+        except UnknownNameError as error:
+            raise ValueError(str(error)) from None
+        return names
+
+    @field_validator("unsure")
+    @classmethod
+    def _can_be(cls, unsure: dict[str, float]) -> dict[str, float]:
+        try:
+            unsure_terms(unsure)
+        except (DataError, UnknownNameError) as error:
+            raise ValueError(str(error)) from None
+        return unsure
+
+
+class GateConfig(Part):
+    """When a new model replaces the champion.
+
+    Attributes:
+      error_ratio: its validation error may be at most this times the champion's, on the same data;
+        an error whose 95 % interval reaches below that is let pass.
+      success_drop: its success rate may be at most this much lower than the champion's.
+    """
+
+    error_ratio: Factor = 1.0
+    success_drop: Share = 0.25
+
+
+class WorkersConfig(Part):
+    """Who computes. Nothing here changes a result.
+
+    Attributes:
+      sim: workers that record episodes and score models.
+      trainers: workers that train; None for one per arm.
+      trainer_cpus: cores that a trainer books; 0 where it takes turns with the others.
+      trainer_gpus: GPUs that a trainer books.
+      cores: threads that may compute at once; None for those of this machine or of the cluster.
+      start_seconds: a worker may take to start [s].
+      stall_seconds: a busy worker may show no progress before it is replaced [s].
+      drain_seconds: running episodes get to end when the run is asked to stop [s].
+      least_episodes: share of a stage's episodes that must have been recorded for the run to go on.
+      least_free_gb: free disk space below which a run does not begin [GB].
+    """
+
+    sim: Workers = 2
+    trainers: Workers | None = None
+    trainer_cpus: Processors = 0.0
+    trainer_gpus: Processors = 0.0
+    cores: Workers | None = None
+    start_seconds: Patience = 180.0
+    stall_seconds: Patience = 300.0
+    drain_seconds: WaitingSeconds = 10.0
+    least_episodes: Share = 0.5
+    least_free_gb: Annotated[float, Bounds(0, 1e9, "GB")] = 2.0
+
 
 NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
 # What may differ between a run and its continuation: it changes who computes where, not a number.

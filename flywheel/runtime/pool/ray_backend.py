@@ -11,6 +11,8 @@ import contextlib
 import logging
 import os
 import re
+import socket
+import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,15 +31,21 @@ os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
 import ray
 from ray import exceptions
 
-from flywheel.errors import FlywheelError, RunError
+from flywheel.errors import ConfigError, FlywheelError, RunError
 from flywheel.faults import fault_of
+from flywheel.outputs import check_folder
+from flywheel.runtime.pool.caretaker import MARK, Caretaker, remove
 from flywheel.runtime.pool.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
-from flywheel.runtime.pool.preflight import check_fits, check_reachable
-from flywheel.runtime.pool.ray_folder import marking, ray_folder
+from flywheel.runtime.pool.lock import hold
 
 LOG = logging.getLogger(__name__)
 STARTS = 3  # of a local cluster, on a machine so busy that its start takes too long
 OBJECT_STORE_BYTES = 200_000_000
+FOLDER_PREFIX = "flywheel-ray-"
+FOLDER_LOCK = "driver.lock"
+# Of a Unix socket's path, 107 bytes, Ray takes "/session_<date>_<time>_<pid>/sockets/plasma_store".
+LONGEST_FOLDER = 42  # bytes of the folder's path
+YOUNG_FOLDER = 60.0  # a folder of another driver that is only just being made [s]
 _DEATHS = (
     exceptions.RayActorError,  # also ActorDiedError and ActorUnavailableError
     exceptions.WorkerCrashedError,
@@ -309,3 +317,110 @@ def _obituary(error: BaseException) -> str:
     text = " ".join(lines)
     detail = re.search(r"exit detail: ([^.]*)", text)
     return f"{type(error).__name__}: {detail.group(1) if detail else text[:200]}"
+
+
+def check_fits(groups: Iterable[Group], there: dict[str, float]) -> None:
+    """Compare what the groups book with the resources `there`, e.g. {"CPU": 2.0}.
+
+    Raises:
+      ConfigError: too little of anything; the message holds a table.
+    """
+    groups = list(groups)
+    rows = [
+        (
+            group.name,
+            str(group.count),
+            f"{group.cpus * group.count:g}",
+            f"{group.gpus * group.count:g}",
+        )
+        for group in groups
+    ]
+    cpus = sum(group.cpus * group.count for group in groups)
+    gpus = sum(group.gpus * group.count for group in groups)
+    has = (there.get("CPU", 0.0), there.get("GPU", 0.0))
+    if cpus <= has[0] and gpus <= has[1]:
+        return
+    rows += [("wanted", "", f"{cpus:g}", f"{gpus:g}"), ("there", "", f"{has[0]:g}", f"{has[1]:g}")]
+    table = "\n".join(
+        f"  {a:<10}{b:>8}{c:>8}{d:>8}"
+        for a, b, c, d in [("workers", "count", "CPUs", "GPUs"), *rows]
+    )
+    raise ConfigError(
+        "The cluster is too small for the workers that the configuration asks for:\n"
+        f"{table}\nAsk for fewer (workers.sim=...), or give the cluster more."
+    )
+
+
+def check_reachable(address: str, seconds: float = 5.0) -> None:
+    """Ray itself would try for minutes.
+
+    Raises:
+      ConfigError: not an address that can be used.
+      ConnectionError: nobody listens there.
+    """
+    if address in ("auto", "local"):
+        return
+    host, _, port = address.rpartition(":")
+    if "//" in address or not host or not port.isdigit():
+        raise ConfigError(
+            f"The address of a cluster is host:port (of its head, usually port 6379) or auto, got "
+            f"{address!r}. From outside the cluster, use `ray job submit`."
+        )
+    try:
+        socket.create_connection((host, int(port)), timeout=seconds).close()
+    except OSError as error:
+        raise ConnectionError(f"{error}.") from None
+
+
+@contextmanager
+def ray_folder() -> Iterator[Path]:
+    """A folder for as long as the block lasts; a `Caretaker` removes it even if this process is killed.
+
+    Processes that are started while the block begins belong to it. Folders that killed drivers left are
+    removed before.
+
+    Raises:
+      RunError: no temporary folder has a short enough path, or none can be written.
+    """
+    place = _place()
+    sweep(place)
+    folder = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX, dir=place))
+    with Caretaker(folder), hold(folder / FOLDER_LOCK, f"The folder {folder}"):
+        yield folder
+
+
+@contextmanager
+def marking(folder: Path) -> Iterator[None]:
+    """Processes that are started in the block belong to the folder."""
+    os.environ[MARK] = str(folder)
+    try:
+        yield
+    finally:
+        del os.environ[MARK]
+
+
+def sweep(place: Path) -> None:
+    """Remove the folders of drivers that are gone, with processes that are still there."""
+    for folder in place.glob(f"{FOLDER_PREFIX}*"):
+        with contextlib.suppress(OSError, ConfigError):  # of another user; gone meanwhile; in use
+            about = folder.lstat()
+            young = time.time() - about.st_mtime < YOUNG_FOLDER
+            if about.st_uid != os.getuid() or young or not (folder / FOLDER_LOCK).is_file():
+                continue
+            with hold(folder / FOLDER_LOCK, f"The folder {folder}"):
+                remove(folder, grace=0.0)
+
+
+def _place() -> Path:
+    """Where temporary folders go: as Ray and Python are told, or as all systems have it."""
+    named = [os.environ.get("RAY_TMPDIR"), tempfile.gettempdir(), Path(os.sep, "tmp")]
+    refused = []
+    for place in dict.fromkeys(Path(name).absolute() for name in named if name):
+        try:
+            if len(os.fsencode(place / f"{FOLDER_PREFIX}12345678")) > LONGEST_FOLDER:
+                raise ConfigError(f"The path {place} is too long for Ray's sockets.")
+            check_folder(place, "temporary folder of Ray")
+            return place
+        except FlywheelError as error:
+            refused.append(str(error))
+    raise RunError(f"Ray finds no temporary folder; set RAY_TMPDIR to one. {' '.join(refused)}")

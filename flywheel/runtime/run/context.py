@@ -14,11 +14,10 @@ from flywheel.faults import fault_of, told
 from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.measures import Errors
 from flywheel.runtime.pool.jobs import Job, JobFailed, PoolReport
 from flywheel.runtime.pool.pool import WorkerPool
 from flywheel.runtime.pool.progress import Progress
-from flywheel.runtime.results import Arm, IterationResult
+from flywheel.runtime.results import Arm, Errors, IterationResult
 from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluation

@@ -34,11 +34,11 @@ from flywheel.runtime.config.run_config import (
     decisive,
     load_stored_config,
 )
-from flywheel.runtime.measures import DiagnosisNote
 from flywheel.runtime.results import (
     NOTHING,
     RESULT_FILE,
     Arm,
+    DiagnosisNote,
     IterationResult,
     read,
     save,
@@ -187,10 +187,6 @@ class RunFolder:
         seal = Seal(DIAGNOSIS, path.name, self.begun().identity.key, rests_on)
         save(note, path.with_suffix(".json"), seal)
         return note
-
-    def forget(self, iteration: int, arm: Arm) -> None:
-        """Take an iteration as not done, so that it is done again."""
-        self._result(iteration, arm).unlink(missing_ok=True)
 
     def begun(self) -> Begun:
         """Who the run is, and what it was begun with.

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from flywheel.data import Snapshot
-from flywheel.runtime.measures import GateDecision
-from flywheel.runtime.results import Arm, IterationResult
+from flywheel.runtime.results import Arm, GateDecision, IterationResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.gate import decide_champion
 from flywheel.runtime.stages.outcomes import Collected, Evaluated, Tally, Trained

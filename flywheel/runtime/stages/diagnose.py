@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from flywheel.runtime.measures import DiagnosisNote
 from flywheel.runtime.pool.jobs import Job
+from flywheel.runtime.results import DiagnosisNote
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.outcomes import Tally
 

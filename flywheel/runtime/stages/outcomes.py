@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from flywheel.runtime.measures import Errors, Navigation, Overlay
 from flywheel.runtime.pool.jobs import PoolReport
+from flywheel.runtime.results import Errors, Navigation, Overlay
 from flywheel.runtime.run.context import Model
 from flywheel.runtime.workers.trainer_worker import TrainingNote
 

@@ -9,11 +9,10 @@ from typing import Any
 
 from flywheel.data import EpisodeSummary
 from flywheel.records import Split
-from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.pool.jobs import Job, PoolReport
+from flywheel.runtime.results import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.run.context import Run, notes
-from flywheel.runtime.run.seeds import derive_seed
-from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
+from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, derive_seed
 from flywheel.runtime.workers.sim_worker import Scores, added
 
 EPISODES_PER_JOB = 8  # fixed, so that the size of a batch does not depend on the number of workers

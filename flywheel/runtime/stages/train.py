@@ -8,10 +8,9 @@ from flywheel.errors import RunError
 from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.results import Arm
 from flywheel.runtime.run.context import Model, Run
-from flywheel.runtime.run.seeds import derive_seed
 from flywheel.runtime.stages.outcomes import Tally, Trained
 from flywheel.runtime.tracking.pyfunc_model import write_served
-from flywheel.runtime.workers.episode_plan import ceiling
+from flywheel.runtime.workers.episode_plan import ceiling, derive_seed
 from flywheel.runtime.workers.trainer_worker import TrainingNote, TrainingOrder
 
 SECONDS_PER_STEP = 0.15  # roughly; for the time left that is shown

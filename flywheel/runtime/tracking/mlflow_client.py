@@ -23,8 +23,7 @@ import numpy as np
 
 from flywheel.errors import DataError
 from flywheel.runtime.tracking.dashboard import DATABASE, SETTINGS, chart_url, damage, database_uri
-from flywheel.runtime.tracking.outbox import Record, forget_delivery
-from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
+from flywheel.runtime.tracking.tracker import Record, Tracker, TrackingConfig, forget_delivery
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient

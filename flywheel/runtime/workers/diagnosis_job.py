@@ -11,8 +11,8 @@ from flywheel.effects import EFFECTS, NAMED, WrittenTerm
 from flywheel.errors import DataError
 from flywheel.records import Episode, Trajectory
 from flywheel.runtime.config.run_config import DiagnoseConfig
-from flywheel.runtime.measures import DiagnosisNote
 from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.results import DiagnosisNote
 from flywheel.runtime.workers.episode_plan import Effects
 
 ROUNDS = 20  # roughly how often a diagnosis tells that it is alive

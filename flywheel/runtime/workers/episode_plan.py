@@ -5,6 +5,7 @@ The plan never depends on what has happened so far, so that a resumed run knows 
 
 from __future__ import annotations
 
+import hashlib
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,7 +17,6 @@ from flywheel.errors import ConfigError
 from flywheel.records import Split
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run.seeds import derive_seed
 
 GAITS = ("roll", "cw", "ccw")
 ORACLE = "oracle"
@@ -211,3 +211,18 @@ def _splits(
     for rank, index in enumerate(order[: wanted_validation + round(count * test)]):
         splits[index] = "validation" if rank < wanted_validation else "test"
     return splits
+
+
+def derive_seed(run_seed: int, *what: str | int) -> int:
+    """A seed that depends on the run's seed and on `what` only, never on order, worker or time.
+
+    Args:
+      run_seed: of the whole run.
+      what: names the job, e.g. ("collect", 1, "mppi", 3).
+
+    Returns:
+      An integer in [0, 2^32), as fit for numpy as for torch.
+    """
+    words = hashlib.sha256("/".join(str(part) for part in what).encode()).digest()
+    entropy = [run_seed, *np.frombuffer(words, dtype=np.uint32).tolist()]
+    return int(np.random.SeedSequence(entropy).generate_state(1)[0])

@@ -19,13 +19,13 @@ from flywheel.control.gaits import Gait
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, with_effects
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import NAMED, Terms, WrittenTerm
+from flywheel.effects import NAMED, Terms
 from flywheel.errors import DataError
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
-from flywheel.runtime.measures import Walk
 from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.results import Walk
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
 from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain
@@ -221,9 +221,3 @@ class Recorder:
             plant=data.plant.changed(),
             effects={effect.label: effect.parameters for effect in plan.plant_effects},
         )
-
-
-def effects_of(episode: Episode) -> Effects:
-    """Of the plant that an episode was recorded on, beyond its MJCF."""
-    there = episode.provenance.effects
-    return tuple(WrittenTerm.labelled(label, values) for label, values in there.items())

@@ -1,4 +1,4 @@
-"""A model's weights on their way to the workers: once, as numpy, through shared memory."""
+"""A trained model on its way to the workers: its weights as numpy arrays, through shared memory."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
+from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
 from flywheel.dynamics.gnn.weights import (
     network_from_arrays,
     weights_arrays,
     weights_digest,
 )
+from flywheel.effects import NAMED
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
+from flywheel.runtime.workers.episode_plan import Effects
 
 
 @dataclass(frozen=True)
@@ -56,3 +59,25 @@ class Weights:
         """The model itself."""
         network = network_from_arrays(robot, self.config, self.arrays)
         return LearnedDynamics(robot, network, threads=threads)
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """Weights with a name.
+
+    Attributes:
+      name: for people.
+      weights: of the network.
+      dataset: index of the data set that it is told recordings belong to.
+      effects: that the robot was known to have when it was trained.
+    """
+
+    name: str
+    weights: Weights
+    dataset: int = 0
+    effects: Effects = ()
+
+    def subject(self, robot: Robot, threads: int = 1) -> Subject:
+        """The model itself."""
+        terms = tuple(effect.term(robot, NAMED) for effect in self.effects)
+        return Subject(self.name, self.weights.dynamics(robot, threads), self.dataset, terms)

@@ -31,15 +31,14 @@ from flywheel.records import Episode, Floats
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.measures import DiagnosisNote, Overlay, Walk
 from flywheel.runtime.pool.heartbeat import Watch
 from flywheel.runtime.pool.jobs import Beat
+from flywheel.runtime.results import DiagnosisNote, Overlay, Walk
 from flywheel.runtime.workers.diagnosis_job import missing
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
-from flywheel.runtime.workers.episode_recorder import Recorder, effects_of
+from flywheel.runtime.workers.episode_recorder import Recorder
 from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.overlays import overlay
-from flywheel.runtime.workers.winches import EpisodeWinches
+from flywheel.runtime.workers.stored_episodes import EpisodeWinches, effects_of, overlay
 
 MODELS_KEPT = 4
 PERSISTENCE, FLOOR, INFORMED_FLOOR = "persistence", "floor", "informed floor"

@@ -10,12 +10,12 @@ from flywheel.errors import ModelError
 from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.measures import TrainingPoint
 from flywheel.runtime.pool.heartbeat import Watch
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.pool.lock import hold
+from flywheel.runtime.results import TrainingPoint
 from flywheel.runtime.workers.episode_plan import Effects
-from flywheel.runtime.workers.winches import EpisodeWinches
+from flywheel.runtime.workers.stored_episodes import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
 
 SPLITS: tuple[Split, ...] = ("train", "validation")

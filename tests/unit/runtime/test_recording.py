@@ -15,7 +15,7 @@ from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config.run_config import CollectConfig, DataSet, EvaluateConfig, RunConfig
 from flywheel.runtime.workers.episode_plan import EpisodePlan, collection, unseen, unseen_ceiling
 from flywheel.runtime.workers.episode_recorder import Recorder
-from flywheel.runtime.workers.winches import EpisodeWinches
+from flywheel.runtime.workers.stored_episodes import EpisodeWinches
 from flywheel.tasks import TaskConfig
 from tests import draws
 

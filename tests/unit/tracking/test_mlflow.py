@@ -12,7 +12,7 @@ import urllib.request
 
 import pytest
 
-from flywheel.runtime.measures import GateDecision
+from flywheel.runtime.results import GateDecision
 from flywheel.runtime.tracking.dashboard import ui_command
 from flywheel.runtime.tracking.mlflow_client import MlflowReceiver, open_tracker
 from flywheel.runtime.tracking.publish import publish_end, publish_iteration, publish_start
@@ -242,8 +242,8 @@ def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
 @pytest.mark.slow
 def test_the_database_is_whole_even_if_another_process_makes_it_at_the_same_time(tmp_path):
     script = (
-        "import sys; from pathlib import Path; from flywheel.runtime import tracking;"
-        "tracking._configure(5); tracking._database(Path(sys.argv[1]) / 'mlflow.db')"
+        "import sys; from pathlib import Path; from flywheel.runtime.tracking import mlflow_client;"
+        "mlflow_client._configure(5); mlflow_client._database(Path(sys.argv[1]) / 'mlflow.db')"
     )
     with subprocess.Popen([sys.executable, "-c", script, str(tmp_path)]) as other:
         tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from flywheel.errors import DataError
-from flywheel.runtime.tracking.outbox import Courier, Outbox
+from flywheel.runtime.tracking.tracker import Courier, Outbox
 
 FAST = (0.01, 0.05)
 
@@ -142,7 +142,7 @@ def test_a_full_disk_leaves_no_half_record(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as full:
-        full.setattr("flywheel.runtime.tracking.outbox._append_durably", half)
+        full.setattr("flywheel.runtime.tracking.tracker._append_durably", half)
         with pytest.raises(OSError, match="No space"):
             outbox.append({"n": 1})
     outbox.append({"n": 2})
@@ -211,7 +211,7 @@ def test_a_line_that_someone_else_wrote_is_named(tmp_path):
 WRITER = """
 import sys
 from pathlib import Path
-from flywheel.runtime.tracking.outbox import Outbox
+from flywheel.runtime.tracking.tracker import Outbox
 outbox = Outbox(Path(sys.argv[1]))
 for n in range(100000):
     outbox.append({"n": n, "filling": "x" * 300})

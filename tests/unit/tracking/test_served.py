@@ -10,7 +10,7 @@ from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.errors import DataError
 from flywheel.records import Observation, Past
 from flywheel.robots import load_robot
-from flywheel.runtime.measures import GateDecision
+from flywheel.runtime.results import GateDecision
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.tracking.pyfunc_model import ServedDynamics, read_served, write_served
 
