@@ -28,7 +28,7 @@ from flywheel.runtime.run.inventory import check_sound
 from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far, start_tags
 from flywheel.runtime.run.suitability import check_suits
 from flywheel.runtime.stages import Tally, collect, decide, diagnose, evaluate, snapshot, train
-from flywheel.runtime.stages.final_evaluation import conclude
+from flywheel.runtime.stages.final_evaluation import evaluate_finally
 from flywheel.runtime.stages.video import filmed
 from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
 from flywheel.runtime.tracking.mlflow_client import open_tracker
@@ -120,7 +120,7 @@ def turn(run: Run, identity: Identity) -> RunResult:
             run.progress.say(problem)
         result = result_so_far(run, identity, problems)
         result.save(run.folder.path)
-    result = conclude(run, result)
+    result = evaluate_finally(run, result)
     if run.tracker is not None:
         videos = [run.folder.path / each.video for each in result.unseen if each.video]
         publish_end(run.tracker, result, [*write_report(result, run.folder.path), *videos])
@@ -226,12 +226,12 @@ def run_iteration(run: Run, iteration: int) -> list[str]:
     with tally.timed("collect"):
         collected = collect(run, iteration, arms, tally)
     with tally.timed("snapshot"):
-        snapshots = snapshot(run, iteration, collected)
+        outcomes = snapshot(run, iteration, collected)
     with tally.timed("train"):
-        trained = train(run, iteration, snapshots, tally)
+        outcomes = train(run, iteration, outcomes, tally)
     with tally.timed("evaluate"):
-        evaluated = evaluate(run, iteration, snapshots, trained, tally)
-    for result in decide(run, iteration, collected, snapshots, trained, evaluated, tally):
+        outcomes = evaluate(run, iteration, outcomes, tally)
+    for result in decide(run, iteration, outcomes, tally):
         keep(run, filmed(run, result))
         run.progress.say(summary(result))
     return tally.problems

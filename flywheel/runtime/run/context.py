@@ -99,8 +99,8 @@ class Run:
         path = self.folder.weights(result.iteration, result.arm)
         return Model(result.arm, result.iteration, result.model, path)
 
-    def weights(self, model: Model) -> Any:
-        """The model's weights, shared with all workers once, for as long as the run lasts."""
+    def shared_weights(self, model: Model) -> Any:
+        """A reference to the model's weights, for jobs. They are shared with all workers only once."""
         if model.digest not in self._shared:
             self._shared[model.digest] = self.pool.share(
                 Weights.read(model.path, self.robot, model.digest)
@@ -139,11 +139,7 @@ class Run:
         own = [e.id for e in first.episodes if e.split == "test" and e.source == "sim"]
         return own + [p for p in plans if p in there]
 
-    def test_recordings(self) -> list[str]:
-        """Ids of the recordings that are kept for tests; the same ones in every iteration."""
-        return self.logs("test")
-
-    def logs(self, split: Split) -> list[str]:
+    def recordings(self, split: Split) -> list[str]:
         """Ids of the recordings of a split; the same ones in every iteration."""
         first = self.store.snapshot(name_of(0, "mppi"))
         return [e.id for e in first.episodes if e.split == split and e.source == "recording"]
@@ -165,8 +161,16 @@ class Run:
                 raise RunError(told(cause)) from error
             raise
 
-    def recordings(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
-        """Jobs that record episodes. Those already in the store only report what they are."""
+    def episode_jobs(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
+        """Jobs that record episodes. For an episode that is in the store already, the job only reports it.
+
+        Args:
+          plans: of the episodes.
+          model: that MPPI plans with.
+
+        Raises:
+          RunError: MPPI plans an episode, and there is no model.
+        """
         return [
             Job(
                 plan.id,
@@ -182,7 +186,7 @@ class Run:
         """Shared weights of the model that MPPI plans with."""
         if model is None:
             raise RunError("MPPI wants to collect, but there is no model yet.")
-        return self.weights(model)
+        return self.shared_weights(model)
 
 
 def usable(errors: Errors | None) -> bool:
@@ -190,6 +194,6 @@ def usable(errors: Errors | None) -> bool:
     return errors is not None and math.isfinite(errors.short.e_pos_rmse)
 
 
-def notes(report: PoolReport, plans: Sequence[EpisodePlan]) -> list[EpisodeNote]:
-    """What came of planned episodes, in the order of the plans; quarantined ones are missing."""
+def episode_notes(report: PoolReport, plans: Sequence[EpisodePlan]) -> list[EpisodeNote]:
+    """The reports about planned episodes, in the order of the plans, without those set aside."""
     return [report.results[plan.id] for plan in plans if plan.id in report.results]

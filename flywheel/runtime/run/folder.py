@@ -127,7 +127,7 @@ class RunFolder:
         return [path for path in found if not path.is_dir() and not UNFINISHED.fullmatch(path.name)]
 
     def weights(self, iteration: int, arm: Arm) -> Path:
-        """The weights of an iteration's model, in a folder that `served.read_served` reads."""
+        """The weights of an iteration's model, in a folder that `pyfunc_model.read_model` reads."""
         return self.model(iteration, arm) / "served" / WEIGHTS
 
     def finished(self, iteration: int, arm: Arm) -> IterationResult | None:

@@ -20,7 +20,7 @@ from flywheel.errors import ConfigError, ModelError, RobotError
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_plan import GAITS, collection, evaluation, unseen
-from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 
 ENOUGH = 10  # episodes with random controls, for training, validation and tests
 
@@ -143,7 +143,11 @@ def _too_little(config: RunConfig, found: list[Misfit]) -> Iterator[Misfit]:
 
 def _tasks(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
     """Tasks that cannot be drawn for a robot, such as a course that is too narrow for it."""
-    recorder, task, courses = Recorder(config, robot), config.task.name, config.evaluate.unseen
+    recorder, task, courses = (
+        EpisodeRecorder(config, robot),
+        config.task.name,
+        config.evaluate.unseen,
+    )
     wanted = [(f"task.name={task}", evaluation(config, 0, "mppi"), "task.name=reach")]
     for course in courses:
         others = _listed(tuple(other for other in courses if other != course))

@@ -13,7 +13,7 @@ from flywheel.runtime.results import IterationResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import name_of
 from flywheel.runtime.workers.episode_plan import EpisodePlan, evaluation
-from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.tasks import Task
 from flywheel.terrain import Terrain
 
@@ -51,7 +51,7 @@ def film(run: Run, plans: Sequence[EpisodePlan], name: str) -> str:
     if plan is None:
         return ""
     path = f"videos/{file_name(name)}.mp4"
-    task, episode = Recorder(run.config, run.robot).task(plan), run.store.read(plan.id)
+    task, episode = EpisodeRecorder(run.config, run.robot).task(plan), run.store.read(plan.id)
     trajectory = episode.trajectory
     if task is None or trajectory.states is None:
         return ""

@@ -24,7 +24,7 @@ from flywheel.errors import DataError
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
-from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.results import Walk
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
 from flywheel.tasks import Task, TaskConfig, sample_task
@@ -35,7 +35,7 @@ SETTLE_SECONDS = 2.0
 GROUND = 1  # beside a seed: purpose of random numbers
 
 
-class Recorder:
+class EpisodeRecorder:
     """Makes planned episodes; the same plan and weights give the same episode anywhere.
 
     Args:
@@ -94,7 +94,7 @@ class Recorder:
         plan: EpisodePlan,
         dynamics: Dynamics | None,
         model: str,
-        watch: Watch,
+        heartbeat: Heartbeat,
         on_piece: OnPiece | None = None,
     ) -> Episode:
         """Record it.
@@ -103,7 +103,7 @@ class Recorder:
           plan: what to record.
           dynamics: that MPPI plans with; None where nothing is planned.
           model: digest of its weights, or "".
-          watch: told how far the episode is.
+          heartbeat: is told how far the episode is.
           on_piece: also told what happened.
 
         Raises:
@@ -117,7 +117,7 @@ class Recorder:
             dynamics = PlantDynamics(plant)
 
         def told(piece: Piece) -> None:
-            watch.progress(min(1.0, piece.done * plant.dt / plan.seconds))
+            heartbeat.progress(min(1.0, piece.done * plant.dt / plan.seconds))
             if on_piece is not None:
                 on_piece(piece)
 

@@ -10,7 +10,7 @@ from flywheel.errors import ModelError
 from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.results import TrainingPoint
@@ -71,16 +71,16 @@ class TrainerWorker:
     def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
         self._config, self._robot = config, robot
         self._store = TrajectoryStore(store)
-        self._watch = Watch()
+        self._heartbeat = Heartbeat()
 
     @property
     def beat(self) -> Beat:
         """Latest sign of progress."""
-        return self._watch.beat
+        return self._heartbeat.beat
 
     def train(self, order: TrainingOrder) -> TrainingNote:
         """Train from the last checkpoint in the order's folder, or from the beginning."""
-        self._watch.start("reading the snapshot")
+        self._heartbeat.start("reading the snapshot")
         # A trainer whose driver was killed lives on for some seconds.
         with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
             snapshot = self._store.snapshot(order.snapshot)
@@ -127,4 +127,4 @@ class TrainerWorker:
             f"step {now.point.step} of {now.steps} ({now.steps_per_second:.1f}/s), "
             f"loss {now.point.loss:.3g}"
         )
-        self._watch.progress(now.point.step / now.steps, words)
+        self._heartbeat.progress(now.point.step / now.steps, words)
