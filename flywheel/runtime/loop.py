@@ -1,4 +1,4 @@
-"""A whole run: from an empty folder, or from wherever it was stopped, to its last iteration."""
+"""The loop: a whole run, from an empty folder or from where it was stopped, to its final result."""
 
 from __future__ import annotations
 
@@ -37,8 +37,10 @@ from flywheel.runtime.tracking.tracker import OUTBOX_FILE, Tracker, TrackingConf
 from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 
-OVERBOOKED = 16  # times the cores of a machine: each is a process of some 300 MB
-HURRY = 3.0  # seconds for the tracker when a run ends early; the rest is delivered on its resume
+OVERBOOKED = 16  # most configured cores per core of this machine; each is a process of about 300 MB
+HURRY = (
+    3.0  # that the tracker may deliver when a run ends early [s]; a resumed run delivers the rest
+)
 OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
 
 
@@ -55,18 +57,18 @@ def run(
 
     Args:
       config: what to run.
-      folder: where; made if need be.
-      resume: go on with the run that is there. Begins one if there is none.
-      address: of an existing Ray cluster; a local one is started by default.
-      tracker: opens where the run is published; None publishes nothing.
-      progress: shows people how far it is.
+      folder: of the run; made if it is missing.
+      resume: go on with the run in the folder, or begin one if there is none.
+      address: of an existing Ray cluster; by default a local one is started.
+      tracker: opens the tracker of the run; None for a run that is not tracked.
+      progress: shows people how far the run is.
 
     Raises:
-      ConfigError: the folder is in use, cannot be written, holds a run and `resume` is false, holds a run
-        of another configuration; the robot cannot do what is asked for; or the cluster is too small.
+      ConfigError: the folder is in use, cannot be written, holds a run although `resume` is false, or holds a
+        run of another configuration; the robot cannot do what is asked for; or the cluster is too small.
       RobotError: the MJCF cannot be used.
-      RunError: the run cannot go on, or what it would go on from is not what it left there; the message
-        says why. What is finished is kept.
+      RunError: the run cannot go on, or its files were changed since it stopped; the message says why. What
+        is finished is kept.
       Interrupted: the user asked to stop.
     """
     cluster = ClusterConfig(address, cores_of(config.workers, address))
@@ -97,19 +99,19 @@ def run(
             cores = config.workers.cores or ray.cpus
             with _pool(config, files, robot, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))
-                return turn(Run(config, files, robot, store, pool, log, shown), identity)
+                return finish(Run(config, files, robot, store, pool, log, shown), identity)
 
 
 def finished_run(files: RunFolder) -> RunResult | None:
-    """What a run produced, if it has come to its end."""
+    """The result of a run that is finished; None for one that is not."""
     if not (files.path / RESULT_FILE).exists():
         return None
     result = RunResult.load(files.path)
     return result if result.finished else None
 
 
-def turn(run: Run, identity: Identity) -> RunResult:
-    """Do whatever of a run is not done yet, and conclude it."""
+def finish(run: Run, identity: Identity) -> RunResult:
+    """Do all of a run that is not done yet, and return its result."""
     if run.tracker is not None:
         plain = run.config.model_dump(mode="json")
         publish_start(run.tracker, plain, start_tags(run.config, identity, run.robot.digest))
@@ -168,7 +170,7 @@ def _tracked(
     tracker: OpenTracker | None,
     progress: Progress,
 ) -> Iterator[Tracker | None]:
-    """The tracker, told how the run ended, and given some time to deliver."""
+    """Open the tracker; at the end of the block log how the run ended, and deliver for some time."""
     if tracker is None:
         yield None
         return
@@ -192,10 +194,10 @@ def _tracked(
 
 
 def cores_of(workers: WorkersConfig, address: str | None) -> int:
-    """Cores of a local cluster: as configured, or those this process may use.
+    """The cores of a local cluster: as configured, or all that this process may use.
 
     Raises:
-      ConfigError: no cluster's address is given, and this machine has far fewer.
+      ConfigError: this machine has far fewer than are configured, and no cluster's address is given.
     """
     there = len(os.sched_getaffinity(0))
     cores = workers.cores or there
@@ -208,7 +210,7 @@ def cores_of(workers: WorkersConfig, address: str | None) -> int:
 
 
 def run_iteration(run: Run, iteration: int) -> list[str]:
-    """Turn the flywheel once, in every arm that has not done so yet.
+    """Do one iteration in every arm that has not done it yet.
 
     Returns:
       Sentences about what went wrong on the way.
@@ -238,7 +240,7 @@ def run_iteration(run: Run, iteration: int) -> list[str]:
 
 
 def summary(result: IterationResult) -> str:
-    """One line for people."""
+    """One line about an iteration, for people."""
     words = [f"iteration {result.iteration}"]
     if result.arm != "mppi":
         words[0] += f" ({result.arm} arm)"

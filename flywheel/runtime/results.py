@@ -48,14 +48,14 @@ class ResultRecord(BaseModel):
 
 
 class Success(ResultRecord):
-    """How many of the tasks were reached in time."""
+    """How many tasks were reached in time, out of how many."""
 
     reached: int = 0
     total: int = 0
 
     @property
     def rate(self) -> float:
-        """Share in 0..1; NaN without a task."""
+        """The share of tasks that were reached, 0 to 1; NaN without a task."""
         return self.reached / self.total if self.total else math.nan
 
     @property
@@ -69,16 +69,17 @@ class Success(ResultRecord):
 
 
 class DiagnosisNote(ResultRecord):
-    """What a diagnosis between two iterations said, and what came of it.
+    """The answer of a diagnosis between two iterations, and the plant's effects after it.
 
     Attributes:
-      verdict: in a word.
+      verdict: in one word.
       effects: of the plant from here on.
-      adopted: they are not those of before.
-      reason: for people.
-      noise, baseline, augmented: root mean square of measured minus predicted, starts fitted, with
-        the plant as it was and with the answer; on the recordings that were fitted [m].
-      held_out_baseline, held_out_augmented: on those kept for tests; None without any [m].
+      adopted: whether these are not the effects of before.
+      reason: a sentence for people.
+      noise: of the measurements [m].
+      baseline, augmented: root mean square of measured minus predicted, with fitted initial states, by the
+        plant as it was and by the plant with the answer, on the recordings that were fitted [m].
+      held_out_baseline, held_out_augmented: the same on the recordings kept for tests; None without any [m].
       answer: `Diagnosis.summary()`.
       page: path relative to the run folder.
     """
@@ -97,7 +98,7 @@ class DiagnosisNote(ResultRecord):
 
 
 class ErrorNumbers(ResultRecord):
-    """One error table boiled down to its totals, over `windows` windows (or whole episodes)."""
+    """The totals of one error table, over `windows` windows or whole episodes."""
 
     e_pos_mse: float  # [%] squared CoM error / L
     e_pos_rmse: float  # [%] root of the mean squared CoM error / L
@@ -116,12 +117,12 @@ class ErrorNumbers(ResultRecord):
 
     @property
     def diverged(self) -> bool:
-        """Whether a rollout was not finite, so that there is no error to speak of."""
+        """Whether a rollout was not finite, so that there is no error."""
         return math.isnan(self.e_pos_rmse)
 
     @property
     def turnless(self) -> bool:
-        """Whether nothing tells how bodies are turned, where each has one tracked point: no `e_rot`."""
+        """Whether there is no `e_rot`, because each body has only one tracked point."""
         return math.isnan(self.e_rot) and not self.diverged
 
 
@@ -151,9 +152,9 @@ class Errors(ResultRecord):
     """A dynamics model's errors on one set of episodes.
 
     Attributes:
-      short: from random starts.
-      full: over whole episodes; None where it was not run.
-      by_lead_time: of the short horizon.
+      short: over the short horizon, from random starts.
+      full: over whole episodes; None where these were not predicted.
+      by_lead_time: over the short horizon, by lead time.
       by_episode: episode id -> e_pos_mse from random starts in it [%].
     """
 
@@ -169,7 +170,7 @@ class Errors(ResultRecord):
         full: ErrorTable | None = None,
         by_episode: Mapping[str, ErrorTable] = MappingProxyType({}),
     ) -> Self:
-        """From the tables of `evaluation.score` and `evaluation.score_full`."""
+        """The errors of the tables that `evaluation.score` and `evaluation.score_full` give."""
         return cls(
             short=ErrorNumbers.of(short),
             full=None if full is None else ErrorNumbers.of(full),
@@ -184,10 +185,11 @@ class Walk(ResultRecord):
     Attributes:
       path: (x, y) of the CoM [m], thinned to about two per second.
       goal: (x, y) [m].
-      reached: in time.
-      seconds: to the goal, or to the end of the episode [s].
+      reached: whether the goal was reached in time.
+      seconds: time to the goal, or to the end of the episode [s].
       distance: to the goal at the end [m].
-      obstacles: that it went among.
+      seed: of the episode.
+      obstacles: of the task.
     """
 
     path: tuple[tuple[float, float], ...] = ()
@@ -218,12 +220,12 @@ class Navigation(ResultRecord):
 
     @property
     def success(self) -> Success:
-        """Reached and total."""
+        """How many episodes reached the goal."""
         return Success(reached=sum(w.reached for w in self.walks), total=len(self.walks))
 
     @property
     def seconds_to_goal(self) -> tuple[float, ...]:
-        """Of the episodes that reached it, ascending [s]."""
+        """Times to the goal of the episodes that reached it, ascending [s]."""
         return tuple(sorted(w.seconds for w in self.walks if w.reached))
 
     @property
@@ -238,7 +240,7 @@ class Navigation(ResultRecord):
 
 
 class TrainingPoint(ResultRecord):
-    """One point of the training curve; `validation_*` where a validation was due."""
+    """One point of the training curve; `validation_*` is None where there was no validation."""
 
     step: int
     loss: float
@@ -252,11 +254,11 @@ class GateDecision(ResultRecord):
     """Whether this iteration's model became the champion.
 
     Attributes:
-      promoted: the alias was moved.
+      promoted: whether it did.
       measure: what was compared, with its unit ("validation e_rot at 2 s [deg]").
-      number: of the candidate.
-      reference: of the champion so far; None for the first.
-      ratio, low, high: number over reference, with its 95 % interval; None where unknown.
+      number: the measure of the candidate.
+      reference: the measure of the champion so far; None for the first model.
+      ratio, low, high: number over reference, and the ends of its 95 % interval; None where unknown.
       reason: one sentence for people.
     """
 
@@ -294,12 +296,13 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class IterationResult(ResultRecord):
-    """One turn of the flywheel in one arm.
+    """One iteration in one arm.
 
     Attributes:
-      iteration: 0 is gaits, random controls and drops.
+      iteration: its number; 0 has the gaits, random controls and drops.
       arm: "mppi", or "control" (as many episodes and optimiser steps, but random controls).
-      snapshot, parent_snapshot: digests of the data the model was trained on, and of the former.
+      snapshot, parent_snapshot: digests of the data that the model was trained on, and of the arm's data
+        before.
       model: digest of the weights.
       validation, test: errors; None where not run. Tests are simulated episodes.
       recordings: errors on the recordings that are kept for tests, the same ones in every iteration;
@@ -307,10 +310,10 @@ class IterationResult(ResultRecord):
       navigation: closed-loop evaluation with this model; None where not run.
       episodes, steps: of training data in the snapshot, in all.
       new_episodes, new_steps: collected by this iteration.
-      restarts, quarantined, invalid: workers restarted, tasks set aside, episodes thrown away.
+      restarts, quarantined, invalid: numbers of workers restarted, episodes set aside, episodes thrown away.
       seconds: wall time per stage ("collect", "snapshot", "train", "evaluate", "decide") [s].
-      cpu_seconds: that the workers' processes spent on it, of all arms: in the result of "mppi" [s].
-      diagnosis: what the plant was found to lack before this iteration; None where nobody asked.
+      cpu_seconds: processor time of the workers for all arms, in the result of "mppi" only [s].
+      diagnosis: of the plant before this iteration; None where there was none.
       video: path relative to the run folder, or "".
     """
 
@@ -340,7 +343,7 @@ class IterationResult(ResultRecord):
 
 
 class PooledTest(ResultRecord):
-    """Errors of one iteration's model on the test episodes of *all* iterations."""
+    """The errors of one iteration's model on the test episodes of all iterations."""
 
     arm: Arm
     iteration: int
@@ -368,15 +371,15 @@ class RunResult(ResultRecord):
     """A run so far. The loop saves it after every iteration; reports read it, finished or not.
 
     Attributes:
-      name, key: for people; and the unique key that resume and MLflow find the run by.
-      config, config_digest: as resolved and validated; sha256 of it.
-      code, versions: of this project; of the engines it stands on.
-      robot, robot_digest, length: L is the characteristic length [m].
+      name, key: a name for people, and the unique key by which MLflow finds the run.
+      config, config_digest: the resolved and validated configuration, and sha256 of what decides results.
+      code, versions: version of this project, and of the engines it uses.
+      robot, robot_digest, length: name, digest and characteristic length L [m] of the robot.
       iterations: in the order in which they ended, both arms.
       pooled: every model on the pooled test set (filled at the end).
       floor: MuJoCo restarted from the same partial observations, on the pooled test set,
-        with the twist of each rod drawn at random.
-      informed_floor: the same with the twist computed from the cables, by exact parameters.
+        with the roll of each rod drawn at random.
+      informed_floor: the same with the roll computed from the cables, by exact parameters.
       persistence: "nothing moves", on the same set.
       persistence_on_recordings: the same on the recordings that are kept for tests.
       oracle: MPPI on the plant itself; the ceiling of success.
@@ -417,21 +420,21 @@ class RunResult(ResultRecord):
         return tuple(i for _, i in sorted((shared | own).items()))
 
     def effects_before(self, iteration: int) -> tuple[WrittenTerm, ...]:
-        """What the plant had beyond its MJCF before a diagnosis in this iteration."""
+        """The plant's effects before a diagnosis in this iteration."""
         earlier = [t for t in self.of_arm("mppi") if t.iteration < iteration and t.diagnosis]
         if earlier and earlier[-1].diagnosis is not None:
             return earlier[-1].diagnosis.effects
         return tuple(WrittenTerm.model_validate(e) for e in self.config.get("effects", ()))
 
     def pooled_errors(self, result: IterationResult) -> Errors | None:
-        """Of an iteration's model on the pooled test set; None where that was not run."""
+        """The errors of an iteration's model on the pooled test set; None where that was not run."""
         for pooled in self.pooled:
             if (pooled.arm, pooled.iteration) == (result.arm, result.iteration):
                 return pooled.errors
         return None
 
     def test_errors(self, result: IterationResult) -> Errors | None:
-        """On the pooled test set if that was run, else on the iteration's own test episodes."""
+        """The errors on the pooled test set if that was run, else on the iteration's own test episodes."""
         return self.pooled_errors(result) or result.test
 
     def save(self, folder: str | Path, rests_on: Mapping[str, str] = NOTHING) -> Path:
@@ -439,7 +442,7 @@ class RunResult(ResultRecord):
 
         Args:
           folder: of the run.
-          rests_on: see `seals.Seal`.
+          rests_on: name -> digest of what else the result needs, for the seal.
         """
         return save(self, Path(folder) / RESULT_FILE, Seal(RESULT, RESULT, self.key, rests_on))
 
@@ -460,7 +463,11 @@ class RunResult(ResultRecord):
 
     @classmethod
     def read(cls, folder: str | Path) -> tuple[Self, Seal | None]:
-        """Result and seal; see `load`."""
+        """Read the result with its seal, which is None in files of earlier versions.
+
+        Raises:
+          DataError: as `load`.
+        """
         owner = ""
         with suppress(Unsound):  # what run.json has is told by `flywheel data verify`
             owner = read_begun(Path(folder)).owner
@@ -476,16 +483,16 @@ def save(record: ResultRecord, path: Path, seal: Seal) -> Path:
 
 
 def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
-    """Read a record that `save` wrote, and its seal; none in files of before.
+    """Read a record that `save` wrote, with its seal, which is None in files of earlier versions.
 
     Args:
-      kind: of record.
+      kind: class of the record.
       path: of the file.
-      wanted: what its seal has to name; without an owner, anyone's and none will do.
+      wanted: the seal that the file has to have. If its owner is "", any owner and no seal are accepted.
 
     Raises:
-      DataError: no such file, or its contents are not such a record.
-      Unsound: it was altered, or is another's.
+      DataError: there is no such file, or its contents are no such record.
+      Unsound: the file was altered, or belongs to another run.
     """
     if not os.path.lexists(path):
         message = f"There is no {path.name} in {path.parent}; has the run begun?"

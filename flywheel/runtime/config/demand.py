@@ -1,8 +1,8 @@
-"""What a configuration asks of a machine: checked before anything starts.
+"""The memory and disk space that a configuration needs, checked before anything starts.
 
-Each setting alone is within its bounds (`flywheel.quantities`); here are the products of several, in bytes.
-They are estimates, to a factor of three or so on the shipped robots: what is refused would take all of the
-memory or of the disk long before its end.
+The bounds of single settings are in `flywheel.quantities`; here the products of several are bounded. They
+are estimates in bytes, right to a factor of about three on the shipped robots. A configuration that is
+refused would fill the memory or the disk long before its end.
 """
 
 from __future__ import annotations
@@ -17,28 +17,30 @@ if TYPE_CHECKING:
     from flywheel.runtime.config.run_config import RunConfig
 
 GB = 1e9  # [bytes]
-MEMORY = 16 * GB  # of one process, for one thing
-DISK = 1000 * GB
-MOST_EPISODES = (
-    100_000  # of a run: each has files of its own, and all of them are listed in each stage
+MEMORY = 16 * GB  # that one process may use for one purpose
+DISK = 1000 * GB  # that a run may fill
+MOST_EPISODES = 100_000  # of a run; each has its own files, and every stage lists all of them
+# These were measured on prism3 and icosa6.
+PREDICTED = 2e3  # for each step of a prediction [bytes]
+EPISODE = 2e3  # for each step of an episode [bytes]
+WEIGHTS = (
+    160  # for a layer, per width x width: ten numbers, their gradients and two moments [bytes]
 )
-# Measured on prism3 and icosa6.
-PREDICTED = 2e3  # of a step of one prediction [bytes]
-RECORDED = 2e3  # of a step of an episode [bytes]
-WEIGHTS = 160  # of a layer, per width x width: ten numbers, their gradients and two moments [bytes]
-GRADIENT = 1.5e3  # of a chunk in a layer, per width, until its gradient is there [bytes]
-STARTS = 256  # short predictions at a time, as `evaluation.score` makes them
-WHOLE = 64  # predictions of whole episodes at a time, as `evaluation.score_full` makes them
+GRADIENT = (
+    1.5e3  # for a prediction chunk in a layer, per width, until its gradient is computed [bytes]
+)
+STARTS = 256  # short predictions that `evaluation.score` makes at a time
+WHOLE = 64  # predictions of whole episodes that `evaluation.score_full` makes at a time
 
 
 @dataclass(frozen=True)
 class Demand:
-    """What something takes.
+    """The memory or disk space that one purpose needs.
 
     Attributes:
-      what: it is, in the plural, with the settings that decide it.
-      bytes: that it takes.
-      most: bytes that it may take.
+      what: name of the purpose in the plural, with the settings that decide it.
+      bytes: that are needed.
+      most: bytes that are allowed.
     """
 
     what: str
@@ -56,13 +58,13 @@ def check_predictions(number: int, seconds: float, dt: float, options: str) -> N
     """Refuse more predictions at a time than fit into the memory.
 
     Args:
-      number: of them.
-      seconds: that each is long [s].
+      number: of predictions.
+      seconds: length of each [s].
       dt: control step [s].
-      options: that say so: "--draws, --horizon and --dt".
+      options: of the command that decide this, e.g. "--draws, --horizon and --dt".
 
     Raises:
-      ConfigError: see above.
+      ConfigError: they do not fit.
     """
     what = f"{number:,} predictions of {seconds:g} s in control steps of {dt:g} s ({options})"
     demand = Demand(what, PREDICTED * number * seconds / dt)
@@ -71,13 +73,13 @@ def check_predictions(number: int, seconds: float, dt: float, options: str) -> N
 
 
 def problems(config: RunConfig) -> list[str]:
-    """Why no machine could do what is asked for, as sentences; none where one could."""
+    """Why no machine could do the run, as sentences; empty if one could."""
     too_large = [str(demand) for demand in _demands(config) if demand.bytes > demand.most]
     return [*_too_short(config), *_too_many(config), *too_large]
 
 
-def _recorded(config: RunConfig) -> dict[str, tuple[int, float]]:
-    """Setting of a duration -> (episodes in the whole run, the longest duration of one [s])."""
+def _episodes(config: RunConfig) -> dict[str, tuple[int, float]]:
+    """For each setting of a duration: how many such episodes the whole run has, and their length [s]."""
     collect, evaluate = config.collect, config.evaluate
     trained = config.iterations * (1 + config.control_arm)
     driven = 1 + trained + evaluate.oracle + (1 + evaluate.oracle) * len(evaluate.unseen)
@@ -94,7 +96,7 @@ def _recorded(config: RunConfig) -> dict[str, tuple[int, float]]:
 def _too_short(config: RunConfig) -> Iterator[str]:
     dt = config.network.dt
     times = {
-        **{name: seconds for name, (_, seconds) in _recorded(config).items()},
+        **{name: seconds for name, (_, seconds) in _episodes(config).items()},
         "evaluate.horizon_seconds": config.evaluate.horizon_seconds,
         "training.validation_seconds": config.training.validation_seconds,
     }
@@ -104,7 +106,7 @@ def _too_short(config: RunConfig) -> Iterator[str]:
 
 
 def _too_many(config: RunConfig) -> Iterator[str]:
-    episodes = sum(count for count, _ in _recorded(config).values())
+    episodes = sum(count for count, _ in _episodes(config).values())
     if episodes > MOST_EPISODES:
         yield (
             f"the run has {episodes:,} episodes (collect, iterations, evaluate.tasks); at most "
@@ -113,18 +115,18 @@ def _too_many(config: RunConfig) -> Iterator[str]:
 
 
 def _demands(config: RunConfig) -> Iterator[Demand]:
-    recorded, dt = _recorded(config), config.network.dt
+    recorded, dt = _episodes(config), config.network.dt
     network, training, evaluate = config.network, config.training, config.evaluate
     step = f"in control steps of {dt:g} s (network.dt)"
     for name, (count, seconds) in recorded.items():
         about = f"of {seconds:g} s ({name}) {step}"
-        yield Demand(f"episodes {about}", RECORDED * seconds / dt)
+        yield Demand(f"episodes {about}", EPISODE * seconds / dt)
         if evaluate.full:
             whole = PREDICTED * min(WHOLE, count) * seconds / dt
             yield Demand(f"predictions (evaluate.full) of whole episodes {about}", whole)
     everything = sum(count * seconds for count, seconds in recorded.values())
     about = f"{everything:,.0f} s of episodes (collect, iterations, evaluate.tasks) {step}"
-    yield Demand(f"all {about}", RECORDED * everything / dt, DISK)
+    yield Demand(f"all {about}", EPISODE * everything / dt, DISK)
 
     samples = max(config.mppi.samples, config.collect.mppi_samples or 0)
     for name, number, seconds in (

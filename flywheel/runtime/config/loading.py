@@ -1,4 +1,9 @@
-"""From YAML files and `key=value` arguments to a validated model, with errors one can act on."""
+"""Reads a configuration: YAML files, `key=value` overrides and `${a.b}` references become a validated model.
+
+OmegaConf can do much more with `${...}`: read the environment, run functions, refer to references. None of
+that is let through. So a run is made only from what stands in its files, and a few lines cannot become
+gigabytes.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +26,8 @@ from flywheel.files import LARGEST_YAML, parsed_yaml, read_text, shown
 from flywheel.validation import LONGEST_PROBLEM, M, validated
 
 EXTENDS = "extends"
-MOST_FILES = 50  # that one configuration is made of
-MOST_NAMES = 20  # of files that are there
+MOST_FILES = 50  # that one configuration may be made of
+MOST_NAMES = 20  # of existing files that an error lists
 
 
 def read_config(
@@ -30,8 +35,8 @@ def read_config(
 ) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
-    A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs; or with
-    a list of others, of which later ones win. `${a.b}` stands for the single value at that key.
+    A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs. It may also
+    extend a list of files, of which later ones win. `${a.b}` stands for the single value at that key.
 
     Args:
       schema: what the result must be.
@@ -54,7 +59,7 @@ def read_config(
 
 
 def yaml_of(model: BaseModel) -> str:
-    """A model as the text of a file that `read_config` reads as the same model."""
+    """The YAML text that `read_config` reads as the same model."""
     return OmegaConf.to_yaml(OmegaConf.create(model.model_dump(mode="json")))
 
 
@@ -71,12 +76,12 @@ def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
 def _with_parents(
     path: Path, read: dict[str, dict[Any, Any]], children: tuple[str, ...]
 ) -> dict[Any, Any]:
-    """The values of a file, on top of those of the files that it extends.
+    """The values of a file on top of those of the files that it extends.
 
     Args:
       path: of the file.
-      read: values of the files that were read already, so that none is read twice.
-      children: files that led here.
+      read: values of the files that were already read, so that none is read twice.
+      children: the chain of files that extend this one.
     """
     own = _identity(path)
     if own in children:
@@ -94,7 +99,7 @@ def _with_parents(
 
 
 def _identity(path: Path) -> str:
-    """The same for the same file, however it is named."""
+    """A name that is the same for the same file, however its path is written."""
     try:
         return os.path.realpath(path)
     except ValueError:  # a NUL in it; no such file
@@ -102,7 +107,7 @@ def _identity(path: Path) -> str:
 
 
 def _values(path: Path) -> dict[Any, Any]:
-    """Of one file, by itself."""
+    """The values of one file by itself."""
     what = f"The configuration {path}"
     try:
         text = read_text(path, "configuration", ConfigError, LARGEST_YAML)
@@ -121,7 +126,7 @@ def _values(path: Path) -> dict[Any, Any]:
 
 
 def _names(path: Path, extended: Any) -> list[str]:
-    """Of the files that one extends."""
+    """The names of the files that a file extends."""
     names = extended if isinstance(extended, list) else [extended]
     if not all(isinstance(name, str) and name for name in names):
         raise ConfigError(
@@ -131,7 +136,7 @@ def _names(path: Path, extended: Any) -> list[str]:
 
 
 def _near(path: Path) -> str:
-    """The configurations beside one that is not there."""
+    """A sentence with the configurations beside a missing one; "" if it is not missing."""
     with suppress(OSError):
         if not path.exists():
             folder = path.parent if path.parent.is_dir() else Path()
@@ -147,7 +152,7 @@ _KEY = re.compile(r"[^.\[\]]+(\.[^.\[\]]+){0,20}")
 
 
 def merged(old: Any, new: Any) -> Any:
-    """Mappings are merged, anything else is replaced."""
+    """The new value on top of the old one: mappings are merged, anything else is replaced."""
     if isinstance(old, dict) and isinstance(new, dict):
         return {**old, **{key: merged(old.get(key), value) for key, value in new.items()}}
     return new
@@ -156,15 +161,15 @@ def merged(old: Any, new: Any) -> Any:
 def overridden(
     values: dict[Any, Any], overrides: Sequence[str], defaults: dict[str, Any]
 ) -> dict[Any, Any]:
-    """Values with overrides put on top, later ones over earlier ones.
+    """The values with the overrides put on top; later overrides win.
 
     Args:
-      values: as from a file.
-      overrides: "a.b=value", the value in YAML; "a.0.b" or "a[0].b" is within the first entry of a list.
-      defaults: of what is not in the values; their lists are taken where an entry of one is changed.
+      values: of a file.
+      overrides: "a.b=value", the value in YAML; "a.0.b" or "a[0].b" is in the first entry of a list.
+      defaults: used where an override changes an entry of a list that the values do not have.
 
     Raises:
-      ConfigError: not of that form, not YAML, or a list does not have that entry.
+      ConfigError: an override is not of this form or not YAML, or a list does not have the entry.
     """
     if len(overrides) > MOST_OVERRIDES:
         raise ConfigError(
@@ -178,7 +183,7 @@ def overridden(
 
 
 def _parsed(override: str) -> tuple[list[str], Any]:
-    """The parts of the key, and the value."""
+    """The parts of the key of an override, and its value."""
     key, equals, text = override.partition("=")
     plain = re.sub(r"\[(\w+)\]", r".\1", key)
     if not equals or not _KEY.fullmatch(plain):
@@ -198,7 +203,7 @@ def _parsed(override: str) -> tuple[list[str], Any]:
 
 
 def _changed(here: Any, key: list[str], value: Any, default: Any, override: str) -> Any:
-    """A copy of `here` in which the value stands at the key."""
+    """A copy of `here` with the value at the key."""
     if not key:
         return merged(here, value)
     part, rest = key[0], key[1:]
@@ -214,7 +219,7 @@ def _changed(here: Any, key: list[str], value: Any, default: Any, override: str)
 
 
 def _place(part: str, entries: list[Any], override: str) -> int:
-    """Index of an entry."""
+    """The index of an entry of a list."""
     number = int(part) if re.fullmatch(r"[0-9]{1,6}", part) else len(entries)
     if number >= len(entries):
         there = f"0 to {len(entries) - 1}" if entries else "none"
@@ -234,14 +239,14 @@ _REFERENCE = re.compile(r"(?<!\\)\$\{([^${}:\[\]]+)\}")
 
 
 def check_texts(values: Any, what: str) -> None:
-    """Refuse texts that are too long, and what is no plain reference.
+    """Refuse long texts, and `${...}` that is not the key of a value.
 
     Args:
-      values: plain.
-      what: they are, at the beginning of a sentence.
+      values: plain values: mappings, lists, texts, numbers.
+      what: their name, at the beginning of a sentence.
 
     Raises:
-      ConfigError: see above; or there are too many.
+      ConfigError: a text is too long, a reference is not a plain one, or there are too many.
     """
     texts = list(_texts(values))
     for text in texts:
@@ -260,7 +265,7 @@ def check_texts(values: Any, what: str) -> None:
 
 
 def resolved(values: dict[Any, Any], what: str) -> Any:
-    """Values with each reference replaced by the single value that it refers to.
+    """The values with each reference replaced by the single value that it refers to.
 
     Raises:
       ConfigError: a reference to nothing, to several values, or to a reference; a value that is still

@@ -51,17 +51,17 @@ from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
 from flywheel.training.config import MOST_DATASETS
 
-MOST_RECORDINGS = 5_000  # that are named in one file
+MOST_RECORDINGS = 5_000  # that one configuration may name
 MOST_COURSES = 100
-# As the store names them.
+# The names that the store gives its segments.
 SegmentName = Annotated[Name, StringConstraints(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
-# Of a cluster: a hundred machines of a hundred cores.
+# The most is a cluster of a hundred machines with a hundred cores each.
 Workers = Annotated[int, Bounds(1, 10_000)]
 Processors = Annotated[float, Bounds(0, 1000)]
 
 
 class Part(BaseModel):
-    """Frozen, and no unknown key passes."""
+    """Base of the configuration's parts: frozen, and unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -72,12 +72,12 @@ class CollectConfig(Part):
     Attributes:
       gaits, random, drops: episodes of each kind in iteration 0, spread over the data sets.
       gait_seconds, random_seconds, drop_seconds: their durations [s].
-      gait_variation: the most by which the cable lengths of a gait's targets are off at random [-];
-        each gait starts from where the robot came to rest after a random drop.
+      gait_variation: largest random change of the cable lengths of a gait's targets, as a share [-]. Each
+        gait starts from where the robot came to rest after a random drop.
       mppi: episodes that each later iteration adds.
       mppi_seconds: their longest duration [s].
-      mppi_samples: plans that are tried at a time for them; None for as many as `mppi.samples`. Data
-        want variety, goals the best plan.
+      mppi_samples: plans that MPPI tries at a time for them; None for `mppi.samples`. Data needs variety,
+        a goal the best plan.
       validation: share of the episodes of each kind that is kept for validation.
       test: share of the episodes of each kind of iteration 0 that is kept for tests.
       recordings: segments already in the store that belong to the data from iteration 0 on.
@@ -101,8 +101,8 @@ class CollectConfig(Part):
 class EvaluateConfig(Part):
     """How models are judged.
 
-    Predictions start from what was measured. They are compared with what really happened, where a
-    simulated episode tells; with a recording's own measurements else.
+    Predictions start from the measurements. Those of a simulated episode are compared with its true states,
+    those of a recording with its own measurements.
 
     Attributes:
       tasks: closed-loop episodes per model, each as long as `task.seconds` at most; the same tasks
@@ -114,8 +114,8 @@ class EvaluateConfig(Part):
       floor: also score the plant restarted from partial observations (the floor).
       floor_window: past steps from which the floor estimates velocities; more than 1 for noisy points.
       video: render one episode per iteration, and per unseen course.
-      unseen: courses, as in `task.course`, that the last champion drives through at the end, as many times
-        as there are tasks; nothing is learned there.
+      unseen: courses, as in `task.course`, that the last champion drives through at the end, once for each
+        task. Nothing is learned from them.
     """
 
     tasks: Episodes = 8
@@ -140,17 +140,18 @@ class EvaluateConfig(Part):
 
 
 class DiagnoseConfig(Part):
-    """Whether, before it collects again, a run asks what its plant lacks to explain the recordings.
+    """Whether a run diagnoses its plant with the recordings before it collects again.
 
-    What is found, and confirmed by the recordings that are kept for tests, is added to the plant; the
-    first iteration's episodes are then simulated anew, and those of the old plant left out.
+    An effect that is found, and confirmed by the recordings that are kept for tests, is added to the plant.
+    The episodes of the first iteration are then simulated again, and those of the old plant are left out.
 
     Attributes:
-      on: ask, from iteration 1 on.
-      effects: that may be missing, by name; all of the library by default.
-      unsure: what the MJCF says only so well: effect -> standard deviation, see `diagnosis.calibration`.
-      seconds: of recordings that are looked at, at most; as many of those kept for tests [s].
-      window_seconds: length of the windows [s]; None for what suits the robot.
+      on: diagnose, from iteration 1 on.
+      effects: names of those that may be missing; by default all of the library.
+      unsure: effect -> standard deviation of what the MJCF says about it, see
+        `diagnosis.fitting.nuisance`.
+      seconds: of recordings that are used, at most; as many again of those kept for tests [s].
+      window_seconds: length of the windows [s]; None for a length that suits the robot.
     """
 
     on: bool = False
@@ -183,9 +184,9 @@ class GateConfig(Part):
     """When a new model replaces the champion.
 
     Attributes:
-      error_ratio: its validation error may be at most this times the champion's, on the same data;
-        an error whose 95 % interval reaches below that is let pass.
-      success_drop: its success rate may be at most this much lower than the champion's.
+      error_ratio: the new model's validation error may be at most this times the champion's on the same
+        data. The lower end of the ratio's 95 % interval counts.
+      success_drop: the new model's success rate may be at most this much lower than the champion's.
     """
 
     error_ratio: Factor = 1.0
@@ -193,19 +194,19 @@ class GateConfig(Part):
 
 
 class WorkersConfig(Part):
-    """Who computes. Nothing here changes a result.
+    """The workers that compute. Nothing here changes a result.
 
     Attributes:
       sim: workers that record episodes and score models.
       trainers: workers that train; None for one per arm.
-      trainer_cpus: cores that a trainer books; 0 where it takes turns with the others.
+      trainer_cpus: cores that a trainer books; 0 if it takes turns with the other workers.
       trainer_gpus: GPUs that a trainer books.
-      cores: threads that may compute at once; None for those of this machine or of the cluster.
-      start_seconds: a worker may take to start [s].
-      stall_seconds: a busy worker may show no progress before it is replaced [s].
-      drain_seconds: running episodes get to end when the run is asked to stop [s].
-      least_episodes: share of a stage's episodes that must have been recorded for the run to go on.
-      least_free_gb: free disk space below which a run does not begin [GB].
+      cores: threads that may compute at once; None for all cores of this machine or of the cluster.
+      start_seconds: longest time that a worker may take to start [s].
+      stall_seconds: longest time without progress before a busy worker is replaced [s].
+      drain_seconds: time that running episodes have to end when the run is asked to stop [s].
+      least_episodes: share of a stage's episodes that must be recorded for the run to go on.
+      least_free_gb: free disk space that a run needs to begin [GB].
     """
 
     sim: Workers = 2
@@ -221,14 +222,14 @@ class WorkersConfig(Part):
 
 
 NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
-# What may differ between a run and its continuation: it changes who computes where, not a number.
+# The parts that may differ between a run and its continuation: they decide who computes where, no number.
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
 # Settings of earlier versions, still in the files of their runs. None of them changed a result.
 RETIRED = ("workers.remote_rollouts",)
 
 
 def _with_preset(network: Any) -> Any:
-    """`{preset: paper, width: 128}`: one of the network's named shapes, with changes."""
+    """The network of `{preset: paper, width: 128}`: one of the named shapes, with changes."""
     if not isinstance(network, dict) or "preset" not in network:
         return network
     if not isinstance(network["preset"], str):
@@ -262,14 +263,14 @@ class RunConfig(Part):
       seed: that every other seed is derived from.
       iterations: after iteration 0.
       control_arm: beside MPPI's, train a model on as many episodes with random controls.
-      effects: what every plant has beyond the MJCF; in a file also the path of an adopted plant, whose
+      effects: of every plant, beyond its MJCF. A file may give the path of an adopted plant instead, whose
         effects are then taken over.
       datasets: variations of the plant; MPPI collects and is judged on the first.
       measurement: between the plant and everything that learns or plans.
       terrain: that episodes are recorded on.
-      collect, task, mppi, network, training, evaluate, diagnose, gate: see each.
-      sim_threads: of each sim worker.
-      workers, tracking: see each; change no result.
+      collect, task, mppi, network, training, evaluate, diagnose, gate: described in their own classes.
+      sim_threads: threads of each simulation worker.
+      workers, tracking: described in their own classes; they change no result.
       store: URL of the trajectory store; "" for `store/` in the run folder.
     """
 
@@ -358,7 +359,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
     """Read a run's configuration from a YAML file and `key=value` arguments.
 
     Raises:
-      ConfigError: see `loading.read_config`.
+      ConfigError: the file or an override cannot be read, or a value is wrong.
     """
     return read_config(RunConfig, path, overrides)
 
@@ -367,7 +368,7 @@ def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunCo
     """Read the configuration that a run was begun with, by this or an earlier version.
 
     Raises:
-      ConfigError: see `loading.read_config`.
+      ConfigError: the file or an override cannot be read, or a value is wrong.
     """
     return read_config(RunConfig, path, overrides, RETIRED)
 

@@ -1,4 +1,4 @@
-"""A run that is under way: what every stage has at hand, and what files say about the past."""
+"""A run that is under way: what every stage needs, and what the run's files say about earlier iterations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluati
 from flywheel.runtime.workers.model_weights import Weights
 from flywheel.runtime.workers.sim_worker import EpisodeNote
 
-# Roughly how long a core is busy with a second of an episode [s]; for the time left that is shown.
+# Roughly how long a core is busy with one second of an episode [s]; for the remaining time that is shown.
 SIMULATING, PLANNING = 0.02, 0.3
 
 
@@ -33,9 +33,9 @@ class Model:
     """A trained model.
 
     Attributes:
-      arm, iteration: that made it.
+      arm, iteration: in which it was trained.
       digest: of the weights.
-      path: of the weights.
+      path: of the weights' file.
     """
 
     arm: Arm
@@ -51,11 +51,11 @@ class Run:
     Attributes:
       config: resolved.
       folder: its files.
-      robot: it is about.
+      robot: of the run.
       store: of its episodes.
       pool: of its workers.
-      tracker: None where nothing is tracked.
-      progress: shows people how far it is.
+      tracker: None if the run is not tracked.
+      progress: shows people how far the run is.
     """
 
     config: RunConfig
@@ -72,19 +72,19 @@ class Run:
         return ["mppi", "control"] if iteration and self.config.control_arm else ["mppi"]
 
     def arm_of(self, iteration: int, arm: Arm) -> Arm:
-        """Whose iteration it is that an arm builds on."""
+        """The arm whose iteration an arm builds on: in iteration 0 all build on "mppi"."""
         return arm if arm in self.arms(iteration) else "mppi"
 
     def finished(self, arm: Arm) -> list[IterationResult]:
-        """What an arm has produced so far, iteration 0 included."""
+        """The results of an arm so far, iteration 0 included."""
         iterations = range(self.config.iterations + 1)
         results = [self.folder.finished(i, self.arm_of(i, arm)) for i in iterations]
         return [result for result in results if result is not None]
 
     def latest(self, arm: Arm) -> IterationResult | None:
-        """The iteration that an arm goes on from; None before the first.
+        """The iteration whose model an arm goes on from; None before the first.
 
-        That is the champion's; the control arm, without a gate, goes on from its last usable model.
+        It is the champion's iteration. The control arm has no gate and goes on from its last usable model.
         """
         chosen = [r for r in self.finished(arm) if r.gate is None or r.gate.promoted]
         return next((r for r in reversed(chosen) if usable(r.validation)), None)
@@ -112,24 +112,24 @@ class Run:
         return self.store.snapshot(name) if name in self.store.snapshots() else None
 
     def effects(self, iteration: int) -> Effects:
-        """What an iteration's plant has beyond the MJCF."""
+        """The effects of an iteration's plant, beyond the MJCF."""
         note = self.folder.diagnosis(self.plant_since(iteration))
         return self.config.effects if note is None else note.effects
 
     def plant_since(self, iteration: int) -> int:
-        """The iteration that first had the plant that this one has."""
+        """The first iteration with the plant that this iteration has."""
         changed = (i for i in range(iteration, 0, -1) if self.changes_plant(i))
         return next(changed, 0)
 
     def changes_plant(self, iteration: int) -> bool:
-        """A diagnosis before this iteration added to the plant."""
+        """Whether a diagnosis before this iteration changed the plant."""
         note = self.folder.diagnosis(iteration)
         return note is not None and note.adopted
 
     def test_episodes(self, iteration: int) -> list[str]:
-        """Ids of simulated test episodes on the plant of an iteration.
+        """Ids of the simulated test episodes on an iteration's plant.
 
-        Those of the first collection on it, and closed-loop ones up to the iteration.
+        These are those of the first collection on the plant, and the closed-loop ones up to the iteration.
         """
         begun = self.plant_since(iteration)
         first = self.store.snapshot(name_of(begun, "mppi"))
@@ -148,7 +148,7 @@ class Run:
         """Run jobs on the pool.
 
         Raises:
-          RunError: the operating system refused something: the disk is full, say.
+          RunError: the operating system refused something, e.g. because the disk is full.
           JobFailed: a job raised an error.
         """
         if not jobs:
@@ -190,7 +190,7 @@ class Run:
 
 
 def usable(errors: Errors | None) -> bool:
-    """The errors are finite numbers."""
+    """Whether there are errors and they are finite."""
     return errors is not None and math.isfinite(errors.short.e_pos_rmse)
 
 

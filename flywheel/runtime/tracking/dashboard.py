@@ -20,19 +20,6 @@ SETTINGS = {  # environment variables of MLflow's client and server; those the u
 }
 
 
-def chart_url(uri: str = "", experiment: str = "1", port: int = PORT) -> str:
-    """URL of an experiment's charts, in MLflow's mode for models that learn.
-
-    Args:
-      uri: of a tracking server; any other text means the server that `ui_command` starts.
-      experiment: its id at MLflow, which is 1 in a run's own SQLite file.
-      port: of the server that `ui_command` starts.
-    """
-    base = uri.rstrip("/") if uri.startswith("http") else f"http://{HOST}:{port}"
-    query = "compareRunsMode=CHART&workflowType=machine_learning"
-    return f"{base}/#/experiments/{experiment}/runs?{query}"
-
-
 def ui_command(folder: str | Path, port: int = PORT) -> tuple[list[str], dict[str, str], str]:
     """How to serve the charts of a run that is tracked in its own folder.
 
@@ -43,7 +30,9 @@ def ui_command(folder: str | Path, port: int = PORT) -> tuple[list[str], dict[st
     command += ["--backend-store-uri", database_uri(Path(folder) / DATABASE)]
     command += ["--host", HOST, "--port", str(port), "--workers", "1"]
     quiet = {"MLFLOW_LOGGING_LEVEL": "WARNING", "PYTHONWARNINGS": "ignore"}
-    return command, SETTINGS | quiet, chart_url(port=port)
+    # The charts are of experiment 1, the only one of the file, in MLflow's mode for models that learn.
+    charts = "#/experiments/1/runs?compareRunsMode=CHART&workflowType=machine_learning"
+    return command, SETTINGS | quiet, f"http://{HOST}:{port}/{charts}"
 
 
 def database_uri(database: Path) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 
 from flywheel.errors import DataError
 from flywheel.runtime.tracking import pyfunc_model
-from flywheel.runtime.tracking.dashboard import DATABASE, SETTINGS, chart_url, damage, database_uri
+from flywheel.runtime.tracking.dashboard import DATABASE, SETTINGS, damage, database_uri
 from flywheel.runtime.tracking.tracker import Record, Tracker, TrackingConfig, forget_delivery
 
 if TYPE_CHECKING:
@@ -96,11 +96,6 @@ class MlflowReceiver:
         """Whether MLflow will always refuse the record, or what it names is gone."""
         refused = getattr(error, "error_code", "") == "INVALID_PARAMETER_VALUE"
         return refused or isinstance(error, (FileNotFoundError, LookupError))
-
-    @property
-    def chart_url(self) -> str:
-        """URL of the charts at the server; without one, where `flywheel ui` serves them."""
-        return chart_url(self._config.uri, self._experiment or "1")
 
     def _connected(self) -> MlflowClient:
         if self._client is None:

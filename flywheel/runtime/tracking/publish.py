@@ -66,14 +66,6 @@ def publish_iteration_start(tracker: Tracker, iteration: int, arm: Arm = "mppi")
     tracker.open(_iteration_run(tracker, iteration, arm), name, prefixed, parent=tracker.key)
 
 
-def publish_training(
-    tracker: Tracker, iteration: int, points: Iterable[TrainingPoint], arm: Arm = "mppi"
-) -> None:
-    """Log points of the training curve of an iteration whose run is open."""
-    rows = [(point.step, curve_values(point)) for point in points]
-    tracker.log_rows(_iteration_run(tracker, iteration, arm), rows)
-
-
 def publish_iteration(
     tracker: Tracker,
     result: IterationResult,
@@ -97,7 +89,7 @@ def publish_iteration(
     values = iteration_values(result)
     tracker.log(_arm_run(tracker, arm), values, iteration)
     tracker.log(child, {f"final/{name}": value for name, value in values.items()}, iteration)
-    publish_training(tracker, iteration, result.curve, arm)
+    tracker.log_rows(child, [(point.step, curve_values(point)) for point in result.curve])
     if result.test is not None and result.test.by_lead_time is not None:
         tracker.log_rows(child, lead_time_values(result.test.by_lead_time))
     tags = _tags(result)

@@ -68,11 +68,6 @@ class Receiver(Protocol):
         """Whether `deliver` would raise this error every time."""
         ...
 
-    @property
-    def chart_url(self) -> str:
-        """URL of the run's charts."""
-        ...
-
 
 class Tracker:
     """Tells MLflow what the driver saw. No call waits for MLflow; its record is on disk when it returns.
@@ -102,7 +97,6 @@ class Tracker:
         self._outbox = Outbox(self._folder)
         self._logged = {point for record in self._outbox.records() for point in _points(record)}
         self._open: set[str] = set()
-        self._receiver = receiver
         self._close_seconds = close_seconds
         self._delivery = Delivery(self._outbox, receiver.deliver, receiver.hopeless, retry_seconds)
 
@@ -216,10 +210,6 @@ class Tracker:
     def pending(self) -> int:
         """The number of records that are not delivered yet."""
         return self._outbox.pending()
-
-    def chart_url(self) -> str:
-        """URL of the charts; with an SQLite file, of those that `flywheel ui` serves."""
-        return self._receiver.chart_url
 
     def flush(self, seconds: float) -> bool:
         """Wait at most `seconds` until all is delivered; returns whether it is."""

@@ -83,7 +83,7 @@ class EpisodeNote:
 
 @dataclass(frozen=True)
 class Scores:
-    """Errors over a share of the episodes; the shares add.
+    """The errors over a share of the episodes; the shares add up exactly (`added`).
 
     Attributes:
       by_episode: episode id -> errors from random starts in it.
@@ -97,7 +97,7 @@ class Scores:
 
     @property
     def short(self) -> ErrorTable | None:
-        """Errors from random starts, in all episodes together."""
+        """The errors from random starts, in all episodes together."""
         return reduce(add, self.by_episode.values()) if self.by_episode else None
 
 
@@ -219,7 +219,7 @@ class SimWorker:
             return None
 
     def _committed(self, name: str) -> Episode | None:
-        """The episode, if the store has it whole; a damaged one not in use yet is set aside."""
+        """The episode if the store has it; a damaged one that no snapshot lists is set aside."""
         if name not in (*self._store.committed(), *self._store.unreadable()):
             return None
         try:
@@ -307,7 +307,7 @@ class SimWorker:
         return Scores(score_by(lambda episode: episode.id, long, short), whole)
 
     def _truth(self, episode: Episode) -> Floats:
-        """Where the points really were, if that is known: noise is no error of the model."""
+        """The true points of a simulated episode, else the measured ones: noise is no error of the model."""
         states = episode.trajectory.states
         if states is None:
             return episode.trajectory.observations.points
@@ -324,7 +324,7 @@ class SimWorker:
 
 
 def added(one: Scores, other: Scores) -> Scores:
-    """Errors over both shares of the episodes."""
+    """The errors over both shares of the episodes."""
     if problem := one.problem or other.problem:
         return Scores(problem=problem)
     short = {**one.by_episode, **other.by_episode}

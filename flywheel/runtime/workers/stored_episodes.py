@@ -1,4 +1,4 @@
-"""What is computed from a stored episode: its plant's effects, its winch positions, one predicted window."""
+"""Computed from stored episodes: effects of their plant, winch positions, one predicted window."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from flywheel.robots import Robot
 from flywheel.runtime.results import Overlay
 from flywheel.runtime.workers.episode_plan import Effects
 
-KEPT = 32  # episodes: what is scored is asked for again and again
+KEPT = 32  # episodes whose winch positions are kept, because scoring asks for them repeatedly
 
 
 @dataclass(frozen=True)
 class EpisodeWinches:
-    """Winch positions of episodes, see `Reckoning`.
+    """Winch positions of episodes, by dead-reckoning (`Reckoning`).
 
-    A simulated episode says which effects its plant had; that of a recording has those adopted so far.
+    A simulated episode names the effects of its plant. Recordings are taken to have those adopted so far.
 
     Attributes:
-      robot: that the episodes are of.
+      robot: of the episodes.
       effects: adopted so far.
     """
 
@@ -36,7 +36,7 @@ class EpisodeWinches:
     _known: dict[str, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __call__(self, episode: Episode) -> Floats:
-        """(T + 1, W) positions [m]."""
+        """The winch positions of an episode, (T + 1, W) [m]."""
         if episode.id not in self._known:
             if len(self._known) >= KEPT:
                 del self._known[next(iter(self._known))]
@@ -51,7 +51,7 @@ class EpisodeWinches:
 
     @property
     def belief(self) -> str:
-        """Name of what has been adopted; "" for nothing."""
+        """A short digest of the adopted effects; "" for none."""
         if not self.effects:
             return ""
         text = ";".join(effect.model_dump_json() for effect in self.effects)
@@ -71,11 +71,11 @@ def overlay(
     """Predict the window in the middle of an episode; None where the episode is too short.
 
     Args:
-      dynamics: the model.
-      episode: measured.
-      seconds: to predict [s].
+      dynamics: the model that predicts.
+      episode: with at least `seconds` of measurements.
+      seconds: length of the window [s].
       datasets: index of each data set in the network's one-hot.
-      winches: where they were, as far as is known; None for `Robot.winches_of`.
+      winches: gives the winch positions of the episode; None for `Robot.winches_of`.
     """
     trajectory, robot = episode.trajectory, dynamics.robot
     steps = round(seconds / trajectory.dt)
@@ -105,6 +105,6 @@ def _places(points: np.ndarray) -> tuple[tuple[tuple[float, float, float], ...],
 
 
 def effects_of(episode: Episode) -> Effects:
-    """Of the plant that an episode was recorded on, beyond its MJCF."""
+    """The effects of the plant that an episode was recorded on, beyond its MJCF."""
     there = episode.provenance.effects
     return tuple(WrittenTerm.labelled(label, values) for label, values in there.items())

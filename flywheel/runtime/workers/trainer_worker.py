@@ -1,4 +1,4 @@
-"""What happens inside a trainer's process: a plain class that a test can call without a cluster."""
+"""The worker that trains: a plain class that a test can call without a cluster."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ SPLITS: tuple[Split, ...] = ("train", "validation")
 
 @dataclass(frozen=True)
 class TrainingOrder:
-    """What to train.
+    """One training.
 
     Attributes:
-      snapshot: its name.
+      snapshot: name of the data.
       folder: for checkpoints and weights.
-      cache: folder for the windows.
-      initial: weights to start from, or None.
+      cache: folder for the training windows.
+      initial: file of the weights to start from, or None.
       seed: of the training.
       effects: adopted so far.
     """
@@ -44,11 +44,11 @@ class TrainingOrder:
 
 @dataclass(frozen=True)
 class TrainingNote:
-    """What the driver is told about a finished training.
+    """The report to the driver about a training.
 
     Attributes:
-      weights: their file.
-      digest: of them.
+      weights: file of the trained weights.
+      digest: of the weights.
       curve: of the training.
       problem: why there are no weights, or "".
     """
@@ -75,11 +75,14 @@ class TrainerWorker:
 
     @property
     def beat(self) -> Beat:
-        """Latest sign of progress."""
+        """The latest sign of progress."""
         return self._heartbeat.beat
 
     def train(self, order: TrainingOrder) -> TrainingNote:
-        """Train from the last checkpoint in the order's folder, or from the beginning."""
+        """Train from the last checkpoint in the order's folder, or from the beginning.
+
+        A training that diverges has no weights; its note says why.
+        """
         self._heartbeat.start("reading the snapshot")
         # A trainer whose driver was killed lives on for some seconds.
         with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):

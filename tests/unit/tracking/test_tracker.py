@@ -18,8 +18,6 @@ from tests.unit.reports.fake_run import fake_iteration, fake_run
 class Notes:
     """A receiver that keeps the records."""
 
-    chart_url = "nowhere"
-
     def __init__(self):
         self.records = []
 
