@@ -1,8 +1,8 @@
 """The memory and disk space that work needs, estimated before anything starts.
 
-The bounds of single settings are in `flywheel.quantities`; here the product of several is bounded. The estimates
-are right to a factor of about three on the shipped robots. Work that is refused would fill the memory or the
-disk long before its end.
+The bounds of single settings are in `flywheel.quantities`; here the product of several is bounded. The
+estimates are right to a factor of about three on the shipped robots. Work that is refused would fill the
+memory or the disk long before its end.
 """
 
 from __future__ import annotations

@@ -57,9 +57,7 @@ MOST_EPISODES = 100_000  # of a run; each has its own files, and every stage lis
 # Estimates of memory; measured on prism3 and icosa6, for networks by counting their numbers.
 EPISODE = 2e3  # for each step of an episode [bytes]
 WEIGHTS = 160  # for a layer, per width squared: ten numbers, their gradients, two moments [bytes]
-GRADIENT = (
-    1.5e3  # for a prediction chunk in a layer, per width, until its gradient is there [bytes]
-)
+GRADIENT = 1.5e3  # for a prediction chunk in a layer, per width, until its gradient exists [bytes]
 STARTS = 256  # short predictions that `evaluation.score` makes at a time
 WHOLE = 64  # predictions of whole episodes that `evaluation.score_full` makes at a time
 # The names that the store gives its segments.
