@@ -37,13 +37,13 @@ from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.examination import Named
 from flywheel.runtime.examination.worker import truth_of
-from flywheel.runtime.measures import ResultRecord
-from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import Progress, console_progress
+from flywheel.runtime.results import ResultRecord
 from flywheel.runtime.workers.episode_plan import Effects, collection
-from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.runtime.workers.stored_episodes import EpisodeWinches
 from flywheel.runtime.workers.trainer_worker import SPLITS
-from flywheel.runtime.workers.winches import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
 from flywheel.truth_simulator.cases import Case, Plan, cases
 from flywheel.truth_simulator.scripts import SCRIPTS
@@ -146,12 +146,12 @@ class Bench:
 
     def _recorded(self, name: str, store: TrajectoryStore, effects: Effects) -> list[str]:
         """Ids of the episodes of iteration 0 on a plant with effects."""
-        recorder = Recorder(self.config, load_robot(self.config.robot))
+        recorder = EpisodeRecorder(self.config, load_robot(self.config.robot))
         plans, there = collection(self.config, 0, "mppi", effects), store.committed()
         with self.progress.stage(f"{name}: collect", float(len(plans))) as stage:
             for number, plan in enumerate(plans):
                 if plan.id not in there:
-                    store.commit(plan.id, [recorder.record(plan, None, "", Watch())])
+                    store.commit(plan.id, [recorder.record(plan, None, "", Heartbeat())])
                 stage.update(number + 1.0)
         return [plan.id for plan in plans]
 

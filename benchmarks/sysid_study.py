@@ -26,7 +26,7 @@ from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.records import Floats
 from flywheel.registry import lookup
 from flywheel.robots import load_robot
-from flywheel.runtime.measures import ResultRecord
+from flywheel.runtime.results import ResultRecord
 from flywheel.truth_simulator.cases import Case, Recorded, cases
 from flywheel.truth_simulator.effect import EffectTruth
 

@@ -26,7 +26,7 @@ from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.tracking.mlflow_client import open_tracker
-from flywheel.runtime.workers.trained import TrainedModel
+from flywheel.runtime.workers.model_weights import TrainedModel
 from flywheel.truth_simulator.cases import GROUPS, Case, cases
 from flywheel.truth_simulator.cases import Group as CaseGroup
 from flywheel.validation import validated

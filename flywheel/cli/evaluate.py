@@ -9,15 +9,13 @@ from flywheel.cli.show import console, table
 from flywheel.errors import DataError
 from flywheel.evaluation import BINS
 from flywheel.registry import lookup
-from flywheel.runtime.measures import ErrorNumbers
 from flywheel.runtime.pool.progress import console_progress
+from flywheel.runtime.results import ErrorNumbers
 from flywheel.runtime.run.folder import name_of
-from flywheel.runtime.run.seeds import derive_seed
+from flywheel.runtime.workers.episode_plan import derive_seed
 from flywheel.runtime.workers.model_weights import Weights
 from flywheel.runtime.workers.sim_worker import (
-    FLOOR,
-    INFORMED_FLOOR,
-    PERSISTENCE,
+    Baseline,
     Scores,
     SimWorker,
 )
@@ -66,7 +64,12 @@ def score_models(
         for done, (name, group) in enumerate(asked):
             stage.update(done, name if by == "all" else f"{name}, {group}")
             effects = known.get(name, latest)
-            found = worker.score(subjects[name], groups[group], seed, full, effects)
+            subject, share = subjects[name], (groups[group], seed, full, effects)
+            found = (
+                worker.score_baseline(subject, *share)
+                if isinstance(subject, Baseline)
+                else worker.score_model(subject, *share)
+            )
             about = (name,) if by == "all" else (group, name)
             rows.append((*about, *_row(found)))
     title = f"{len(episodes)} {split} episodes, {starts} starts each, {horizon:g} s ahead"
@@ -107,17 +110,17 @@ def _groups(run: OpenRun, episodes: list[str], by: str) -> dict[str, list[str]]:
     return dict(sorted(groups.items()))
 
 
-def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
+def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | Baseline]:
     """What is scored: one weights file, or the run's models, between persistence and the floors."""
-    models: dict[str, Weights | str] = {}
+    models: dict[str, Weights | Baseline] = {}
     if weights is not None:
         if not weights.exists():
             raise DataError(f"There is no weights file {weights}.")
         models[weights.stem] = Weights.read(weights, run.robot)
     else:
         models = {name_of(i.iteration, i.arm): run.weights(i) for i in run.result.iterations}
-    beside = {name: name for name in (FLOOR, INFORMED_FLOOR)}
-    return {PERSISTENCE: PERSISTENCE, **models, **beside}
+    still, *floors = Baseline
+    return {still: still, **models, **{floor: floor for floor in floors}}
 
 
 def _row(scores: Scores) -> tuple[object, ...]:

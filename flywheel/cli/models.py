@@ -11,8 +11,7 @@ from flywheel.dynamics.plant import RestartedPlant
 from flywheel.effects import Scales
 from flywheel.errors import ConfigError
 from flywheel.robots import Robot
-from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.trained import TrainedModel
+from flywheel.runtime.workers.model_weights import TrainedModel, Weights
 
 PLANT = "plant"
 PAST = 0.36  # that a restarted plant looks back, to see speeds through noise [sqrt(L / g)]

@@ -32,14 +32,19 @@ from flywheel.errors import ConfigError, FlywheelError
 from flywheel.files import file_name
 from flywheel.outputs import check_folder, check_outputs
 from flywheel.records import Episode
-from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
-from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.config.run_config import (
+    RunConfig,
+    config_digest,
+    load_config,
+    load_stored_config,
+)
+from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import Stage, console_progress
 from flywheel.runtime.results import RESULT_FILE
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.stages.video import scenery_of
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
-from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 
 CHAMPION = "champion"
 
@@ -109,7 +114,7 @@ class Driver:
         # Nothing else runs beside it: all cores plan.
         threads = f"sim_threads={len(os.sched_getaffinity(0))}"
         self.config = _config(wish.source, [threads, *wish.overrides])
-        self.recorder = Recorder(self.config, RunFolder(wish.source).robot(self.config))
+        self.recorder = EpisodeRecorder(self.config, RunFolder(wish.source).robot(self.config))
         self._dynamics, self._digest = _dynamics(
             wish.source, self.config, self.recorder, wish.model
         )
@@ -156,7 +161,7 @@ class Driver:
         """Record one episode."""
         plan, begun = self.plan(seed), time.process_time()
         with self._shown(plan) as on_piece:
-            watch = _ShownWatch(stage)
+            watch = _ShownHeartbeat(stage)
             episode = self.recorder.record(plan, self._dynamics, self._digest, watch, on_piece)
         took = time.process_time() - begun
         walk, task = self.recorder.walk(plan, episode), self.recorder.task(plan)
@@ -245,7 +250,7 @@ def _log(wish: Wish, seed: int) -> Path | None:
     return path
 
 
-class _ShownWatch(Watch):
+class _ShownHeartbeat(Heartbeat):
     """Shows the progress of an episode."""
 
     def __init__(self, stage: Stage) -> None:
@@ -261,7 +266,7 @@ def _config(source: Path, overrides: list[str]) -> RunConfig:
     if not source.is_dir():
         return load_config(source, overrides)
     RunFolder(source).config()  # refused where it is not what the run was begun with
-    return load_config(source / "config.yaml", overrides)
+    return load_stored_config(source / "config.yaml", overrides)
 
 
 def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:
@@ -273,7 +278,7 @@ def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Eff
 
 
 def _dynamics(
-    source: Path, config: RunConfig, recorder: Recorder, model: str
+    source: Path, config: RunConfig, recorder: EpisodeRecorder, model: str
 ) -> tuple[Dynamics | None, str]:
     """The model to plan with and its digest; the recorder makes the oracle itself."""
     if model == ORACLE:

@@ -10,9 +10,8 @@ from flywheel.files import file_name
 from flywheel.reports.page import PAGE_FILE
 from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.loop import run
-from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.pool.progress import console_progress
-from flywheel.runtime.results import RunResult
+from flywheel.runtime.results import ErrorNumbers, Errors, Navigation, RunResult
 from flywheel.runtime.run.folder import name_of
 from flywheel.runtime.tracking.dashboard import DATABASE
 

@@ -6,7 +6,7 @@ import math
 
 from pydantic import Field
 
-from flywheel.runtime.measures import ResultRecord
+from flywheel.runtime.results import ResultRecord
 
 # Effects that make the same motion exactly, so that naming either is right.
 EQUIVALENT = {"sensor_latency": "command_delay"}

@@ -10,9 +10,9 @@ from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.errors import DataError
 from flywheel.records import Observation, Past
 from flywheel.robots import load_robot
-from flywheel.runtime.measures import GateDecision
+from flywheel.runtime.results import GateDecision
 from flywheel.runtime.tracking.mlflow_client import open_tracker
-from flywheel.runtime.tracking.pyfunc_model import ServedDynamics, read_served, write_served
+from flywheel.runtime.tracking.pyfunc_model import PyfuncDynamics, read_model, write_model
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def windows(robot, history, batch=2, horizon=18):
 def test_the_champion_loaded_from_mlflow_predicts_what_the_network_predicts(
     tmp_path, robot, network
 ):
-    digest = write_served(tmp_path / "model", robot, network, snapshot="s" * 64)
+    digest = write_model(tmp_path / "model", robot, network, snapshot="s" * 64)
     tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=(0.05, 0.5))
     tracker.open("key", "name", {})
     shape = (len(robot.points), len(robot.winches))
@@ -87,10 +87,10 @@ def test_the_champion_loaded_from_mlflow_predicts_what_the_network_predicts(
 
 
 def test_a_served_model_is_one_folder_and_says_what_it_misses(tmp_path, robot, network):
-    digest = write_served(tmp_path / "a" / "model", robot, network)
+    digest = write_model(tmp_path / "a" / "model", robot, network)
     assert len(digest) == 64
     moved = (tmp_path / "a").rename(tmp_path / "b") / "model"
-    served = ServedDynamics(read_served(moved))
+    served = PyfuncDynamics(read_model(moved))
     _, inputs, _, _ = windows(robot, served.dynamics.history)
     del inputs["winch"]
     with pytest.raises(DataError, match="winch"):
@@ -98,6 +98,6 @@ def test_a_served_model_is_one_folder_and_says_what_it_misses(tmp_path, robot, n
 
 
 def test_the_signature_does_not_depend_on_when_the_model_was_written(tmp_path, robot, network):
-    first = write_served(tmp_path / "a", robot, network)
+    first = write_model(tmp_path / "a", robot, network)
     time.sleep(0.01)
-    assert write_served(tmp_path / "b", robot, network) == first
+    assert write_model(tmp_path / "b", robot, network) == first
