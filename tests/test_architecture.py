@@ -33,6 +33,7 @@ DOORS = {
         "flywheel/dynamics/plant/",
         "flywheel/effects/",
         "flywheel/truth_simulator/",
+        "benchmarks/sysid/",
     ),
 }
 # How MuJoCo adds elements; `add_plain` in flywheel/robots/added.py asks for them by other means.

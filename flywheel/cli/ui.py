@@ -10,22 +10,27 @@ import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from typing import Annotated
 
-from flywheel.cli.show import console
+import typer
+
+from flywheel.cli.console import console
+from flywheel.cli.options import RunArgument
 from flywheel.errors import ConfigError, DataError, RunError
 from flywheel.faults import told
 from flywheel.runtime.pool.caretaker import GRACE, Caretaker
 from flywheel.runtime.tracking.dashboard import DATABASE, HOST, damage, ui_command
 
 
-def serve(run: Path, port: int) -> None:
-    """Serve until Ctrl-C or SIGTERM.
+def ui(
+    run: RunArgument,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="To serve at.")] = 5000,
+) -> None:
+    """Serve the MLflow dashboard of a run on this machine, until Ctrl-C or SIGTERM.
 
-    Raises:
-      DataError: the run has no database of MLflow's, or a damaged one.
-      ConfigError: the port cannot be used.
-      RunError: MLflow's server ended by itself.
+    [bold]Example[/bold]
+
+    flywheel ui runs/prism3 --port 5001
     """
     database = run / DATABASE
     if not database.exists():
