@@ -8,7 +8,7 @@ import os
 import signal
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Annotated
 
@@ -43,9 +43,7 @@ def ui(
     check_port(port)
     command, settings, url = ui_command(run, port)
     console().say(f"Open {url}   (Ctrl-C ends it)")
-    # A group of its own, ended as a whole: MLflow's server has children, and does not end them.
-    server = subprocess.Popen(command, env={**os.environ, **settings}, start_new_session=True)
-    with Caretaker(group=server.pid), _ended(server):
+    with _served(command, settings) as server:
         code = server.wait()
     raise RunError(f"MLflow's server ended by itself, with the exit code {code}.")
 
@@ -70,12 +68,30 @@ def check_port(port: int) -> None:
 
 
 @contextmanager
-def _ended(server: subprocess.Popen[bytes]) -> Iterator[None]:
-    """The server's group ends with the block; the caretaker sees to those that do not want to."""
+def _served(
+    command: Sequence[str], settings: Mapping[str, str]
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A server with a process group of its own, which ends as a whole with the block.
+
+    MLflow's server has children and does not end them. A caretaker sees to the group where this process
+    is killed. What interrupts while the caretaker starts ends the server, too.
+    """
+    server = subprocess.Popen(command, env={**os.environ, **settings}, start_new_session=True)
+    caretaker = None
     try:
-        yield
+        caretaker = Caretaker(group=server.pid)
+        yield server
     finally:
+        _end(server)
+        if caretaker is not None:
+            caretaker.close()
+
+
+def _end(server: subprocess.Popen[bytes]) -> None:
+    """End the group of a server: politely, and after a while at once."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(server.pid, signal.SIGTERM)
+            os.killpg(server.pid, number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             server.wait(GRACE)
+            return

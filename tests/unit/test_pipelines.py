@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from flywheel.runtime.config.run_config import RunConfig, load_config
+from flywheel.runtime.config.shipped import config_file
 
 PIPELINES = Path(__file__).parents[2] / "pipelines"
 LONGEST = 40  # lines: they only launch what stands elsewhere
@@ -26,17 +30,15 @@ def test_nothing_of_them_is_a_package() -> None:
     assert not list(PIPELINES.rglob("__init__.py"))
 
 
-@pytest.mark.ray
-@pytest.mark.slow
-def test_the_loop_is_turned_and_goes_on(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        PIPELINES / "loop.py",
-        "smoke",
-        "iterations=0",
-        "evaluate.video=false",
-    ]
-    for _ in range(2):
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-        assert (tmp_path / "runs" / "smoke" / "result.json").exists()
+def test_the_loop_runs_a_configuration_by_name_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: dict[str, object] = {}
+
+    def run(config: RunConfig, folder: Path, **more: object) -> None:
+        asked.update(config=config, folder=folder, **more)
+
+    monkeypatch.setattr("flywheel.runtime.loop.run", run)
+    monkeypatch.setattr(sys, "argv", ["loop.py", "smoke", "seed=7"])
+    runpy.run_path(str(PIPELINES / "loop.py"), run_name="__main__")
+    assert asked["config"] == load_config(config_file("smoke"), ["seed=7"])
+    assert asked["folder"] == Path("runs/smoke")
+    assert asked["resume"] is True
