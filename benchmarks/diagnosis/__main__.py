@@ -36,7 +36,7 @@ def diagnosis(
     seeds: Annotated[int, typer.Option(help="Cases of each kind.", callback=within(SAMPLES))] = 5,
     only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
     model: TrainedOption = None,
-    address: Annotated[str | None, typer.Option(help="Of an existing Ray cluster.")] = None,
+    address: Annotated[str | None, typer.Option(help="An existing Ray cluster.")] = None,
 ) -> None:
     """Hide effects in recordings of another simulator, have them diagnosed, and count.
 

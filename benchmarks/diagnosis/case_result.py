@@ -147,14 +147,14 @@ class CaseResult(ResultRecord):
 
     @property
     def covered(self) -> list[bool]:
-        """Of each value of a right first answer: whether its interval holds the true one."""
+        """Whether the interval of each value of a right first answer holds the true one."""
         if not self.first_is_right:
             return []
         return [low <= truth <= high for _, truth, low, high in matched(self.best, self.truth)]
 
 
 def same(answer: Answer, truth: Answer) -> bool:
-    """The same effects at the same places, in any order."""
+    """Whether two answers name the same effects at the same places, in any order."""
     return sorted(n.key for n in answer) == sorted(n.key for n in truth)
 
 

@@ -1,4 +1,4 @@
-"""A worker that makes a case's recordings, has them diagnosed, and compares."""
+"""A worker that makes the recordings of a case, has them diagnosed, and compares."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _left(left: Adequacy) -> tuple[float, ...]:
 
 
 def _smallest(case: CaseResult, found: Diagnosis) -> float:
-    """Of the first hidden effect: the size that could have been seen, over the true one."""
+    """Size of the first hidden effect that could have been seen, over its true size."""
     for score in found.ranking:
         candidate = score.candidate
         named = Named(effect=candidate.effect.name, location=candidate.location)

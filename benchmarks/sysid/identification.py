@@ -150,7 +150,7 @@ def _numbers(free: Sequence[Block], best: sysid.ParameterDict, half: Floats) -> 
 
 
 class _Residuals:
-    """Of all pieces, as a function that sysid can call.
+    """The residuals of all pieces, as a function that sysid can call.
 
     A piece depends on the MJCF and on its own start alone: of the columns of a finite difference, those
     that are the same to it are simulated once, and every model is compiled once.

@@ -89,7 +89,7 @@ def open_spec(xml: str) -> mujoco.MjSpec:
 
 
 def bare_spec(xml: str) -> mujoco.MjSpec:
-    """The same without textures and materials, which compiles ten times as fast."""
+    """An MJCF without textures and materials, which compiles ten times as fast."""
     spec = open_spec(xml)
     undressed(spec)
     return spec

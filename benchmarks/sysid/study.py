@@ -96,7 +96,10 @@ class Bench:
         self.held_out = Windows.cut(robot, held_out, seconds, self.fit.sigma)
 
     def errors(self, plant: Plant, terms: Terms = ()) -> tuple[float, float]:
-        """Of a plant with terms, on the recordings and on the one held out; the same for all."""
+        """Errors of a plant with terms over the noise, on the recordings and on the one held out.
+
+        They are measured in one way for all contenders.
+        """
         fitters = (self._fitter(windows, plant) for windows in (self.fit, self.held_out))
         on_fit, on_held_out = (f.rms(fitted(f, terms)) / self.fit.sigma for f in fitters)
         return on_fit, on_held_out

@@ -17,7 +17,9 @@ ANSWERS = Bounds(1, 1000)
 def adopt(
     answer_file: Annotated[
         Path,
-        typer.Argument(metavar="JSON", help="Of `flywheel diagnose --json`.", show_default=False),
+        typer.Argument(
+            metavar="JSON", help="What `flywheel diagnose --json` wrote.", show_default=False
+        ),
     ],
     robot: Annotated[
         str,

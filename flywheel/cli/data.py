@@ -196,7 +196,7 @@ def open_store(run: Path) -> TrajectoryStore:
 
 
 def _store_to_verify(run: Path) -> TrajectoryStore:
-    """The same, where the run's configuration is not to be relied on."""
+    """The store of a run whose configuration may be damaged, too."""
     from flywheel.data import TrajectoryStore
     from flywheel.errors import FlywheelError
     from flywheel.runtime.run.folder import RunFolder

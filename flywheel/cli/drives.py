@@ -57,7 +57,7 @@ class Drive(ResultRecord):
     """One episode.
 
     Attributes:
-      setting: see there.
+      setting: what drove, and where.
       seed: of task and planner.
       walk: seen from above, with its end.
       seconds_allowed, tolerance: of the task [s], [m].

@@ -71,7 +71,7 @@ class Commands(TyperGroup):
 
 
 class OneCommand(TyperCommand):
-    """The same for a program that has one command only."""
+    """A command on its own whose errors become a message and an exit code."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""

@@ -65,7 +65,7 @@ ResultsOption = Annotated[
 PictureOption = Annotated[
     Path | None,
     typer.Option(
-        metavar="PNG", help="Of all paths in the results, from above.", show_default=False
+        metavar="PNG", help="Picture of all paths in the results, from above.", show_default=False
     ),
 ]
 LogsOption = Annotated[

@@ -33,9 +33,7 @@ def run(
     ] = False,
     address: Annotated[
         str | None,
-        typer.Option(
-            help="Of an existing Ray cluster (host:port, auto); else one is started here."
-        ),
+        typer.Option(help="An existing Ray cluster (host:port, auto); else one is started here."),
     ] = None,
     folder: Annotated[
         Path | None,
