@@ -39,13 +39,13 @@ from flywheel.registry import lookup
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.config.shipped import config_file
-from flywheel.runtime.results import ResultRecord
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import Progress, console_progress
+from flywheel.runtime.results import ResultRecord
 from flywheel.runtime.workers.episode_plan import Effects, collection
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.trainer_worker import SPLITS
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches
+from flywheel.runtime.workers.trainer_worker import SPLITS
 from flywheel.training import Trainer, TrainingProgress
 from flywheel.truth_simulator.cases import Case, Plan, cases
 from flywheel.truth_simulator.scripts import SCRIPTS

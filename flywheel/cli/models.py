@@ -19,8 +19,7 @@ from flywheel.effects.adopted import plant_file
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.model_weights import TrainedModel
+from flywheel.runtime.workers.model_weights import TrainedModel, Weights
 
 PLANT = "plant"
 PAST = 0.36  # that a restarted plant looks back, to see speeds through noise [sqrt(L / g)]
