@@ -33,6 +33,7 @@ DOORS = {
         "flywheel/dynamics/plant/",
         "flywheel/effects/",
         "flywheel/truth_simulator/",
+        "benchmarks/sysid/",
     ),
 }
 # How MuJoCo adds elements; `add_plain` in flywheel/robots/added.py asks for them by other means.
@@ -85,7 +86,7 @@ def wrong_imports(path: str, source: str) -> list[str]:
             wrong.append(f"{where}: imports are absolute here")
         if top in DOORS and not path.startswith(DOORS[top]):
             wrong.append(f"{where}: only {' and '.join(DOORS[top])} may")
-        if inside and top in ("benchmarks", "tests"):
+        if inside and top in ("benchmarks", "pipelines", "tests"):
             wrong.append(f"{where}: nothing imports the entry points")
         other = rest[0] if rest else ""
         if not inside or top != "flywheel" or other == own or other not in LAYERS:
@@ -97,7 +98,7 @@ def wrong_imports(path: str, source: str) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
 def test_a_file_imports_only_from_rows_above_and_through_its_doors(path: Path) -> None:
     assert wrong_imports(relative(path), path.read_text()) == []
 
@@ -145,7 +146,7 @@ def test_every_package_has_a_row() -> None:
     assert present <= LAYERS.keys()
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
 def test_files_and_functions_stay_short(path: Path) -> None:
     source = path.read_text()
     assert len(source.splitlines()) <= LONGEST_FILE, "a file this long is missing a noun"
@@ -156,7 +157,9 @@ def test_files_and_functions_stay_short(path: Path) -> None:
             assert length <= LONGEST_FUNCTION, f"{node.name} has {length} lines"
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "tests"), ids=relative)
+@pytest.mark.parametrize(
+    "path", sources("flywheel", "benchmarks", "pipelines", "tests"), ids=relative
+)
 def test_no_path_of_one_machine_is_written_down(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -174,7 +177,7 @@ def added_with_the_mjcfs_defaults(source: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
 def test_only_one_function_adds_elements_to_a_robot(path: Path) -> None:
     assert added_with_the_mjcfs_defaults(path.read_text()) == []
 
@@ -193,7 +196,7 @@ def test_the_library_does_not_print(path: Path) -> None:
         assert not printing, f"{relative(path)}:{node.lineno}"
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks"), ids=relative)
+@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
 def test_no_file_is_named_for_nothing_in_particular(path: Path) -> None:
     assert path.stem not in {"utils", "util", "common", "helpers", "misc", "manager"}
     assert not re.search(r"_v\d+$|\d_new$|_old$", path.stem)

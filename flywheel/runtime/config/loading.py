@@ -23,6 +23,7 @@ from pydantic import BaseModel
 
 from flywheel.errors import ConfigError
 from flywheel.files import LARGEST_YAML, parsed_yaml, read_text, shown
+from flywheel.runtime.config.shipped import shipped_configs
 from flywheel.validation import LONGEST_PROBLEM, M, validated
 
 EXTENDS = "extends"
@@ -35,8 +36,9 @@ def read_config(
 ) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
-    A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs. It may also
-    extend a list of files, of which later ones win. `${a.b}` stands for the single value at that key.
+    A file may begin with `extends: other.yaml`, relative to itself, or `extends: prism3`, a configuration
+    that comes with flywheel, and hold only what differs; or with a list of others, of which later ones win.
+    `${a.b}` stands for the single value at that key.
 
     Args:
       schema: what the result must be.
@@ -93,7 +95,8 @@ def _with_parents(
     values = _values(path)
     below: dict[Any, Any] = {}
     for name in _names(path, values.pop(EXTENDS, [])):
-        below = merged(below, _with_parents(path.parent / name, read, (*children, own)))
+        parent = shipped_configs().get(name, path.parent / name)
+        below = merged(below, _with_parents(parent, read, (*children, own)))
     read[own] = merged(below, values)
     return read[own]
 
