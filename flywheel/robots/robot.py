@@ -6,6 +6,7 @@ Everything here is read off one MJCF (`Robot.from_mjcf`); no number stands anywh
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -324,12 +325,38 @@ class Robot:
         Returns:
           (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
         """
-        command = np.clip(controls, self.control_low, self.control_high)
+        told = np.clip(controls, self.control_low, self.control_high)
+        return self.wind(start, told, dt, measured)
+
+    def wind(
+        self,
+        start: Floats,
+        told: Floats,
+        dt: float,
+        measured: Floats | None = None,
+        loaded: Callable[[int, Floats, Floats], Floats] | None = None,
+    ) -> Floats:
+        """Winch positions step by step, from what winches are told; the loop behind all dead reckoning.
+
+        Args:
+          start: (..., W) positions before the first step [m].
+          told: (..., T, W) what nominal winches are told; not clipped.
+          dt: control step [s].
+          measured: (..., T + 1, W) positions to take instead, and to go on from; NaN where not [m].
+          loaded: takes a step, the positions and what is told then, both (..., W); returns what nominal
+            winches would have to be told to move as the loaded ones do.
+
+        Returns:
+          (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
+        """
         positions = [np.asarray(start)]
-        for t in range(controls.shape[-2]):
-            reckoned = self.wound(positions[-1], command[..., t, :], dt)
+        for step in range(told.shape[-2]):
+            now, command = positions[-1], told[..., step, :]
+            if loaded is not None:
+                command = loaded(step, now, command)
+            after = self.wound(now, command, dt)
             if measured is not None:
-                known = measured[..., t + 1, :]
-                reckoned = np.where(np.isfinite(known), known, reckoned)
-            positions.append(reckoned)
+                known = measured[..., step + 1, :]
+                after = np.where(np.isfinite(known), known, after)
+            positions.append(after)
         return np.stack(positions, axis=-2)
