@@ -9,10 +9,9 @@ from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import Scales
 from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Past, State, Trajectory
+from flywheel.smoothing import local_regression
 
 REACH = 1.0  # of the samples to either side of a start that are looked at [sqrt(L / g)]
-# What is usual, in natural units: speeds, accelerations, and how these change.
-SPEED, ACCELERATION, JERK = 0.5, 1.0, 4.0
 
 
 def estimated_starts(windows: Windows, plant: Plant) -> State:
@@ -48,43 +47,19 @@ def nominal_winch(windows: Windows, reckoning: Reckoning | None = None) -> Float
 
 
 def smoothed(windows: Windows) -> tuple[Floats, Floats]:
-    """(K, P, 3) places [m] and speeds [m/s] at each start, by parabolas through the samples around.
-
-    A parabola holds for a while only: what the motion may have changed by then counts as noise of a
-    sample, so that those nearby decide. Where there are few of them, speed and acceleration are what is
-    usual: a gap beside a start must not be bridged by what a few samples seem to say (local Bayesian
-    regression).
+    """(K, P, 3) positions [m] and velocities [m/s] at each start, by `local_regression`.
 
     Raises:
       DataError: a point is never seen in a recording.
     """
-    found = [_smooth(windows, i, f) for i, f in zip(windows.log, windows.first, strict=True)]
+    scales, dt = Scales.of(windows.robot), windows.dt
+    for log in np.unique(windows.log).tolist():
+        if not np.isfinite(windows.logs[log].points).all(axis=-1).any(axis=0).all():
+            raise DataError(f"A point is never seen in recording {log}.")
+    reach, sigma = round(REACH * scales.time / dt), windows.sigma / scales.length
+    found = [
+        local_regression(windows.logs[log].points, first, reach, dt, scales.time, sigma)
+        for log, first in zip(windows.log, windows.first, strict=True)
+    ]
     places, speeds = (np.stack(part) for part in zip(*found, strict=True))
     return places, speeds
-
-
-def _smooth(windows: Windows, log: int, first: int) -> tuple[Floats, Floats]:
-    points, scales = windows.logs[log].points, Scales.of(windows.robot)
-    around = _around(points, first, round(REACH * scales.time / windows.dt), log)
-    near = points[around]
-    known = np.asarray(np.isfinite(near).all(axis=-1))
-    time = (np.arange(len(points))[around] - first) * windows.dt / scales.time
-    powers = np.stack([np.ones_like(time), time, time**2 / 2], axis=1)
-    variance = (windows.sigma / scales.length) ** 2 + (JERK * time**3 / 6) ** 2
-    weighted = (known.T / variance)[..., None] * powers  # (P, n, 3)
-    usual = np.diag([0.0, SPEED**-2, ACCELERATION**-2])
-    seen = np.where(known[..., None], near, 0.0).swapaxes(0, 1)
-    fit = np.linalg.solve(weighted.swapaxes(1, 2) @ powers + usual, weighted.swapaxes(1, 2) @ seen)
-    return fit[:, 0], fit[:, 1] / scales.time
-
-
-def _around(points: Floats, first: int, reach: int, log: int) -> slice:
-    """Samples around one, as far as every point of (T + 1, P, 3) is seen there at least once."""
-    unseen = ~np.isfinite(points).all(axis=-1).any(axis=0)
-    if unseen.any():
-        raise DataError(f"A point is never seen in recording {log}.")
-    while True:
-        around = slice(max(0, first - reach), first + reach + 1)
-        if np.isfinite(points[around]).all(axis=-1).any(axis=0).all():
-            return around
-        reach *= 2

@@ -21,6 +21,7 @@ from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Body, Robot
 from flywheel.rotations import about_axis, conjugate, multiply, rotate
+from flywheel.smoothing import causal_polynomial
 
 FREE_VELOCITIES = 6
 
@@ -86,7 +87,7 @@ class RestartedPlant:
           ModelError: a point was not seen in the whole past.
         """
         recent = past.observations.points[:, -(self.window + 1) :]
-        points, speeds = fit_motion(recent, self.dt, self.degree)
+        points, speeds = causal_polynomial(recent, self.dt, self.degree)
         points = np.where(np.isfinite(points), points, _last_seen(past.observations.points))
         if not np.isfinite(points).all():
             raise ModelError(
@@ -131,30 +132,6 @@ class RestartedPlant:
         rate = (np.linalg.pinv(moment, rcond=ON_A_LINE, hermitian=True) @ spread[..., None])[..., 0]
         linear = mean + np.cross(rate, pose[:, :3] - points.mean(axis=1))
         return np.concatenate([linear, rotate(conjugate(turn), rate)], axis=1)
-
-
-def fit_motion(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
-    """Where points are now and how fast, by a polynomial through their recent places.
-
-    Args:
-      points: (B, w + 1, P, 3), oldest first; NaN where missing [m].
-      dt: time between them [s].
-      degree: of the polynomial.
-
-    Returns:
-      (B, P, 3) places [m] and speeds [m/s]; NaN and zero where too few places are known for a fit.
-    """
-    steps = points.shape[1]
-    time = np.arange(1 - steps, 1) / max(1, steps - 1)
-    powers = time[:, None] ** np.arange(min(degree, steps - 1) + 1)
-    known = np.swapaxes(np.isfinite(points).all(axis=-1), 1, 2)  # (B, P, w + 1)
-    places = np.where(known[..., None], points.swapaxes(1, 2), 0.0)
-    fit = np.linalg.pinv(known[..., None] * powers) @ places
-    enough = (known.sum(axis=-1) >= powers.shape[1])[..., None]
-    now = np.where(enough, fit[..., 0, :], np.nan)
-    if steps == 1:
-        return now, np.zeros_like(now)
-    return now, np.where(enough, fit[..., 1, :] / (dt * (steps - 1)), 0.0)
 
 
 def _angles(seed: int, points: Floats, bodies: int) -> Floats:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, RestartedPlant
-from flywheel.dynamics.plant.restarted import fit_motion
 from flywheel.errors import ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
 from flywheel.robots import Robot, load_robot
@@ -170,19 +169,6 @@ def test_points_that_are_missing_now_are_taken_from_before() -> None:
     points[:, :, 2] = np.nan
     with pytest.raises(ModelError, match="not seen in the whole past"):
         RestartedPlant(plant).estimate(gone)
-
-
-def test_motions_are_fitted_exactly_by_their_own_polynomial() -> None:
-    t = np.arange(-4, 1) * 0.01
-    place = 1.0 + 2.0 * t[:, None] - 30.0 * (t**2)[:, None]
-    points = np.stack([place * 1.0, place * 2.0, np.full_like(place, np.nan)], axis=1)[None]
-    points = np.repeat(points, 3, axis=-1)
-    points[0, 1, 0] = np.nan
-    now, speed = fit_motion(points, 0.01, 2)
-    np.testing.assert_allclose(now[0, :2], [[1.0] * 3, [2.0] * 3], atol=1e-9)
-    np.testing.assert_allclose(speed[0, :2], [[2.0] * 3, [4.0] * 3], atol=1e-7)
-    assert np.isnan(now[0, 2]).all()
-    assert (speed[0, 2] == 0).all()
 
 
 def test_what_cannot_be_restarted_is_refused() -> None:
