@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Protocol
 
 from flywheel.data.catalogue import LARGEST_LISTING
+from flywheel.data.s3 import S3Place
+from flywheel.data.segments import ABANDONED_SECONDS
 from flywheel.data.zarr_files import Files
 from flywheel.errors import DataError, RunError
 from flywheel.files import read_bytes
 
 SYNCS_AT_ONCE = 16
-ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
 
 
 class Place(Protocol):
@@ -218,8 +219,6 @@ def place_at(url: str, options: dict[str, object]) -> Place:
     if (folder := local_folder(url)) is not None:
         return LocalPlace(folder)
     if url.startswith("s3://"):
-        from flywheel.data.s3 import S3Place  # an optional dependency
-
         return S3Place(url, options)
     raise DataError(f"A store is at a folder or at s3://bucket/prefix, got {url!r}.")
 

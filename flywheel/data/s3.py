@@ -11,8 +11,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from flywheel.data.places import ABANDONED_SECONDS
-from flywheel.data.segments import RECEIPT
+from flywheel.data.segments import ABANDONED_SECONDS, RECEIPT
 from flywheel.data.zarr_files import Files
 from flywheel.errors import DataError
 
@@ -31,7 +30,7 @@ class S3Place:
 
     def __init__(self, url: str, options: dict[str, Any]) -> None:
         try:
-            import s3fs
+            import s3fs  # an optional dependency
         except ImportError as error:
             raise DataError(
                 f"A store at {url} needs the extra 's3': pip install 'flywheel[s3]'."

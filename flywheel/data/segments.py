@@ -35,6 +35,7 @@ from flywheel.records import Episode
 from flywheel.seals import Kind, Seal, Unsound, check_seal
 
 RECEIPT = "receipt.json"
+ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
 TELEMETRY = "telemetry.json"
 FORMERLY = "timing.json"  # in stores of before
 _ID = re.compile(rb'"id"\s*:\s*"([a-z0-9._-]+)"')

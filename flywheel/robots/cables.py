@@ -8,7 +8,7 @@ import numpy as np
 from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.bodies import body_index, in_body_frame
-from flywheel.robots.robot import Attachment, Body, Cable, TrackedPoint, Winch
+from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
 from flywheel.robots.winches import is_passive
 
 

@@ -8,7 +8,7 @@ import pytest
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, RestartedPlant
 from flywheel.errors import ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.rotations import angle_between, rotate
 from tests.physics.small_robots import hanging
 
@@ -178,7 +178,7 @@ def test_what_cannot_be_restarted_is_refused() -> None:
     hinged = hanging().xml.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>')
     hinged = hinged.replace('qpos="0 0 2.0 1 0 0 0"', 'qpos="0"')
     with pytest.raises(RobotError, match="cannot be restarted from its points: it has joints"):
-        RestartedPlant(Plant(Robot.from_mjcf(hinged)))
+        RestartedPlant(Plant(read_robot(hinged)))
     past = Past(
         Observation(np.zeros((1, 1, 6, 3)), np.zeros((1, 1, 6))),
         np.zeros((1, 0, 6)),
