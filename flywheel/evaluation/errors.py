@@ -131,11 +131,6 @@ class ErrorTable:
         """Mean rotation error [deg]; NaN without a sample."""
         return float(self.rotation.over((0, 1)).mean)
 
-    @property
-    def point_rmse(self) -> float:
-        """Root of the mean squared error of the tracked points / L [%]; NaN without a sample."""
-        return float(100.0 * np.sqrt(self.point.over((0, 1)).mean) / self.length)
-
     def by_lead_time(self) -> LeadTimeErrors:
         """Errors at each lead time, averaged over bodies and windows."""
         squared = self.position.over(1).mean
@@ -145,20 +140,6 @@ class ErrorTable:
             e_pos_rmse=100.0 * np.sqrt(squared) / self.length,
             e_rot=self.rotation.over(1).mean,
         )
-
-    def by_body(self) -> dict[str, ErrorTable]:
-        """One table per body that has tracked points; their tracked-point sums are left empty."""
-        nothing = ExactSum.zeros((self.steps, 0))
-        return {
-            name: replace(
-                self,
-                bodies=(name,),
-                position=self.position[:, i : i + 1],
-                rotation=self.rotation[:, i : i + 1],
-                point=nothing,
-            )
-            for i, name in enumerate(self.bodies)
-        }
 
     def between_lead_times(self, low: float, high: float) -> ErrorTable:
         """The bin of lead times low < t <= high [s]."""
@@ -171,8 +152,3 @@ class ErrorTable:
             point=self.point[rows],
             first=self.first + start,
         )
-
-    def at_horizon(self) -> ErrorTable:
-        """The bin of the last lead time."""
-        last = (self.first + self.steps - 1) * self.dt
-        return self.between_lead_times(last - self.dt, last)

@@ -87,10 +87,6 @@ class ImportReport:
     seen: float
     findings: tuple[Finding, ...]
 
-    def of_kind(self, kind: str) -> tuple[Finding, ...]:
-        """The findings of one kind."""
-        return tuple(f for f in self.findings if f.kind == kind)
-
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         return asdict(self)

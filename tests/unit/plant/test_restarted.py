@@ -9,7 +9,8 @@ from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, Rest
 from flywheel.errors import ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
 from flywheel.robots import Robot, load_robot, read_robot
-from flywheel.rotations import angle_between, rotate
+from flywheel.rotations import rotate
+from tests.angles import angle_between
 from tests.physics.small_robots import hanging
 
 H = 20
