@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.sysid_study import kept
-from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.fitting.subject import Subject
@@ -126,7 +126,9 @@ class Bench:
         snapshot = store.snapshot("data")
         winches = EpisodeWinches(robot, effects)
         train, validation = (
-            WindowCache.build(store, snapshot, split, cache, robot, winches, winches.belief)
+            WindowCache.build(
+                SplitSource(store, snapshot, split, robot, winches, winches.belief), cache
+            )
             for split in SPLITS
         )
         training = self.config.training.model_copy(update={"seed": self.config.seed})
