@@ -30,7 +30,7 @@ def film_window(found: Comparison, model: Judgement, window: int, path: Path) ->
     moments = found.moments
     points, winch = model.points[window][:, None], model.winch[window][:, None]
     past = Past(Observation(points, winch), np.zeros((len(points), 0, winch.shape[-1])), winch)
-    states = RestartedPlant(Plant(moments.robot, moments.dt), twist="relaxed").estimate(past)
+    states = RestartedPlant(Plant(moments.robot, moments.dt), roll="relaxed").estimate(past)
     first = int(moments.first[window])
     seen = moments.recordings[moments.log[window]].trajectory.observations.points
     ghosts = seen[first : first + moments.steps + 1]

@@ -89,7 +89,7 @@ def result_rows(run: RunResult) -> list[Row]:
             if turn.arm == arm]  # fmt: skip
     beside: list[tuple[str, Errors | None, Navigation | None]] = [
         ("floor: plant restarted from the same observations", run.floor, None),
-        ("informed floor: its twist computed from the cables", run.informed_floor, None),
+        ("informed floor: its roll computed from the cables", run.informed_floor, None),
         ("nothing moves", run.persistence, None),
         ("oracle: MPPI on the plant", None, run.oracle),
         *((f"{u.course}, never seen", None, u.navigation) for u in run.unseen),

@@ -79,7 +79,7 @@ class Attachment:
       body: index into `Robot.bodies`, -1 for the world.
       offset: (3,) [m].
       point: index of the nearest tracked point on the same body, -1 for the world. The learner,
-        which cannot see the twist, takes the cable to end there.
+        which cannot see the roll, takes the cable to end there.
     """
 
     body: int

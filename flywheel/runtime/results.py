@@ -122,8 +122,8 @@ class RunResult(ResultRecord):
       iterations: in the order in which they ended, both arms.
       pooled: every model on the pooled test set (filled at the end).
       floor: MuJoCo restarted from the same partial observations, on the pooled test set,
-        with the twist of each rod drawn at random.
-      informed_floor: the same with the twist computed from the cables, by exact parameters.
+        with the roll of each rod drawn at random.
+      informed_floor: the same with the roll computed from the cables, by exact parameters.
       persistence: "nothing moves", on the same set.
       persistence_on_recordings: the same on the recordings that are kept for tests.
       oracle: MPPI on the plant itself; the ceiling of success.

@@ -12,7 +12,7 @@ import numpy as np
 from flywheel.diagnosis.comparison.forecast_windows import Moments
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.plant.poses import cable_lengths
-from flywheel.dynamics.plant.twist import rest_lengths
+from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.records import Floats, Observation, Past
 from flywheel.robots import Attachment, Robot
 
@@ -109,7 +109,7 @@ def cable_tensions(robot: Robot, points: Floats, winch: Floats, dt: float) -> Fl
     lead = points.shape[:2]
     flat, wound = points.reshape(-1, 1, *points.shape[2:]), winch.reshape(-1, 1, winch.shape[-1])
     past = Past(Observation(flat, wound), np.zeros((len(flat), 0, wound.shape[-1])), wound)
-    state = RestartedPlant(Plant(robot, dt), twist="relaxed").estimate(past)
+    state = RestartedPlant(Plant(robot, dt), roll="relaxed").estimate(past)
     poses = state.qpos.reshape(len(state.qpos), -1, 7)
     stretch = cable_lengths(robot, poses) - rest_lengths(robot, wound[:, 0])
     stiffness = np.array([cable.stiffness for cable in robot.cables])

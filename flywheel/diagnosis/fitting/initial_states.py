@@ -30,7 +30,7 @@ def estimated_starts(windows: Windows, plant: Plant) -> State:
         hold,
         np.repeat(winch[:, None], 2, axis=1),
     )
-    return RestartedPlant(plant, twist="relaxed").estimate(past)
+    return RestartedPlant(plant, roll="relaxed").estimate(past)
 
 
 def nominal_winch(windows: Windows, reckoning: Reckoning | None = None) -> Floats:

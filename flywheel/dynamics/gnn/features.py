@@ -70,7 +70,7 @@ class MechanicalState:
       frames: (3, F, K) rigid frames [m, -].
       velocities: (3, N, K) of the body nodes [m/s].
       winch: (W, K) winch positions [m].
-      sides: (3, R, K) how far the rods are twisted, see `Attachments`; None where cables are taken to
+      sides: (3, R, K) how far the rods are rolled, see `Attachments`; None where cables are taken to
         end at nodes, and in a past that no cable is seen of.
     """
 

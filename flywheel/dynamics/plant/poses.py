@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.dynamics.plant.twist import line_of
+from flywheel.dynamics.plant.roll import line_of
 from flywheel.records import Floats
 from flywheel.robots import Attachment, Body, Robot
 from flywheel.rotations import kabsch, multiply, rotate, shortest

@@ -13,7 +13,7 @@ import numpy as np
 
 from flywheel.dynamics.plant.laws import Group, grouped
 from flywheel.dynamics.plant.poses import cable_lengths, seen_poses
-from flywheel.dynamics.plant.twist import relaxed, rest_lengths, unseen_axes
+from flywheel.dynamics.plant.roll import relaxed, rest_lengths, unseen_axes
 from flywheel.effects import CommandEffect, Terms, WinchEffect
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot

@@ -16,7 +16,7 @@ import numpy as np
 from flywheel.dynamics.plant.grounds import observed_on
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.poses import offsets_of, seen_poses
-from flywheel.dynamics.plant.twist import ON_A_LINE, relaxed, unseen_axes
+from flywheel.dynamics.plant.roll import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Body, Robot
@@ -31,7 +31,7 @@ class RestartedPlant:
     """MuJoCo started from a state estimated from the past observations.
 
     Each tracked point is fitted by a polynomial in time over the last steps; each body takes the pose
-    and velocity that fit its points best. Where those lie on one line, `twist` says what the turn about
+    and velocity that fit its points best. Where those lie on one line, `roll` says what the turn about
     it is taken to be; the turning rate is zero.
 
     Attributes:
@@ -40,7 +40,7 @@ class RestartedPlant:
       window: past steps that the fit looks back; 1 is the finite difference. More resists noise and
         missing points: where too few are known, a point is taken to rest where it was last seen.
       degree: of the polynomial: 1 or 2.
-      twist: "random": any angle, drawn for each past by itself; "keyframe": the least turn from the
+      roll: "random": any angle, drawn for each past by itself; "keyframe": the least turn from the
         keyframe's pose; "relaxed": where the cables, at their nominal rest lengths, have the least
         elastic energy.
       seed: of the random angles.
@@ -49,7 +49,7 @@ class RestartedPlant:
     plant: Plant
     window: int = 1
     degree: int = 1
-    twist: Literal["random", "keyframe", "relaxed"] = "random"
+    roll: Literal["random", "keyframe", "relaxed"] = "random"
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -108,9 +108,9 @@ class RestartedPlant:
         """(B, bodies, 7) positions and quaternions of the bodies whose points are at (B, P, 3)."""
         robot = self.robot
         stacked, axes = seen_poses(robot, points), unseen_axes(robot)
-        if self.twist == "relaxed":
+        if self.roll == "relaxed":
             return relaxed(robot, stacked, winch, axes)
-        if self.twist == "random":
+        if self.roll == "random":
             angles = _angles(self.seed, points, len(robot.bodies))
             for i, axis in axes.items():
                 turn = about_axis(axis, angles[:, i])

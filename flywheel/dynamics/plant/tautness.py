@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.twist import rest_lengths
+from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.records import Floats, State
 
 EVERY = 10  # states of which one is looked at

@@ -44,7 +44,7 @@ from flywheel.runtime.workers.winches import EpisodeWinches
 
 MODELS_KEPT = 4
 PERSISTENCE, FLOOR, INFORMED_FLOOR = "persistence", "floor", "informed floor"
-TWISTS: dict[str, Literal["random", "relaxed"]] = {FLOOR: "random", INFORMED_FLOOR: "relaxed"}
+ROLLS: dict[str, Literal["random", "relaxed"]] = {FLOOR: "random", INFORMED_FLOOR: "relaxed"}
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ class SimWorker:
             by_plant.setdefault((number, effects_of(episode)), []).append(episode)
         window = self._config.evaluate.floor_window
         return [
-            (RestartedPlant(self._recorder.plant(*plant), window, twist=TWISTS[subject]), part)
+            (RestartedPlant(self._recorder.plant(*plant), window, roll=ROLLS[subject]), part)
             for plant, part in by_plant.items()
         ]
 

@@ -64,5 +64,5 @@ def test_lengths_and_tensions_of_cables_are_those_of_the_simulation(robot: Robot
     stiffness = np.array([cable.stiffness for cable in robot.cables])
     expected = stiffness * np.maximum(lengths - rest, 0.0)
     assert expected.max() > 0
-    # the twist is not seen, and found from where the cables have the least energy
+    # the roll is not seen, and found from where the cables have the least energy
     assert np.allclose(tensions, expected, atol=0.1 * expected.max())

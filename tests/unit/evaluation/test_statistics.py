@@ -41,7 +41,7 @@ def test_a_turned_body_is_off_by_the_angle_it_was_turned_by(robot, resting):
         )
 
 
-def test_twist_of_a_rod_about_its_own_axis_is_no_error(robot, resting):
+def test_roll_of_a_rod_about_its_own_axis_is_no_error(robot, resting):
     turned = Rotation.from_euler("z", 77, degrees=True).apply(resting)
     rod, platform = rotation_error(robot, resting, turned)
     assert rod == 0.0

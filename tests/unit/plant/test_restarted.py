@@ -79,7 +79,7 @@ def test_rods_turn_about_themselves_by_chance_but_never_spin() -> None:
     plant = Plant(robot)
     axis = np.array([0.0, 0.0, 1.0])
     models = [RestartedPlant(plant, seed=s) for s in (0, 1)]
-    models += [RestartedPlant(plant, twist=t) for t in ("keyframe", "relaxed")]
+    models += [RestartedPlant(plant, roll=t) for t in ("keyframe", "relaxed")]
     states = [model.estimate(past) for model in models]
     turns = [s.qpos.reshape(-1, 3, 7)[..., 3:] for s in states]
     axes = [rotate(turn, axis) for turn in turns]
@@ -100,18 +100,18 @@ def test_a_robot_that_never_moved_is_restarted_as_it_is() -> None:
     plant = Plant(robot)
     seen = plant.observe(plant.rest()[:, None])
     past = Past(seen, np.zeros((1, 0, 6)), seen.winch)
-    state = RestartedPlant(plant, twist="keyframe").estimate(past)
+    state = RestartedPlant(plant, roll="keyframe").estimate(past)
     np.testing.assert_allclose(state.qpos[0], robot.keyframe.qpos, atol=1e-9)
     np.testing.assert_allclose(state.qvel, 0.0, atol=1e-12)
 
 
-def test_cables_tell_the_twist_that_nobody_sees() -> None:
+def test_cables_tell_the_roll_that_nobody_sees() -> None:
     robot = load_robot("prism3")
     truth, past = moving(robot, seed=4, batch=8)
     plant = Plant(robot)
     across = np.array([1.0, 0.0, 0.0])
     true = rotate(truth.states.qpos[:, 100].reshape(-1, 3, 7)[..., 3:], across)
-    found = RestartedPlant(plant, twist="relaxed").estimate(past).qpos.reshape(-1, 3, 7)[..., 3:]
+    found = RestartedPlant(plant, roll="relaxed").estimate(past).qpos.reshape(-1, 3, 7)[..., 3:]
     assert np.degrees(np.median(angle_between(rotate(found, across), true))) < 2.0
 
 
@@ -123,8 +123,8 @@ def test_the_better_the_guess_the_better_the_prediction() -> None:
     points = truth.observations.points[:, 100:]
     oracle = np.abs(PlantDynamics(plant).rollout(past, future).points - points).mean()
     errors = [
-        np.abs(RestartedPlant(plant, twist=twist).rollout(past, future).points - points).mean()
-        for twist in ("relaxed", "keyframe", "random")
+        np.abs(RestartedPlant(plant, roll=roll).rollout(past, future).points - points).mean()
+        for roll in ("relaxed", "keyframe", "random")
     ]
     assert oracle == 0.0
     assert 0 < errors[0] < errors[1] < 0.5 * errors[2]
