@@ -251,7 +251,7 @@ class Damage:
 
     @property
     def path(self) -> str:
-        """Of the file or folder in the store."""
+        """Path of the damaged file or folder in the store."""
         kind, _, name = self.segment.rpartition(" ")
         form = {"": "segments/{}", "snapshot": "snapshots/{}.json"}.get(kind, "{}")
         return form.format(name)

@@ -70,7 +70,7 @@ class Found:
 
     @cached_property
     def receipt(self) -> Receipt:
-        """Of the segment.
+        """Receipt of the segment.
 
         Raises:
           Unsound: there is none, or none that is sound.
@@ -215,7 +215,7 @@ def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
 
 
 def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    """Of arrays whose numbers have eight bytes, NaN included."""
+    """Whether arrays of eight-byte numbers are equal bit by bit, NaN included."""
     return one.dtype == other.dtype and np.array_equal(one.view("u8"), other.view("u8"))
 
 

@@ -224,7 +224,7 @@ class Term:
         return not any(self.values[: len(self.effect.sizes)])
 
     def label(self, robot: Robot) -> str:
-        """For people: "weak_cable at long_03"."""
+        """Readable name: "weak_cable at long_03"."""
         if self.place is None:
             return self.effect.name
         return f"{self.effect.name} at {place_name(self.effect, self.place, robot)}"

@@ -41,12 +41,12 @@ class Scales:
 
     @property
     def weight(self) -> float:
-        """Of all bodies [N]."""
+        """Weight of all bodies [N]."""
         return self.mass * GRAVITY
 
     @property
     def time(self) -> float:
-        """Of a fall from the robot's height, about [s]."""
+        """Natural time sqrt(L / g), about that of a fall from the robot's height [s]."""
         return sqrt(self.length / GRAVITY)
 
     @property

@@ -42,13 +42,13 @@ class WrittenTerm(BaseModel):
 
     @classmethod
     def labelled(cls, label: str, parameters: Mapping[str, float]) -> Self:
-        """From what `label` says."""
+        """Parse what `label` writes."""
         effect, _, location = label.partition(AT)
         return cls(effect=effect, location=location, parameters=dict(parameters))
 
     @property
     def label(self) -> str:
-        """For people and for provenance: "weak_cable at long_03"."""
+        """Readable name, also kept in provenance: "weak_cable at long_03"."""
         return f"{self.effect}{AT}{self.location}" if self.location else self.effect
 
     def __hash__(self) -> int:

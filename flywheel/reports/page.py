@@ -165,7 +165,7 @@ def _figures(run: RunResult) -> list[Shown]:
 
 
 def _videos(run: RunResult, folder: Path) -> list[Shown]:
-    """Of the first and the last iteration of the MPPI arm that have one, and of unseen courses."""
+    """Videos of the first and last iterations of the MPPI arm that have one, and of unseen courses."""
     turns = [turn for turn in run.of_arm("mppi") if turn.video and (folder / turn.video).is_file()]
     chosen = turns if len(turns) < 2 else [turns[0], turns[-1]]
     films = [

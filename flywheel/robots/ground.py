@@ -33,7 +33,7 @@ class Ground:
 
     @property
     def height(self) -> float:
-        """Of a level one [m]."""
+        """Height of a level ground [m]."""
         return float(self.place[2])
 
 

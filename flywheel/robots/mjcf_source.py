@@ -1,4 +1,4 @@
-"""From the text of an MJCF to MuJoCo's model: one file, and no more than a robot can need.
+"""Compile the text of an MJCF into MuJoCo's model: one file, and no more than a robot can need.
 
 MuJoCo's compiler sets about whatever a text asks for, and does not hear Ctrl-C meanwhile. What the text
 unfolds to is therefore counted before, and what it asks memory for is looked at.

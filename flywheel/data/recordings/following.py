@@ -39,7 +39,7 @@ PASSES = 8  # over the same rows: while a marker is away, each decides one row m
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is possible.
+    """Limits on how markers can move and lie.
 
     Attributes:
       rods: pairs of points at a known distance.
@@ -59,7 +59,7 @@ class Bounds:
 
     @classmethod
     def of(cls, points: Floats, robot: Robot) -> Bounds:
-        """From the robot's size, and from the noise that the points (N, P, 3) have."""
+        """Bounds from the robot's size and the noise of the points (N, P, 3)."""
         rods = pairs(robot)
         known = np.array([rod.distance for rod in rods])
         usual = usual_distances(points, rods)
@@ -91,7 +91,7 @@ class Bounds:
 
 
 class Followed:
-    """What the rows say.
+    """Markers assigned to their points, row by row.
 
     Attributes:
       order: (N, P) the marker that each point is under.
@@ -148,7 +148,7 @@ class _Rows:
         return len(self.now)
 
     def first(self, rows: int) -> _Rows:
-        """So many of them."""
+        """The first rows, that many."""
         return _Rows(
             self.order,
             self.now[:rows],

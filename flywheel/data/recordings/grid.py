@@ -1,4 +1,4 @@
-"""From a log's own times to the regular control steps of an episode.
+"""Resample a log from its own times to the regular control steps of an episode.
 
 Nothing is interpolated: between two noisy measurements lies no third. A sample counts for the grid
 time that it is near to, within `jitter`; grid times without one have NaN, which is how a 50 Hz log
@@ -60,7 +60,7 @@ def most_rows(robot: Robot) -> int:
 
 
 def check_steps(parts: Sequence[Log], robot: Robot, dt: float) -> None:
-    """Raises DataError where the parts of a log have too many control steps of dt [s]."""
+    """Raise DataError where the parts of a log have too many control steps of dt [s]."""
     seconds, most = sum(float(part.time[-1] - part.time[0]) for part in parts), most_rows(robot)
     if seconds / dt > most:
         raise DataError(
@@ -70,7 +70,7 @@ def check_steps(parts: Sequence[Log], robot: Robot, dt: float) -> None:
 
 
 def _phase(time: Floats, period: float, dt: float) -> float:
-    """Where the grid begins: the first rows' stamps are early and late of it alike."""
+    """Time at which the grid begins: the median offset of the first rows' stamps."""
     multiple = max(1.0, np.rint(period / dt)) / max(1.0, np.rint(dt / period))
     if abs(period / (multiple * dt) - 1) < CLOSE:
         period = multiple * dt  # the usual time between jittering stamps is not exact

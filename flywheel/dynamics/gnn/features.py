@@ -298,7 +298,7 @@ class FeatureBuilder:
         return torch.cat([way, length, direction, rate, rest, strain, *at_ends])
 
     def _contact_features(self, view: _View) -> Tensor:
-        """Of both directions, ordered as the relation's edges are; vectors point to the receiver."""
+        """Features of contact edges, both ways, in the relation's order; vectors point to the receiver."""
         body, sign = self._contact
         speed = (view.velocities * view.normal).sum(0, keepdim=True)
         slide = view.velocities - speed * view.normal

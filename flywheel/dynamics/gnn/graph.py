@@ -80,7 +80,7 @@ class Relation:
 
 
 class RobotGraph:
-    """What of a robot's graph never changes.
+    """The static part of a robot's graph.
 
     Args:
       robot: the robot.
@@ -177,7 +177,7 @@ class RobotGraph:
 
     @property
     def _weight(self) -> float:
-        """Of the robot [N]."""
+        """Weight of the robot [N]."""
         return GRAVITY * sum(body.mass for body in self.robot.bodies)
 
     def _relation(

@@ -1,4 +1,4 @@
-"""From a measured past to states: missing points filled in, bodies made rigid, velocities fitted.
+"""Read states off a measured past: missing points filled in, bodies made rigid, velocities fitted.
 
 Arrays are component-major with time first: (3, T, P, K).
 """
@@ -113,7 +113,7 @@ class PastReader:
 
 
 def _upcoming(points: Tensor, seen: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """For each time, where each point is seen next (3, P, K), and in how many steps (P, K).
+    """At each time, the next seen position of each point (3, P, K), and in how many steps (P, K).
 
     A point seen at that time is seen in 0 steps, one that is never seen again in infinitely many.
     """

@@ -249,7 +249,7 @@ def _arrays_in(archive: ZipFile, wanted: Mapping[str, Wanted]) -> Iterator[tuple
 
 
 def _digest(robot: str, config: NetworkConfig, arrays: Iterable[tuple[str, np.ndarray]]) -> str:
-    """Of arrays in the order of their names."""
+    """Sha256 of arrays, in the order of their names."""
     head = {"robot": robot, "config": config.model_dump(mode="json")}
     found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
     for name, array in arrays:

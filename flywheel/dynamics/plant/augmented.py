@@ -56,7 +56,7 @@ class Motion:
 
     @classmethod
     def joined(cls, pieces: Sequence[Motion], rows: Sequence[np.ndarray]) -> Motion:
-        """One of several, each of which has these rows of the whole."""
+        """Join parts, each of which holds these rows of the whole."""
 
         def together(arrays: list[Floats]) -> Floats:
             return np.concatenate(arrays)

@@ -1,4 +1,4 @@
-"""Where bodies and cables are whose tracked points are seen."""
+"""Poses of bodies from their tracked points, and lengths of cables from poses."""
 
 from __future__ import annotations
 

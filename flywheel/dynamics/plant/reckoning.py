@@ -1,4 +1,4 @@
-"""Where winches are that nobody measures: dead-reckoned, with the effects that are known of them.
+"""Dead reckoning of winches that are not measured, with the effects that are known of them.
 
 A winch that is faster, later or weaker than its datasheet says is soon somewhere else than its commands
 alone tell, and a network or a planner that starts from there is misled.
@@ -40,7 +40,7 @@ class Reckoning:
 
     @cached_property
     def nominal(self) -> bool:
-        """Nothing is known of the winches but what the MJCF says."""
+        """Whether no effect of the winches is known."""
         return not any(
             isinstance(term.effect, CommandEffect | WinchEffect) and not term.absent
             for term in self.terms
@@ -48,7 +48,7 @@ class Reckoning:
 
     @cached_property
     def loaded(self) -> bool:
-        """The load of the winches matters."""
+        """Whether the load of the winches matters."""
         return any(isinstance(t.effect, WinchEffect) and not t.absent for t in self.terms)
 
     def known(self, trajectory: Trajectory) -> Floats:

@@ -1,4 +1,4 @@
-"""How much of the time cables pull."""
+"""Share of the time in which cables pull."""
 
 from __future__ import annotations
 
