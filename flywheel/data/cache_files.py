@@ -27,7 +27,7 @@ from flywheel.robots import Robot
 from flywheel.seals import Seal, check_seal, file_sha256, sealed, unsealed
 from flywheel.terrain import Terrain
 
-VERSION = 2  # of what the arrays mean
+VERSION = 2  # version of the arrays' meaning
 ROWS = ("points", "winch", "winch_truth", "controls", "valid")  # one row per observation
 EPISODES = ("lengths", "dataset")
 ARRAYS = (*ROWS, *EPISODES, *TERRAINS)
@@ -89,7 +89,7 @@ def cached_arrays(source: SplitSource, folder: Path) -> Arrays:
             _fill(work / "new", source)
             if _opened(target, source) is None and target.exists():
                 target.rename(work / "old")
-            with suppress(OSError):  # another process was faster
+            with suppress(OSError):  # another process has made it in the meantime
                 (work / "new").rename(target)
         finally:
             shutil.rmtree(work, ignore_errors=True)

@@ -23,9 +23,7 @@ from flywheel.records import Episode, Source, Split
 from flywheel.seals import Kind, Seal, Unsound, check_seal, digest_of, sealed, unsealed
 from flywheel.validation import first_problem
 
-LARGEST_LISTING = (
-    200 * MB
-)  # of a receipt or a manifest, which has some 400 000 episodes then [bytes]
+LARGEST_LISTING = 200 * MB  # largest receipt or manifest, with some 400 000 episodes [bytes]
 STRICT = ConfigDict(extra="forbid")
 R = TypeVar("R")
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")

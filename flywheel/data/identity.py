@@ -55,7 +55,7 @@ class Ownership:
             return there.id
         found = self.inferred() or StoreIdentity(uuid.uuid4().hex, older=bool(self._seen))
         text = sealed({"older": found.older}, Seal("store", "store", found.id))
-        if not self._place.put_new(STORE_FILE, text):  # another writer was faster
+        if not self._place.put_new(STORE_FILE, text):  # another writer has made it in the meantime
             return self.id()
         return found.id
 

@@ -97,7 +97,7 @@ class LocalPlace:
         except NotADirectoryError:
             raise FileNotFoundError(path) from None
         except PermissionError:
-            pass  # which reading tells
+            pass  # reading reports it
         return read_bytes(path, "file", DataError, LARGEST_LISTING)
 
     def sizes(self, folder: str) -> dict[str, int]:
@@ -172,7 +172,7 @@ def _sizes_below(root: Path, folder: Path) -> Iterator[tuple[str, int]]:
                     yield from _sizes_below(root, Path(entry))
                 else:
                     yield Path(entry).relative_to(root).as_posix(), entry.stat().st_size
-    except OSError as error:  # a bad disk, a link to nowhere, or set aside at this moment
+    except OSError as error:  # a bad disk, a broken link, or quarantined at this moment
         where = error.filename or folder
         raise DataError(f"{where} cannot be read: {error.strerror}.") from None
 

@@ -37,7 +37,7 @@ from flywheel.seals import Kind, Seal, Unsound, check_seal
 RECEIPT = "receipt.json"
 ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
 TELEMETRY = "telemetry.json"
-FORMERLY = "timing.json"  # in stores of before
+FORMERLY = "timing.json"  # name in older stores
 _ID = re.compile(rb'"id"\s*:\s*"([a-z0-9._-]+)"')
 
 
@@ -207,7 +207,7 @@ def _arrays_folder(receipt: Receipt) -> str:
 
 
 def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
-    for array, values in arrays.items():  # one after the other: each is as large as the episodes
+    for array, values in arrays.items():  # one at a time: each is as large as the episodes
         own = f"{array}/", "zarr.json"
         back, _ = decode({path: content for path, content in group.items() if path.startswith(own)})
         if not _same_bits(back[array], values):

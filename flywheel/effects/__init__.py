@@ -66,7 +66,7 @@ EFFECTS: dict[str, Effect] = {
     "marker_offset": MarkerOffset(),
     "sensor_latency": SensorLatency(),
 }
-# What an MJCF has numbers of, which may be wrong. Only considered where somebody names them.
+# Corrections of numbers in the MJCF. Only considered where they are named.
 CALIBRATIONS: dict[str, Effect] = {
     "cable_stiffness": CableStiffness(),
     "body_mass": BodyMass(),

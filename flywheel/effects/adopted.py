@@ -21,7 +21,7 @@ from flywheel.validation import validated
 
 PLANT, MJCF = "plant.yaml", "robot.xml"
 MOST_EFFECTS = 1000  # a robot of 100 cables with ten effects on each
-MOST_EVIDENCE = 100  # kinds of it
+MOST_EVIDENCE = 100  # kinds of evidence
 
 
 class AdoptedPlant(BaseModel):

@@ -15,7 +15,7 @@ from flywheel.robots import Robot
 
 AT = " at "
 MOST_PARAMETERS = 100
-# In whatever unit: a cable of a suspension bridge has 1e10 N/m.
+# In any unit: a cable of a suspension bridge has 1e10 N/m.
 Value = Annotated[float, Bounds(-1e12, 1e12)]
 
 

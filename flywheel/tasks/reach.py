@@ -14,7 +14,7 @@ from flywheel.tasks.distance import Grid, StraightLine, grid_around, near_boxes
 from flywheel.tasks.task import Cost, Task
 
 ATTEMPTS = 200  # draws of goal and boxes before a course counts as impossible
-MARGIN = 2.0  # of ground around start, goal and boxes [robot lengths]
+MARGIN = 2.0  # margin of ground around start, goal and boxes [robot lengths]
 
 
 def reach(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig) -> Task:

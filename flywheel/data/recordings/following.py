@@ -27,13 +27,13 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 
 GRAVITY = 9.81
-FASTEST = 3.0  # times the speed of a fall from L: no marker is faster
-NOISES = 8.0  # standard deviations that are no noise any more
-PLACED = 0.05  # of a rod: as much may markers be placed elsewhere than in the MJCF
-LEAST_WRONG = 0.02  # of a rod as the log usually has it
-MOST_WRONG = 0.3  # of a rod: however noisy
+FASTEST = 3.0  # in speeds of a fall from L: no marker is faster
+NOISES = 8.0  # standard deviations beyond which it is not noise
+PLACED = 0.05  # share of a rod: tolerance of marker placement against the MJCF
+LEAST_WRONG = 0.02  # share of a rod's usual length in the log
+MOST_WRONG = 0.3  # share of a rod: largest tolerance, however noisy the log
 MUCH_BETTER = 0.5  # an exchange must at least halve the leaps
-FEWEST_ROWS, MOST_ROWS = 16, 4096  # that are decided at once
+FEWEST_ROWS, MOST_ROWS = 16, 4096  # rows decided at once
 PASSES = 8  # over the same rows: while a marker is away, each decides one row more
 
 

@@ -15,15 +15,15 @@ from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
-SAME = 0.05  # relative: distances on a body are the MJCF's
-UNIT = 0.1  # relative: a ratio is that of two units
-BELOW = 0.05  # of L: how far below the ground is too far
+SAME = 0.05  # relative: distances on a body agree with the MJCF's
+UNIT = 0.1  # relative: a ratio agrees with that of two units
+BELOW = 0.05  # depth below the ground that is too far, in L
 OFTEN = 0.1  # share of the samples
-SLACK = 1e-6  # of a range: rounding in the log
+SLACK = 1e-6  # share of a range: rounding in the log
 DEGREES = np.pi / 180
-FEW = 0.01  # share of the values: too few to speak of another unit
-FILLED = 0.1  # of a range: what a unit that is meant would use of it at least
-HIGH = 0.1  # of L: above the ground, where a robot stands on it
+FEW = 0.01  # share of the values: too few to suggest another unit
+FILLED = 0.1  # share of a range that values in the right unit use at least
+HIGH = 0.1  # height above the ground at which a robot stands on it, in L
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def median(values: Floats) -> float:
 
 def usual_distances(points: Floats, rods: list[Pair]) -> Floats:
     """(rods,) medians over time of the distances of points (N, P, 3) [m]; NaN where never seen."""
-    # One after the other: together they would be larger than the log.
+    # One at a time: together they would be larger than the log.
     return np.array([median(distances(points, [rod])[:, 0]) for rod in rods])
 
 

@@ -19,10 +19,10 @@ from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Trajectory
 from flywheel.robots import Robot
 
-CLOSE = 0.1  # relative: the log's rate is meant to be the grid's
-PHASE_ROWS = 100  # whose stamps say where the grid begins
-MOST_NUMBERS = 27_000_000  # of one log's episodes: storing them takes 1 GB of memory
-LEAST_ON_GRID = 0.75  # share of the samples that one could hope for; by chance it is 2 jitter
+CLOSE = 0.1  # relative: the log's rate is the grid's
+PHASE_ROWS = 100  # first rows whose stamps decide where the grid begins
+MOST_NUMBERS = 27_000_000  # numbers in one log's episodes: storing them takes 1 GB of memory
+LEAST_ON_GRID = 0.75  # share of the possible samples; by chance it is 2 jitter
 
 
 def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajectory, list[Finding]]:
@@ -85,7 +85,7 @@ def _closest(
     chosen = np.full(steps + 1, -1, np.int64)
     usable = fits & (nearest >= 0)
     rows = np.flatnonzero(usable)
-    # Far ones first, so that the nearest of several has the last word.
+    # Far ones first, so that the nearest of several overwrites the others.
     rows = rows[np.argsort(-off[rows], kind="stable")]
     chosen[nearest[rows]] = rows
     return chosen
@@ -109,7 +109,7 @@ def _held(begins: Floats, controls: Floats, steps: int, dt: float) -> Floats:
     single = controls[first]
     if np.array_equal(first, last):
         return single
-    known = controls[:-1]  # the last row's act on nothing
+    known = controls[:-1]  # the last row's commands act on nothing
     until = np.concatenate(
         [np.zeros((1, known.shape[1])), np.cumsum(known * np.diff(begins)[:, None], axis=0)]
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flywheel.records import Floats
 
 Action = Literal["masked", "repaired", "resampled", "left out", "split", "noted"]
-SPANS_KEPT = 20  # of one finding: a flickering marker has thousands
+SPANS_KEPT = 20  # spans kept per finding: a flickering marker has thousands
 
 
 @dataclass(frozen=True)

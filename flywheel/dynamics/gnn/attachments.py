@@ -18,7 +18,7 @@ from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.records import Floats
 
-_GRID = 16  # angles tried per rod where nothing is known of its roll
+_GRID = 16  # angles tried per rod whose roll is unknown
 _SWEEPS = 2  # over all rods, in that search
 _SETTLING = 8  # descents after it
 _LARGEST = 0.5  # turn of one descent [rad]

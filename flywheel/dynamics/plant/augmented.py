@@ -23,9 +23,9 @@ from flywheel.robots.mujoco_warnings import collected_warnings
 TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
 )
-WORTH_A_THREAD = 3  # simulations: with fewer, threads wait for each other
+WORTH_A_THREAD = 3  # fewest simulations per thread: with fewer, threads wait for each other
 FEW = 6  # simulations whose batch is of their size
-EDITED = 256  # models with effects that are kept
+EDITED = 256  # compiled models with effects kept in the cache
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
 # Warnings after which MuJoCo begins again from nothing, and where the number of each stands.
 DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{q}")) for q in ("QPOS", "QVEL", "QACC")]

@@ -84,7 +84,7 @@ class LiveView:
         self._frames.put(None)
         self._player.join()
         self._window.close()
-        for drawer in self._drawers:  # who dies while it draws takes the process along
+        for drawer in self._drawers:  # a thread that ends while it draws would end the process
             drawer.join(CLOSE_SECONDS)
 
     def _play(self) -> None:

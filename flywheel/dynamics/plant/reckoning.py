@@ -21,7 +21,7 @@ from flywheel.robots import Robot
 APART = 0.1  # between the instants at which lengths of cables are computed from what is seen [s]
 PIECE = 0.5  # after which the turns of rods are relaxed with the winches where they are by then [s]
 LOOK_BACK = 1.0  # for a point that is out of sight [s]
-ROUNDS = 2  # of the search for turns that nobody sees: to a hundredth of a radian
+ROUNDS = 2  # rounds of the search for unseen rolls: to a hundredth of a radian
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.records import Floats, State
 
-EVERY = 10  # states of which one is looked at
+EVERY = 10  # only one in so many states is looked at
 
 
 def taut_share(plant: Plant, states: State) -> Floats:
