@@ -58,7 +58,7 @@ class Log:
         self._states = [start[:, None]]
         self._measure(plant.observe(start[:, None]), 0)
         seen = self._winch[:, 0]
-        self._reckoned[:, 0] = np.where(np.isfinite(seen), seen, nominal_winch(robot))
+        self._reckoned[:, 0] = np.where(np.isfinite(seen), seen, robot.winch_of(robot.keyframe))
 
     @property
     def state(self) -> State:
@@ -177,11 +177,6 @@ def record_episode(
     outcome = None if task is None else _outcome(plant, log, task, reached)
     track, telemetry = log.trajectory(), _telemetry(commands)
     return Episode(episode_id, track, provenance, split, outcome, telemetry, plant.terrain)
-
-
-def nominal_winch(robot: Robot) -> Floats:
-    """(W,) winch positions at the keyframe [m]."""
-    return np.array([robot.cables[winch.cables[0]].rest_length for winch in robot.winches])
 
 
 def _number(seeds: np.random.SeedSequence) -> int:

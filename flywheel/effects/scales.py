@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Self
 
-from flywheel.robots import Robot
-
-GRAVITY = 9.81  # [m/s^2]
+from flywheel.robots import GRAVITY, Robot
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from flywheel.evaluation.scoring import (
     score_windows,
 )
 from flywheel.evaluation.statistics import (
-    com_weights,
     rotation_error,
     squared_point_error,
     squared_position_error,
@@ -33,7 +32,6 @@ __all__ = [
     "Interval",
     "LeadTimeErrors",
     "Window",
-    "com_weights",
     "past_at",
     "places",
     "rmse_ratio_interval",

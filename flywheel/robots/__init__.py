@@ -11,7 +11,7 @@ from flywheel.robots.mjcf_reader import read_robot
 from flywheel.robots.obstacle_course import COURSES, ObstacleCourse, load_course
 from flywheel.robots.parts import Attachment, Body, Cable, Primitive, TrackedPoint, Winch
 from flywheel.robots.robot import Robot
-from flywheel.robots.world import Box
+from flywheel.robots.world import GRAVITY, Box
 
 ROBOTS = {
     "prism3": "prism3.xml",
@@ -35,6 +35,7 @@ def load_robot(name: str) -> Robot:
 
 __all__ = [
     "COURSES",
+    "GRAVITY",
     "ROBOTS",
     "Attachment",
     "Body",

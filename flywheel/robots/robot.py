@@ -52,6 +52,30 @@ class Robot:
         """Whether a cable ends on something that cannot move."""
         return any(end.body < 0 for cable in self.cables for end in cable.ends)
 
+    def offsets_of(self, body: Body) -> Floats:
+        """(n, 3) places of a body's n tracked points in its frame [m]."""
+        return np.array([self.points[i].offset for i in body.points])
+
+    def com_weights(self, body: Body) -> Floats:
+        """(n,) weights with sum 1 of a body's tracked points, whose combination is nearest its CoM."""
+        offsets = self.offsets_of(body)
+        middle = offsets.mean(axis=0)
+        extra = np.linalg.pinv((offsets - middle).T, rcond=1e-9) @ (body.com - middle)
+        return 1.0 / len(offsets) + extra - extra.mean()
+
+    @cached_property
+    def center_weights(self) -> Floats:
+        """(P,) weights with sum 1 whose combination of the tracked points is the centre of mass.
+
+        Exact where each body's centre of mass lies in the span of its points (a rod with a cap at each
+        end); else the nearest such combination. Bodies without points do not count.
+        """
+        weights = np.zeros(len(self.points))
+        for body in self.bodies:
+            if body.points:
+                weights[list(body.points)] += body.mass * self.com_weights(body)
+        return weights / weights.sum()
+
     def require_free(self, to_be: str) -> None:
         """Refuse a robot with joints: the one place that says what it cannot do yet.
 

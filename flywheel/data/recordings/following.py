@@ -24,9 +24,8 @@ from flywheel.data.recordings.geometry import (
 )
 from flywheel.data.recordings.pieces import distance, pieces
 from flywheel.records import Floats
-from flywheel.robots import Robot
+from flywheel.robots import GRAVITY, Robot
 
-GRAVITY = 9.81
 FASTEST = 3.0  # in speeds of a fall from L: no marker is faster
 NOISES = 8.0  # standard deviations beyond which it is not noise
 PLACED = 0.05  # share of a rod: tolerance of marker placement against the MJCF

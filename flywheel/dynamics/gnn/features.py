@@ -14,10 +14,10 @@ from torch import Tensor
 
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.graph import GRAVITY, RobotGraph
+from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.rigid import Frames
-from flywheel.robots import Robot
+from flywheel.robots import GRAVITY, Robot
 
 
 @dataclass(frozen=True)

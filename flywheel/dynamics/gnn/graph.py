@@ -27,9 +27,7 @@ from flywheel.dynamics.gnn.nodes import (
     standardised,
 )
 from flywheel.records import Floats
-from flywheel.robots import Attachment, Robot
-
-GRAVITY = 9.81  # only to make quantities dimensionless
+from flywheel.robots import GRAVITY, Attachment, Robot
 
 T = TypeVar("T")
 

@@ -21,11 +21,6 @@ def seen_poses(robot: Robot, points: Floats) -> Floats:
     return np.stack(each, axis=1)
 
 
-def offsets_of(robot: Robot, body: Body) -> Floats:
-    """(n, 3) where a body's points are in its frame [m]."""
-    return np.array([robot.points[i].offset for i in body.points])
-
-
 def cable_lengths(robot: Robot, poses: Floats) -> Floats:
     """(B, C) lengths of the cables between bodies at poses (B, bodies, 7) [m]."""
     ends = [[_place(poses, end) for end in cable.ends] for cable in robot.cables]
@@ -42,7 +37,7 @@ def _place(poses: Floats, end: Attachment) -> Floats:
 
 def _pose(robot: Robot, index: int, body: Body, points: Floats) -> Floats:
     """(B, 7) of one body; points (B, P, 3) are those of all."""
-    own, offsets = points[:, list(body.points)], offsets_of(robot, body)
+    own, offsets = points[:, list(body.points)], robot.offsets_of(body)
     center, seen_center = offsets.mean(axis=0), own.mean(axis=1)
     joint = slice(FREE_POSITIONS * index + 3, FREE_POSITIONS * (index + 1))
     turn = _orientation(offsets, own - seen_center[:, None], robot.keyframe.qpos[joint])

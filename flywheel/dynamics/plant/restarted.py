@@ -15,7 +15,7 @@ import numpy as np
 
 from flywheel.dynamics.plant.grounds import observed_on
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.poses import offsets_of, seen_poses
+from flywheel.dynamics.plant.poses import seen_poses
 from flywheel.dynamics.plant.roll import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
@@ -123,7 +123,7 @@ class RestartedPlant:
         The rate is the smallest that fits the points' speeds best: none about a line they lie on.
         """
         turn = pose[:, 3:]
-        offsets = offsets_of(self.robot, body)
+        offsets = self.robot.offsets_of(body)
         arms = rotate(turn[:, None], offsets - offsets.mean(axis=0))
         mean = speeds.mean(axis=1)
         spread = np.cross(arms, speeds - mean[:, None]).sum(axis=1)

@@ -23,7 +23,7 @@ def unseen_axes(robot: Robot) -> dict[int, Floats]:
     """Body -> (3,) unit axis in its frame, about which no tracked point tells how far it is turned."""
     lines = {}
     for index, body in enumerate(robot.bodies):
-        line = line_of(np.array([robot.points[i].offset for i in body.points]))
+        line = line_of(robot.offsets_of(body))
         if line is not None:
             lines[index] = line
     return lines

@@ -4,7 +4,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from flywheel.evaluation import (
-    com_weights,
     rotation_error,
     squared_point_error,
     squared_position_error,
@@ -50,8 +49,8 @@ def test_roll_of_a_rod_about_its_own_axis_is_no_error(robot, resting):
 
 def test_the_center_of_mass_is_a_combination_of_the_points(robot, resting):
     rod, platform = robot.bodies
-    np.testing.assert_allclose(com_weights(robot, rod), [0.5, 0.5])
-    weights = com_weights(robot, platform)
+    np.testing.assert_allclose(robot.com_weights(rod), [0.5, 0.5])
+    weights = robot.com_weights(platform)
     np.testing.assert_allclose(weights.sum(), 1.0)
     np.testing.assert_allclose(weights @ resting[2:], platform.com, atol=1e-12)
 
