@@ -50,7 +50,6 @@ class ErrorTable:
       rotation: (T, bodies) sums of angles [deg].
       point: (T, P) sums of squared errors of the tracked points [m^2].
       windows: how many windows were scored.
-      first: lead time of the first row, in steps.
     """
 
     length: float
@@ -60,7 +59,6 @@ class ErrorTable:
     rotation: ExactSum
     point: ExactSum
     windows: int = 0
-    first: int = 1
 
     @classmethod
     def empty(cls, robot: Robot, dt: float) -> ErrorTable:
@@ -99,8 +97,8 @@ class ErrorTable:
         )
 
     def __add__(self, other: ErrorTable) -> ErrorTable:
-        mine = (self.length, self.dt, self.bodies, self.first)
-        theirs = (other.length, other.dt, other.bodies, other.first)
+        mine = (self.length, self.dt, self.bodies)
+        theirs = (other.length, other.dt, other.bodies)
         if mine != theirs:
             raise DataError(f"Errors of different robots or times do not add: {mine} and {theirs}.")
         return replace(
@@ -135,20 +133,8 @@ class ErrorTable:
         """Errors at each lead time, averaged over bodies and windows."""
         squared = self.position.over(1).mean
         return LeadTimeErrors(
-            seconds=(self.first + np.arange(self.steps)) * self.dt,
+            seconds=np.arange(1, self.steps + 1) * self.dt,
             e_pos_mse=100.0 * squared / self.length,
             e_pos_rmse=100.0 * np.sqrt(squared) / self.length,
             e_rot=self.rotation.over(1).mean,
-        )
-
-    def between_lead_times(self, low: float, high: float) -> ErrorTable:
-        """The bin of lead times low < t <= high [s]."""
-        start = max(0, round(low / self.dt) + 1 - self.first)
-        rows = slice(start, max(start, round(high / self.dt) + 1 - self.first))
-        return replace(
-            self,
-            position=self.position[rows],
-            rotation=self.rotation[rows],
-            point=self.point[rows],
-            first=self.first + start,
         )
