@@ -55,7 +55,7 @@ class WrittenTerm(BaseModel):
         return hash((self.effect, self.location, *self.parameters.items()))
 
     def term(self, robot: Robot, library: Mapping[str, Effect]) -> Term:
-        """The term of a library that is meant.
+        """Look up the term in a library of effects.
 
         Raises:
           UnknownNameError: no such effect, place or parameter.

@@ -28,7 +28,7 @@ class Ground:
 
     @property
     def level(self) -> bool:
-        """Its normal points straight up."""
+        """Whether its normal points straight up."""
         return bool(self.normal[2] > 1.0 - LEVEL)
 
     @property

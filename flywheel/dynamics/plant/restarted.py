@@ -135,7 +135,7 @@ class RestartedPlant:
 
 
 def _angles(seed: int, points: Floats, bodies: int) -> Floats:
-    """(B, bodies) random angles [rad]; a row's depend on its own points, not on its batch."""
+    """(B, bodies) random angles [rad]; those of a row depend on its own points, not on its batch."""
     streams = [np.random.default_rng([seed, zlib.crc32(row.tobytes())]) for row in points]
     return np.array([stream.uniform(0, 2 * np.pi, bodies) for stream in streams])
 

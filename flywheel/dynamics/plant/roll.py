@@ -1,4 +1,4 @@
-"""How far a rod is turned about its own axis: unseen, but its cables, which end on its surface, tell.
+"""The roll of a rod, its turn about its own axis: unseen, but its cables, which end on its surface, tell it.
 
 A rod has little inertia about its axis and its cables are stiff, so it soon comes to rest where their
 elastic energy is least. That turn is found by trying angles, finer and finer, body after body.
@@ -30,7 +30,7 @@ def unseen_axes(robot: Robot) -> dict[int, Floats]:
 
 
 def line_of(offsets: Floats) -> Floats | None:
-    """(3,) direction of the line that points (n, 3) lie on; None if they are one, or on no line."""
+    """(3,) direction of the line through points (n, 3); None if they coincide or are not collinear."""
     _, spread, directions = np.linalg.svd(offsets - offsets.mean(axis=0))
     spread = np.concatenate([spread, np.zeros(2)])
     on_one_line = spread[0] > 0 and spread[1] <= ON_A_LINE * spread[0]
