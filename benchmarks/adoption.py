@@ -24,7 +24,7 @@ import numpy as np
 
 from benchmarks.diagnosis.case_result import Named
 from benchmarks.diagnosis.examiner import truth_of
-from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.fitting.subject import Subject
@@ -161,7 +161,9 @@ class Bench:
         snapshot = store.snapshot("data")
         winches = EpisodeWinches(robot, effects)
         train, validation = (
-            WindowCache.build(store, snapshot, split, cache, robot, winches, winches.belief)
+            WindowCache.build(
+                SplitSource(store, snapshot, split, robot, winches, winches.belief), cache
+            )
             for split in SPLITS
         )
         training = self.config.training.model_copy(update={"seed": self.config.seed})

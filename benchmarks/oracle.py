@@ -21,7 +21,7 @@ from flywheel.control.protocol import Command
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Past, Provenance
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.tasks import Task, TaskConfig, sample_task
 
 Planner = Callable[[Dynamics], Controller]
@@ -115,7 +115,7 @@ def settings(task: TaskConfig) -> dict[str, tuple[Planner, TaskConfig]]:
 
 def _coarser(robot: Robot) -> Robot:
     finer = f'timestep="{robot.timestep:g}"'
-    return Robot.from_mjcf(robot.xml.replace(finer, 'timestep="0.01"'))
+    return read_robot(robot.xml.replace(finer, 'timestep="0.01"'))
 
 
 def main() -> None:

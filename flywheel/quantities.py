@@ -67,7 +67,7 @@ class Bounds:
           error: it is not.
         """
         if value not in self:
-            from flywheel.files import shown
+            from flywheel.files import shown  # start-up time: takes YAML along
 
             raise error(f"{what} must be a number {self}; got {shown(value)}.")
         return value
@@ -76,6 +76,7 @@ class Bounds:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """What pydantic does with a type that is annotated with these bounds."""
+        # Start-up time: the command line imports this module, and `--help` is instant.
         from pydantic_core import PydanticCustomError, core_schema
 
         kind = "a whole number" if source is int else "a number"

@@ -242,7 +242,7 @@ class Past:
         return self.terrains if len(self.terrains) == 1 else self.terrains[rows]
 
     def latest(self, history: int, hold: Floats) -> Past:
-        """The same present with exactly the last `history` steps.
+        """This past with exactly the last `history` steps.
 
         A past shorter than that (the start of an episode) is padded in front by a robot at rest: the
         first observation repeated, under the command that holds the winches still.

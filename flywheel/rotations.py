@@ -7,11 +7,6 @@ import numpy as np
 from flywheel.records import Floats
 
 
-def angle_between(a: Floats, b: Floats) -> Floats:
-    """Angle (...) between vectors [rad], accurate for small angles too."""
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
-
-
 def unit(vectors: Floats) -> Floats:
     """Vectors (..., n) scaled to length 1."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -66,7 +66,7 @@ class Terrain:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Of the grid along x and y [m]."""
+        """Size of the grid along x and y [m]."""
         x, y = self.heights.shape
         return (x - 1) * self.cell, (y - 1) * self.cell
 
@@ -90,7 +90,7 @@ class Terrain:
         )
 
     def highest(self, low: NDArray[np.floating], high: NDArray[np.floating]) -> float:
-        """Of the ground between the corners `low` (2,) and `high` (2,) of a rectangle [m]."""
+        """Highest point of the ground in the rectangle between `low` (2,) and `high` (2,) [m]."""
         cells = np.array(self.heights.shape) - 1
         first = np.floor((np.asarray(low) - self.origin) / self.cell)
         last = np.ceil((np.asarray(high) - self.origin) / self.cell)

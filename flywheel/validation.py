@@ -1,4 +1,4 @@
-"""From plain values to a pydantic model, with a message that one can act on."""
+"""Validate plain values as a pydantic model, with a message that one can act on."""
 
 from __future__ import annotations
 

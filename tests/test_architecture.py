@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).parents[1]
 LAYERS = {
-    "records": 0, "terrain": 0, "rotations": 0, "registry": 0, "errors": 0, "files": 0, "quantities": 0,
-    "validation": 0, "seals": 0, "faults": 0, "outputs": 0,
+    "records": 0, "terrain": 0, "rotations": 0, "smoothing": 0, "registry": 0, "errors": 0, "files": 0,
+    "quantities": 0, "validation": 0, "seals": 0, "faults": 0, "outputs": 0,
     "robots": 1,
     "effects": 2, "tasks": 2, "data": 2,
     "dynamics": 3,
@@ -45,6 +48,8 @@ ADDING = {
 }
 LONGEST_FILE = 600
 LONGEST_FUNCTION = 60
+CIRCLES_LEFT = [["flywheel.runtime.config.demand", "flywheel.runtime.config.run_config"]]
+SILENT_LEFT = ("flywheel/runtime/tracking/mlflow_client.py",)
 ABSOLUTE = re.compile(r"^/(work|home|root|tmp|usr|opt|var|mnt|data|Users)\b|^[A-Z]:\\")
 
 
@@ -138,6 +143,88 @@ def test_a_forbidden_import_is_found(path: str, source: str) -> None:
 )
 def test_an_allowed_import_passes(path: str, source: str) -> None:
     assert wrong_imports(path, source) == []
+
+
+def module_of(path: Path) -> str:
+    """`flywheel.robots` of flywheel/robots/__init__.py; `flywheel.robots.robot` of its robot.py."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def import_graph(sources: Mapping[str, str]) -> dict[str, set[str]]:
+    """Module -> those that it imports, anywhere in its file, from {module: its source}."""
+    graph: dict[str, set[str]] = {}
+    for module, source in sources.items():
+        found = set()
+        for name, _ in imports(ast.parse(source)):
+            owner = name if name in sources else name.rpartition(".")[0]
+            if owner in sources:
+                found.add(owner)
+        graph[module] = found
+    return graph
+
+
+def cycles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """Groups of modules that import each other in a circle: strongly connected, and more than one."""
+    names = sorted(graph)
+    place = {name: index for index, name in enumerate(names)}
+    edges = [(place[name], place[other]) for name, others in graph.items() for other in others]
+    rows, columns = np.array(edges).T
+    matrix = coo_array((np.ones(len(edges)), (rows, columns)), shape=(len(names), len(names)))
+    _, labels = connected_components(matrix, connection="strong")
+    groups = [[n for n, own in zip(names, labels, strict=True) if own == k] for k in set(labels)]
+    return sorted(group for group in groups if len(group) > 1)
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    graph = import_graph({module_of(path): path.read_text() for path in sources("flywheel")})
+    assert [group for group in cycles(graph) if group not in CIRCLES_LEFT] == []
+
+
+def test_a_circle_of_imports_is_found() -> None:
+    files = {
+        "p.a": "from p import b",
+        "p.b": "def f():\n    from p.c import name",
+        "p.c": "import p.a",
+        "p.d": "from p import a",
+    }
+    assert cycles(import_graph(files)) == [["p.a", "p.b", "p.c"]]
+
+
+def silent_imports(source: str) -> list[str]:
+    """Imports inside functions without a comment that says why: beside them, or in the line above."""
+    lines = source.splitlines()
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef)
+    inside = {
+        node.lineno: node.end_lineno or node.lineno
+        for function in ast.walk(ast.parse(source))
+        if isinstance(function, functions)
+        for node in ast.walk(function)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    }
+    silent, explained = [], set()
+    for line, end in sorted(inside.items()):
+        above = lines[line - 2].strip()
+        beside = any("#" in each for each in lines[line - 1 : end])
+        if beside or above.startswith("#") or line - 1 in explained:
+            explained |= set(range(line, end + 1))  # one comment serves a block of imports
+        else:
+            silent.append(f"{line}: {lines[line - 1].strip()}")
+    return silent
+
+
+@pytest.mark.parametrize("path", sources("flywheel"), ids=relative)
+def test_an_import_inside_a_function_says_why(path: Path) -> None:
+    if relative(path).startswith("flywheel/cli/"):
+        return  # every command imports what it needs, so that `--help` is instant
+    if relative(path) in SILENT_LEFT:
+        return
+    assert silent_imports(path.read_text()) == []
+
+
+def test_an_import_without_a_reason_is_found() -> None:
+    assert silent_imports("import a\ndef f():\n    import b\n    return b") == ["3: import b"]
+    assert silent_imports("def f():\n    import b  # takes a second") == []
+    assert silent_imports("def f():\n    # take a second\n    import b\n    import c") == []
 
 
 def test_every_package_has_a_row() -> None:

@@ -75,7 +75,7 @@ class Identification:
 
     Attributes:
       xml: MJCF with the fitted numbers, in six digits: MuJoCo writes no more. Its winches may have gains
-        that `Robot.from_mjcf` refuses.
+        that `read_robot` refuses.
       numbers: of the MJCF.
       ended: why, in sysid's words.
     """

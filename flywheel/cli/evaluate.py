@@ -67,7 +67,7 @@ def evaluate(
     out.print(table(title, columns, rows))
     out.say(
         "full: whole episodes, from their start. floor: MuJoCo from the same observations, with a "
-        "random twist of each rod. informed floor: with the twist that the cables tell."
+        "random roll of each rod. informed floor: with the roll that the cables tell."
     )
 
 

@@ -115,7 +115,7 @@ def _plant(name: str, robot_name: str, dt: float, threads: int) -> Subject:
     """MuJoCo, started from what is seen of the past."""
     plant = open_plant(robot_name, dt, threads)
     window = max(2, round(PAST * Scales.of(plant.robot).time / dt))
-    dynamics = RestartedPlant(plant, window=window, degree=2, twist="relaxed")
+    dynamics = RestartedPlant(plant, window=window, degree=2, roll="relaxed")
     return Subject(name, dynamics, terms=plant.terms)
 
 

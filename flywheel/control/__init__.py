@@ -1,6 +1,6 @@
 """Control: what chooses the commands, and the loop in which it does."""
 
-from flywheel.control.closed_loop import record_batch, record_episode
+from flywheel.control.closed_loop import record_episode
 from flywheel.control.gaits import Gait
 from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
@@ -28,7 +28,6 @@ __all__ = [
     "RandomControls",
     "above_ground",
     "random_drop",
-    "record_batch",
     "record_episode",
     "refuse_fixed",
     "standing",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from flywheel.control.open_loop import OpenLoop
 from flywheel.control.protocol import Command, Controller, OnPiece, Piece
 from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
 from flywheel.dynamics.plant.reckoning import APART
@@ -59,7 +58,7 @@ class Log:
         self._states = [start[:, None]]
         self._measure(plant.observe(start[:, None]), 0)
         seen = self._winch[:, 0]
-        self._reckoned[:, 0] = np.where(np.isfinite(seen), seen, nominal_winch(robot))
+        self._reckoned[:, 0] = np.where(np.isfinite(seen), seen, robot.winch_of(robot.keyframe))
 
     @property
     def state(self) -> State:
@@ -178,58 +177,6 @@ def record_episode(
     outcome = None if task is None else _outcome(plant, log, task, reached)
     track, telemetry = log.trajectory(), _telemetry(commands)
     return Episode(episode_id, track, provenance, split, outcome, telemetry, plant.terrain)
-
-
-def record_batch(
-    plant: Plant,
-    measurement: MeasurementModel,
-    controllers: Sequence[OpenLoop],
-    *,
-    starts: State,
-    seconds: float,
-    seeds: Sequence[int],
-    episode_ids: Sequence[str],
-    provenances: Sequence[Provenance],
-    splits: Sequence[Split],
-) -> list[Episode]:
-    """Record many episodes of open-loop controllers in one simulation of the batch.
-
-    Args:
-      controllers, seeds, episode_ids, provenances, splits: one per episode.
-      starts: (episodes,) states.
-      seconds: duration of each [s].
-
-    Raises:
-      ConfigError: the numbers of things differ, or there is no time for a single step.
-      ModelError: the plant diverged.
-    """
-    counts = [len(x) for x in (controllers, seeds, episode_ids, provenances, splits, starts.qpos)]
-    if len(set(counts)) > 1:
-        raise ConfigError(
-            "Each episode needs a controller, a seed, an id, a provenance, a split and a start; got "
-            f"{', '.join(map(str, counts))} of them."
-        )
-    steps = _steps(seconds, plant.dt)
-    streams = [np.random.SeedSequence(seed).spawn(2) for seed in seeds]
-    winch = plant.winch(starts)
-    controls = [
-        controller.sequence(winch[i], steps, _number(streams[i][0]))
-        for i, controller in enumerate(controllers)
-    ]
-    simulated = plant.simulate(starts, np.stack(controls))
-    assert simulated.states is not None
-    episodes = []
-    for i, name in enumerate(episode_ids):
-        rng = np.random.default_rng(streams[i][1])
-        seen = measurement.apply(simulated.observations[i], plant.robot, rng)
-        one = Trajectory(seen, simulated.controls[i], plant.dt, simulated.states[i])
-        episodes.append(Episode(name, one, provenances[i], splits[i], terrain=plant.terrain))
-    return episodes
-
-
-def nominal_winch(robot: Robot) -> Floats:
-    """(W,) winch positions at the keyframe [m]."""
-    return np.array([robot.cables[winch.cables[0]].rest_length for winch in robot.winches])
 
 
 def _number(seeds: np.random.SeedSequence) -> int:

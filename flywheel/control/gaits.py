@@ -103,11 +103,6 @@ class Gait:
         self._reach: Reach | None = None
 
     @property
-    def cycling(self) -> bool:
-        """The first rest is over."""
-        return self._index > 1
-
-    @property
     def finished(self) -> bool:
         """All cycles are done, and the robot is back at rest."""
         return self._last < self._index and (self._reach is None or self._reach.finished)

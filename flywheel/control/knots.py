@@ -68,12 +68,6 @@ class Knots:
         commands = np.clip(commands, robot.control_low, robot.control_high)
         return commands.reshape(*commands.shape[:-3], self.count * self.steps, -1)
 
-    def plan(self, winch: Floats, controls: Floats) -> Floats:
-        """Nominal winch positions (..., S, W) at the knots under commands (..., S * steps, W)."""
-        start = np.broadcast_to(winch, controls[..., 0, :].shape)
-        positions = self.robot.dead_reckon(start, controls, self.dt)
-        return positions[..., self.steps :: self.steps, :]
-
     def later(self, plan: Floats, steps: int) -> Floats:
         """The rest of a plan (..., S, W) after `steps` control steps; its last knot is repeated."""
         at = (np.arange(self.count) + steps / self.steps).clip(max=self.count - 1)

@@ -19,7 +19,7 @@ from flywheel.errors import ConfigError, ModelError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.tasks import Task
 
-SHOWN = 12  # candidates of each plan that a video shows
+SHOWN = 12  # candidates per plan that a video shows
 
 
 class Mppi:

@@ -11,7 +11,7 @@ from flywheel.records import Floats, State
 from flywheel.robots import Robot
 
 FREE_JOINT = 7  # position and quaternion
-HEIGHT = (0.03, 0.4)  # of the lowest cap's surface above the ground [robot lengths]
+HEIGHT = (0.03, 0.4)  # height of the lowest cap's surface above the ground [robot lengths]
 
 
 def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:

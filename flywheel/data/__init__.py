@@ -1,5 +1,6 @@
 """Where episodes are kept, and how training reads them."""
 
+from flywheel.data.cache_files import SplitSource
 from flywheel.data.catalogue import Damage, EpisodeSummary, Receipt, Snapshot, SummaryRow
 from flywheel.data.splits import assign_split
 from flywheel.data.store import TrajectoryStore
@@ -10,6 +11,7 @@ __all__ = [
     "EpisodeSummary",
     "Receipt",
     "Snapshot",
+    "SplitSource",
     "SummaryRow",
     "TrajectoryStore",
     "WindowBatch",

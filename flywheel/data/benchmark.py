@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.data.store import TrajectoryStore
-from flywheel.data.windows import WindowCache
+from flywheel.data.windows import SplitSource, WindowCache
 from flywheel.records import Episode, Observation, Provenance, State, Trajectory
 from flywheel.robots import Robot
 
@@ -49,7 +49,7 @@ def store_benchmark(
         store.commit(episode.id, [episode])
     write = sum(map(_bytes, stored)) / 1e6 / (time.perf_counter() - began)
     snapshot = store.seal("bench", [e.id for e in stored])
-    cache = WindowCache.build(store, snapshot, "train", folder / "cache", robot)
+    cache = WindowCache.build(SplitSource(store, snapshot, "train", robot), folder / "cache")
     names = ("points", "winch", "winch_truth", "controls")
     ram = [np.array(getattr(cache, name)) for name in names]
     starts = cache.starts(window)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -26,7 +27,7 @@ from flywheel.robots import Robot
 from flywheel.seals import Seal, check_seal, file_sha256, sealed, unsealed
 from flywheel.terrain import Terrain
 
-VERSION = 2  # of what the arrays mean
+VERSION = 2  # version of the arrays' meaning
 ROWS = ("points", "winch", "winch_truth", "controls", "valid")  # one row per observation
 EPISODES = ("lengths", "dataset")
 ARRAYS = (*ROWS, *EPISODES, *TERRAINS)
@@ -34,46 +35,74 @@ _ABOUT = "about.json"
 Arrays = dict[str, NDArray[Any]]
 
 
-def cached_arrays(
-    store: TrajectoryStore,
-    snapshot: Snapshot,
-    split: Split,
-    folder: Path,
-    robot: Robot,
-    winches: KnownWinch | None = None,
-    belief: str = "",
-) -> Arrays:
+@dataclass(frozen=True)
+class SplitSource:
+    """The episodes of one split of a snapshot, and what is known about their winches.
+
+    Attributes:
+      store: that holds the snapshot.
+      snapshot: sealed.
+      split: whose episodes they are.
+      robot: of the episodes.
+      winches: where they were, as far as is known; None for `Robot.winches_of`.
+      belief: name of what `winches` knows; caches with another one are others.
+    """
+
+    store: TrajectoryStore
+    snapshot: Snapshot
+    split: Split
+    robot: Robot
+    winches: KnownWinch | None = None
+    belief: str = ""
+
+    @property
+    def folder_name(self) -> str:
+        """Name of its cache's folder."""
+        known = "-".join(filter(None, (self.belief, f"v{VERSION}")))
+        return f"{self.snapshot.digest[:16]}-{self.split}-{known}"
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What its cache's about.json says."""
+        return {"snapshot": self.snapshot.digest, "split": self.split}
+
+
+def cached_arrays(source: SplitSource, folder: Path) -> Arrays:
     """Arrays of a cache, mapped into memory; a cache that is missing or damaged is made first.
 
-    See `WindowCache.build`.
+    Args:
+      source: what is cached.
+      folder: for caches; each has a folder of its own inside.
+
+    Raises:
+      DataError: the split is empty, an episode is damaged, or the cache cannot be read back.
+      RunError: the disk is full.
     """
-    known = "-".join(filter(None, (belief, f"v{VERSION}")))
-    target = folder / f"{snapshot.digest[:16]}-{split}-{known}"
-    if (arrays := _opened(target, snapshot, split)) is not None:
+    target = folder / source.folder_name
+    if (arrays := _opened(target, source)) is not None:
         return arrays
     sweep_workspaces(folder)
-    with full_disk_told(f"the cache of snapshot {snapshot.name} was not made", folder):
+    with full_disk_told(f"the cache of snapshot {source.snapshot.name} was not made", folder):
         work = new_workspace(folder)
         try:
             (work / "new").mkdir()
-            of = (target.name, snapshot, split)
-            _fill(work / "new", store, *of, robot, winches or robot.winches_of)
-            if _opened(target, snapshot, split) is None and target.exists():
+            _fill(work / "new", source)
+            if _opened(target, source) is None and target.exists():
                 target.rename(work / "old")
-            with suppress(OSError):  # another process was faster
+            with suppress(OSError):  # another process has made it in the meantime
                 (work / "new").rename(target)
         finally:
             shutil.rmtree(work, ignore_errors=True)
-    if (arrays := _opened(target, snapshot, split)) is None:
+    if (arrays := _opened(target, source)) is None:
         raise DataError(f"The cache at {target} cannot be read though just made; check the disk.")
     return arrays
 
 
-def _opened(target: Path, snapshot: Snapshot, split: Split) -> Arrays | None:
-    """A cache's arrays, or None if there is none that is whole, and of this snapshot and split."""
+def _opened(target: Path, source: SplitSource) -> Arrays | None:
+    """A cache's arrays, or None if there is none that is whole, and of this source."""
     try:
         about, seal = unsealed(read_bytes(target / _ABOUT, "file", DataError), _ABOUT)
-        if seal is None or about != {"snapshot": snapshot.digest, "split": split}:
+        if seal is None or about != source.about:
             return None
         check_seal(seal, "cache", target.name, _ABOUT)
         wanted = {name: file_sha256(target / f"{name}.npy", "array") for name in ARRAYS}
@@ -86,15 +115,8 @@ def _opened(target: Path, snapshot: Snapshot, split: Split) -> Arrays | None:
     return {name: np.asarray(array) for name, array in arrays.items()}  # plain views are faster
 
 
-def _fill(
-    work: Path,
-    store: TrajectoryStore,
-    cache: str,
-    snapshot: Snapshot,
-    split: Split,
-    robot: Robot,
-    winches: KnownWinch,
-) -> None:
+def _fill(work: Path, source: SplitSource) -> None:
+    snapshot, split, robot = source.snapshot, source.split, source.robot
     wanted = {e.id: e for e in snapshot.episodes if e.split == split}
     if not wanted:
         have = sorted({e.split for e in snapshot.episodes})
@@ -102,11 +124,12 @@ def _fill(
             f"Snapshot {snapshot.name} has no {split} episode; all {len(snapshot.episodes)} of its "
             f"episodes are in: {', '.join(have)}."
         )
+    winches = source.winches or robot.winches_of
     rows = sum(e.steps + 1 for e in wanted.values())
     with ExitStack() as stack:
         files: dict[str, BinaryIO] = {}
         terrains: list[Terrain | None] = []
-        for episode in _episodes(store, snapshot, wanted):
+        for episode in _episodes(source.store, snapshot, wanted):
             terrains.append(episode.terrain)
             for name, values in _columns(episode, robot, winches).items():
                 if name not in files:
@@ -120,8 +143,8 @@ def _fill(
     for name, values in packed_terrains(terrains).items():
         np.save(work / f"{name}.npy", values)
     digests = {array: file_sha256(work / f"{array}.npy", "array") for array in ARRAYS}
-    about = {"snapshot": snapshot.digest, "split": split}
-    (work / _ABOUT).write_bytes(sealed(about, Seal("cache", cache, "", digests)))
+    seal = Seal("cache", source.folder_name, "", digests)
+    (work / _ABOUT).write_bytes(sealed(source.about, seal))
 
 
 def _episodes(

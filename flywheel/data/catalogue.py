@@ -23,9 +23,7 @@ from flywheel.records import Episode, Source, Split
 from flywheel.seals import Kind, Seal, Unsound, check_seal, digest_of, sealed, unsealed
 from flywheel.validation import first_problem
 
-LARGEST_LISTING = (
-    200 * MB
-)  # of a receipt or a manifest, which has some 400 000 episodes then [bytes]
+LARGEST_LISTING = 200 * MB  # largest receipt or manifest, with some 400 000 episodes [bytes]
 STRICT = ConfigDict(extra="forbid")
 R = TypeVar("R")
 _NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
@@ -251,7 +249,7 @@ class Damage:
 
     @property
     def path(self) -> str:
-        """Of the file or folder in the store."""
+        """Path of the damaged file or folder in the store."""
         kind, _, name = self.segment.rpartition(" ")
         form = {"": "segments/{}", "snapshot": "snapshots/{}.json"}.get(kind, "{}")
         return form.format(name)

@@ -1,4 +1,4 @@
-"""Whose segments and snapshots are: every store has an id of its own, kept in `store.json`.
+"""Which store segments and snapshots belong to: every store has an id of its own, kept in `store.json`.
 
 What is sealed in a store names that id. So what was copied in from elsewhere is known as foreign, and
 a lost `store.json` is read off what is there. Stores of before have none; what lies in them is nameless.
@@ -20,7 +20,7 @@ _WHAT = "The file store.json"
 
 @dataclass(frozen=True)
 class StoreIdentity:
-    """Who a store is.
+    """Identity of a store.
 
     Attributes:
       id: unique.
@@ -46,7 +46,7 @@ class Ownership:
         self._seen: set[str] | None = None
 
     def id(self) -> str:
-        """Of the store; an empty store is given one, durably.
+        """Id of the store; an empty store is given one, durably.
 
         Raises:
           Unsound: it cannot be told.
@@ -55,7 +55,7 @@ class Ownership:
             return there.id
         found = self.inferred() or StoreIdentity(uuid.uuid4().hex, older=bool(self._seen))
         text = sealed({"older": found.older}, Seal("store", "store", found.id))
-        if not self._place.put_new(STORE_FILE, text):  # another writer was faster
+        if not self._place.put_new(STORE_FILE, text):  # another writer has made it in the meantime
             return self.id()
         return found.id
 
@@ -101,7 +101,7 @@ class Ownership:
         raise Unsound(f"{what} {words}.", "foreign")
 
     def inferred(self) -> StoreIdentity | None:
-        """Who the store is by what lies there; None if nothing has a seal.
+        """Identity of the store inferred from its seals; None if nothing has a seal.
 
         Raises:
           Unsound: it is of several stores.

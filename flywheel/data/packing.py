@@ -93,7 +93,7 @@ def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
 
 
 def packed_terrains(terrains: Sequence[Terrain | None]) -> Arrays:
-    """Of each of E episodes: which terrain, and all terrains that occur, each once.
+    """Terrains of E episodes as arrays: an index for each episode, and each distinct terrain once.
 
     Returns:
       "terrain" (E,) their number, -1 for the plane; "terrain_grid" (G, 5) cells' corners along x and y, the
@@ -122,7 +122,7 @@ def unpacked_terrains(arrays: Arrays) -> list[Terrain | None]:
 
 
 def _end_to_end(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Arrays as one, whose NaNs are one and the same; a single one that is so already, as it is."""
+    """Concatenate arrays, with one bit pattern for all NaNs; a single sound array is not copied."""
     long = np.concatenate(parts, dtype="<f8") if len(parts) > 1 else np.asarray(parts[0], "<f8")
     missing = np.isnan(long)
     if (long[missing].view("u8") != np.array(np.nan).view("u8")).any():

@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Protocol
 
 from flywheel.data.catalogue import LARGEST_LISTING
+from flywheel.data.s3 import S3Place
+from flywheel.data.segments import ABANDONED_SECONDS
 from flywheel.data.zarr_files import Files
 from flywheel.errors import DataError, RunError
 from flywheel.files import read_bytes
 
 SYNCS_AT_ONCE = 16
-ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
 
 
 class Place(Protocol):
@@ -96,7 +97,7 @@ class LocalPlace:
         except NotADirectoryError:
             raise FileNotFoundError(path) from None
         except PermissionError:
-            pass  # which reading tells
+            pass  # reading reports it
         return read_bytes(path, "file", DataError, LARGEST_LISTING)
 
     def sizes(self, folder: str) -> dict[str, int]:
@@ -171,7 +172,7 @@ def _sizes_below(root: Path, folder: Path) -> Iterator[tuple[str, int]]:
                     yield from _sizes_below(root, Path(entry))
                 else:
                     yield Path(entry).relative_to(root).as_posix(), entry.stat().st_size
-    except OSError as error:  # a bad disk, a link to nowhere, or set aside at this moment
+    except OSError as error:  # a bad disk, a broken link, or quarantined at this moment
         where = error.filename or folder
         raise DataError(f"{where} cannot be read: {error.strerror}.") from None
 
@@ -218,8 +219,6 @@ def place_at(url: str, options: dict[str, object]) -> Place:
     if (folder := local_folder(url)) is not None:
         return LocalPlace(folder)
     if url.startswith("s3://"):
-        from flywheel.data.s3 import S3Place  # an optional dependency
-
         return S3Place(url, options)
     raise DataError(f"A store is at a folder or at s3://bucket/prefix, got {url!r}.")
 

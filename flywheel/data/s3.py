@@ -11,8 +11,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from flywheel.data.places import ABANDONED_SECONDS
-from flywheel.data.segments import RECEIPT
+from flywheel.data.segments import ABANDONED_SECONDS, RECEIPT
 from flywheel.data.zarr_files import Files
 from flywheel.errors import DataError
 
@@ -31,7 +30,7 @@ class S3Place:
 
     def __init__(self, url: str, options: dict[str, Any]) -> None:
         try:
-            import s3fs
+            import s3fs  # an optional dependency
         except ImportError as error:
             raise DataError(
                 f"A store at {url} needs the extra 's3': pip install 'flywheel[s3]'."
@@ -41,7 +40,7 @@ class S3Place:
         bucket = self._root.partition("/")[0]
         try:
             self._files.call_s3("head_bucket", Bucket=bucket)
-        except Exception as error:  # of the client's many kinds
+        except Exception as error:  # the client raises many kinds
             raise DataError(
                 f"Bucket {bucket!r} of store {url} cannot be reached: {error}. It must exist; the "
                 "service's address is AWS_ENDPOINT_URL (none: Amazon's), its keys are "
@@ -98,7 +97,9 @@ class S3Place:
         for each in names:
             self._files.cp_file(each, f"{self._root}/{to}{each.removeprefix(source)}")
         receipts = [each for each in names if each == f"{source}/{RECEIPT}"]
-        for each in receipts + [n for n in names if n not in receipts]:  # first it disappears
+        for each in receipts + [
+            n for n in names if n not in receipts
+        ]:  # without its receipt the segment is gone
             self._files.rm_file(each)
 
     def sweep(self) -> int:

@@ -35,8 +35,9 @@ from flywheel.records import Episode
 from flywheel.seals import Kind, Seal, Unsound, check_seal
 
 RECEIPT = "receipt.json"
+ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
 TELEMETRY = "telemetry.json"
-FORMERLY = "timing.json"  # in stores of before
+FORMERLY = "timing.json"  # name in older stores
 _ID = re.compile(rb'"id"\s*:\s*"([a-z0-9._-]+)"')
 
 
@@ -69,7 +70,7 @@ class Found:
 
     @cached_property
     def receipt(self) -> Receipt:
-        """Of the segment.
+        """Receipt of the segment.
 
         Raises:
           Unsound: there is none, or none that is sound.
@@ -206,7 +207,7 @@ def _arrays_folder(receipt: Receipt) -> str:
 
 
 def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
-    for array, values in arrays.items():  # one after the other: each is as large as the episodes
+    for array, values in arrays.items():  # one at a time: each is as large as the episodes
         own = f"{array}/", "zarr.json"
         back, _ = decode({path: content for path, content in group.items() if path.startswith(own)})
         if not _same_bits(back[array], values):
@@ -214,7 +215,7 @@ def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
 
 
 def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    """Of arrays whose numbers have eight bytes, NaN included."""
+    """Whether arrays of eight-byte numbers are equal bit by bit, NaN included."""
     return one.dtype == other.dtype and np.array_equal(one.view("u8"), other.view("u8"))
 
 

@@ -297,7 +297,7 @@ class TrajectoryStore:
         return Found(segment, sizes, files | ({RECEIPT: text} if RECEIPT in sizes else {}))
 
     def _owners(self) -> Iterator[str]:
-        """Of all receipts and manifests that can be read."""
+        """Store ids in all receipts and manifests that can be read."""
         for segment in self._place.segments():
             with suppress(DataError, FileNotFoundError):
                 yield Receipt.from_json(

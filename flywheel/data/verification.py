@@ -1,4 +1,4 @@
-"""Looking at everything in a store: what is altered, missing, exchanged, copied or foreign."""
+"""Check everything in a store for what is altered, missing, exchanged, copied or foreign."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Store(Protocol):
 def damages_in(
     store: Store, place: Place, ownership: Ownership, snapshot: Snapshot | None, arrays: bool
 ) -> Iterator[Damage]:
-    """See `TrajectoryStore.verify`.
+    """All damages of a store; `TrajectoryStore.verify` documents them.
 
     Args:
       store: to look at.

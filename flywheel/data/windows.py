@@ -13,13 +13,10 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from flywheel.data.cache_files import cached_arrays
-from flywheel.data.catalogue import Snapshot
+from flywheel.data.cache_files import SplitSource, cached_arrays
 from flywheel.data.packing import TERRAINS, unpacked_terrains
-from flywheel.data.store import TrajectoryStore
 from flywheel.errors import DataError
-from flywheel.records import Floats, KnownWinch, Split
-from flywheel.robots import Robot
+from flywheel.records import Floats, Split
 from flywheel.terrain import Terrain
 
 
@@ -77,46 +74,33 @@ class WindowCache:
     belief: str = ""
 
     @classmethod
-    def build(
-        cls,
-        store: TrajectoryStore,
-        snapshot: Snapshot,
-        split: Split,
-        folder: Path,
-        robot: Robot,
-        winches: KnownWinch | None = None,
-        belief: str = "",
-    ) -> WindowCache:
+    def build(cls, source: SplitSource, folder: Path) -> WindowCache:
         """Open the cache of a snapshot's split; fill it first if there is none, or a damaged one.
 
         Args:
-          store: that holds the snapshot.
-          snapshot: sealed.
-          split: whose episodes to cache.
+          source: what is cached.
           folder: for caches; each has a folder of its own inside.
-          robot: of the episodes.
-          winches: where they were, as far as is known; None for `Robot.winches_of`.
-          belief: name of what `winches` knows; caches with another one are others.
 
         Raises:
           DataError: the split is empty, an episode is damaged, or it is another robot's.
           RunError: the disk is full.
         """
+        snapshot, robot = source.snapshot, source.robot
         if snapshot.robot != robot.digest:
             raise DataError(
                 f"Snapshot {snapshot.name} is of robot {snapshot.robot[:12]}, not of {robot.name} "
                 f"({robot.digest[:12]})."
             )
-        arrays = cached_arrays(store, snapshot, split, Path(folder), robot, winches, belief)
+        arrays = cached_arrays(source, Path(folder))
         terrains = tuple(unpacked_terrains(arrays))
         own = {name: values for name, values in arrays.items() if name not in TERRAINS}
         return cls(
             **own,
             terrains=terrains,
             datasets=snapshot.datasets,
-            split=split,
+            split=source.split,
             digest=snapshot.digest,
-            belief=belief,
+            belief=source.belief,
         )
 
     def starts(

@@ -21,7 +21,7 @@ from zarr.storage import MemoryStore
 from flywheel.errors import DataError
 
 CHUNK_ROWS = 4096  # 41 s of an episode: all of it is read at once
-MOST_TIMES_LARGER = 20_000  # than its file an array may be: zeros are 4 300 times
+MOST_TIMES_LARGER = 20_000  # times its file an array may be: zeros compress 4 300 times
 Files = dict[str, bytes]
 
 
@@ -45,7 +45,7 @@ def encode(arrays: Mapping[str, NDArray[Any]], attributes: dict[str, Any]) -> Fi
             compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="bitshuffle"), Crc32cCodec()],
             chunk_key_encoding={"name": "default", "separator": "."},  # no folders to flush
             fill_value=0,
-            # A chunk of zeros is written too: a file that is not there is always damage.
+            # A chunk of zeros is written too, so that a missing file is always damage.
             config={"write_empty_chunks": True},
         )
         if values.size:

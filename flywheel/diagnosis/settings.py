@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from flywheel.smoothing import MotionPrior
+
 
 @dataclass(frozen=True)
 class WindowSettings:
@@ -33,15 +35,13 @@ class InitialStateSettings:
 
     Attributes:
       reach: of the samples to either side of a window's begin that are used, in natural units.
-      speed, acceleration, jerk: what is usual, in natural units: the prior of the local regression.
+      motion: what is usual, which matters where a window begins beside a gap.
       place_prior, speed_prior: standard deviations of the estimates, in natural units.
       winch_prior: of where the winches were when a recording began, in lengths of the robot.
     """
 
     reach: float = 1.0
-    speed: float = 0.5
-    acceleration: float = 1.0
-    jerk: float = 4.0
+    motion: MotionPrior = MotionPrior()
     place_prior: float = 0.1
     speed_prior: float = 0.5
     winch_prior: float = 0.003

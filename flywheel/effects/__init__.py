@@ -1,16 +1,20 @@
-"""Physical causes that can be added to a plant. A new one is one file and one line here."""
+"""Physical causes that can be added to a plant.
 
-from flywheel.effects.actuator_lag import ActuatorLag
+A new one is a class in the file of its family, and one line in `EFFECTS`; the contract tests pick it up.
+"""
+
 from flywheel.effects.adopted import AdoptedPlant
-from flywheel.effects.air_drag import AirDrag
-from flywheel.effects.body_mass import BodyMass
-from flywheel.effects.cable_damping import CableDamping
-from flywheel.effects.cable_friction import CableFriction
-from flywheel.effects.cable_stiffness import CableStiffness
-from flywheel.effects.capstan import Capstan
-from flywheel.effects.command_delay import CommandDelay
-from flywheel.effects.contact_softness import ContactSoftness
-from flywheel.effects.creep import Creep
+from flywheel.effects.body_effects import AirDrag, BodyMass, Payload
+from flywheel.effects.cable_effects import (
+    CableDamping,
+    CableFriction,
+    CableStiffness,
+    Capstan,
+    Creep,
+    Hysteresis,
+    Stiffening,
+    WeakCable,
+)
 from flywheel.effects.effect import (
     Cables,
     CommandEffect,
@@ -23,19 +27,21 @@ from flywheel.effects.effect import (
     WinchEffect,
     place_name,
 )
-from flywheel.effects.ground_friction import GroundFriction
-from flywheel.effects.hysteresis import Hysteresis
-from flywheel.effects.marker_offset import MarkerOffset
-from flywheel.effects.payload import Payload
-from flywheel.effects.rolling_resistance import RollingResistance
+from flywheel.effects.ground_effects import (
+    ContactSoftness,
+    GroundFriction,
+    RollingResistance,
+    Slope,
+)
 from flywheel.effects.scales import Scales
-from flywheel.effects.sensor_latency import SensorLatency
-from flywheel.effects.slope import Slope
-from flywheel.effects.stiffening import Stiffening
-from flywheel.effects.torque_speed import TorqueSpeed
-from flywheel.effects.weak_cable import WeakCable
-from flywheel.effects.winch_backlash import WinchBacklash
-from flywheel.effects.winch_gain import WinchGain
+from flywheel.effects.sensing_effects import MarkerOffset, SensorLatency
+from flywheel.effects.winch_effects import (
+    ActuatorLag,
+    CommandDelay,
+    TorqueSpeed,
+    WinchBacklash,
+    WinchGain,
+)
 from flywheel.effects.written import WrittenTerm
 
 EFFECTS: dict[str, Effect] = {
@@ -60,7 +66,7 @@ EFFECTS: dict[str, Effect] = {
     "marker_offset": MarkerOffset(),
     "sensor_latency": SensorLatency(),
 }
-# What an MJCF has numbers of, which may be wrong. Only considered where somebody names them.
+# Corrections of numbers in the MJCF. Only considered where they are named.
 CALIBRATIONS: dict[str, Effect] = {
     "cable_stiffness": CableStiffness(),
     "body_mass": BodyMass(),

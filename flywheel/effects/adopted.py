@@ -16,12 +16,12 @@ from flywheel.effects.written import WrittenTerm
 from flywheel.errors import ConfigError, RobotError
 from flywheel.files import file_name, parsed_yaml, read_yaml, yaml_text
 from flywheel.quantities import Bounds, Name
-from flywheel.robots import Robot
+from flywheel.robots import Robot, read_robot
 from flywheel.validation import validated
 
 PLANT, MJCF = "plant.yaml", "robot.xml"
 MOST_EFFECTS = 1000  # a robot of 100 cables with ten effects on each
-MOST_EVIDENCE = 100  # kinds of it
+MOST_EVIDENCE = 100  # kinds of evidence
 
 
 class AdoptedPlant(BaseModel):
@@ -58,7 +58,7 @@ class AdoptedPlant(BaseModel):
         path = plant_file(path)
         values = read_yaml(path, "adopted plant", ConfigError)
         plant = validated(cls, values, f"{path} is not an adopted plant", ConfigError)
-        robot = Robot.from_mjcf(path.parent / MJCF)
+        robot = read_robot(path.parent / MJCF)
         if robot.digest != plant.digest:
             raise RobotError(
                 f"{path.parent / MJCF} has digest {robot.digest[:12]}, the effects in {path} were "

@@ -45,7 +45,7 @@ class Parameter:
 
     @property
     def one_sided(self) -> bool:
-        """It cannot be negative."""
+        """Whether the parameter cannot be negative."""
         return self.low >= 0.0
 
 
@@ -71,7 +71,7 @@ class Effect(ABC):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sizes, then shapes."""
+        """All parameters: sizes, then shapes."""
         return self.sizes + self.shapes
 
     def places(self, robot: Robot) -> tuple[int | None, ...]:
@@ -141,7 +141,7 @@ class Cables:
 
     @property
     def taut(self) -> np.ndarray:
-        """Whether each is longer than its rest length."""
+        """Whether each cable is longer than its rest length."""
         return self.elastic > 0
 
     @property
@@ -220,11 +220,11 @@ class Term:
 
     @property
     def absent(self) -> bool:
-        """All sizes are zero."""
+        """Whether all sizes are zero."""
         return not any(self.values[: len(self.effect.sizes)])
 
     def label(self, robot: Robot) -> str:
-        """For people: "weak_cable at long_03"."""
+        """Readable name: "weak_cable at long_03"."""
         if self.place is None:
             return self.effect.name
         return f"{self.effect.name} at {place_name(self.effect, self.place, robot)}"

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Self
 
-from flywheel.robots import Robot
-
-GRAVITY = 9.81  # [m/s^2]
+from flywheel.robots import GRAVITY, Robot
 
 
 @dataclass(frozen=True)
@@ -41,12 +39,12 @@ class Scales:
 
     @property
     def weight(self) -> float:
-        """Of all bodies [N]."""
+        """Weight of all bodies [N]."""
         return self.mass * GRAVITY
 
     @property
     def time(self) -> float:
-        """Of a fall from the robot's height, about [s]."""
+        """Natural time sqrt(L / g), about that of a fall from the robot's height [s]."""
         return sqrt(self.length / GRAVITY)
 
     @property

@@ -15,7 +15,7 @@ from flywheel.robots import Robot
 
 AT = " at "
 MOST_PARAMETERS = 100
-# In whatever unit: a cable of a suspension bridge has 1e10 N/m.
+# In any unit: a cable of a suspension bridge has 1e10 N/m.
 Value = Annotated[float, Bounds(-1e12, 1e12)]
 
 
@@ -42,20 +42,20 @@ class WrittenTerm(BaseModel):
 
     @classmethod
     def labelled(cls, label: str, parameters: Mapping[str, float]) -> Self:
-        """From what `label` says."""
+        """Parse what `label` writes."""
         effect, _, location = label.partition(AT)
         return cls(effect=effect, location=location, parameters=dict(parameters))
 
     @property
     def label(self) -> str:
-        """For people and for provenance: "weak_cable at long_03"."""
+        """Readable name, also kept in provenance: "weak_cable at long_03"."""
         return f"{self.effect}{AT}{self.location}" if self.location else self.effect
 
     def __hash__(self) -> int:
         return hash((self.effect, self.location, *self.parameters.items()))
 
     def term(self, robot: Robot, library: Mapping[str, Effect]) -> Term:
-        """The term of a library that is meant.
+        """Look up the term in a library of effects.
 
         Raises:
           UnknownNameError: no such effect, place or parameter.

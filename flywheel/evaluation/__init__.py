@@ -3,7 +3,6 @@
 from flywheel.evaluation.errors import ErrorTable, LeadTimeErrors
 from flywheel.evaluation.intervals import (
     Interval,
-    median_interval,
     rmse_ratio_interval,
     success_interval,
 )
@@ -19,30 +18,20 @@ from flywheel.evaluation.scoring import (
     score_windows,
 )
 from flywheel.evaluation.statistics import (
-    com_weights,
     rotation_error,
     squared_point_error,
     squared_position_error,
 )
 from flywheel.evaluation.sums import ExactSum
 
-STATISTICS = {
-    "squared_position_error": squared_position_error,
-    "rotation_error": rotation_error,
-    "squared_point_error": squared_point_error,
-}
-
 __all__ = [
     "BINS",
     "HISTORY_SECONDS",
-    "STATISTICS",
     "ErrorTable",
     "ExactSum",
     "Interval",
     "LeadTimeErrors",
     "Window",
-    "com_weights",
-    "median_interval",
     "past_at",
     "places",
     "rmse_ratio_interval",

@@ -50,7 +50,6 @@ class ErrorTable:
       rotation: (T, bodies) sums of angles [deg].
       point: (T, P) sums of squared errors of the tracked points [m^2].
       windows: how many windows were scored.
-      first: lead time of the first row, in steps.
     """
 
     length: float
@@ -60,7 +59,6 @@ class ErrorTable:
     rotation: ExactSum
     point: ExactSum
     windows: int = 0
-    first: int = 1
 
     @classmethod
     def empty(cls, robot: Robot, dt: float) -> ErrorTable:
@@ -99,8 +97,8 @@ class ErrorTable:
         )
 
     def __add__(self, other: ErrorTable) -> ErrorTable:
-        mine = (self.length, self.dt, self.bodies, self.first)
-        theirs = (other.length, other.dt, other.bodies, other.first)
+        mine = (self.length, self.dt, self.bodies)
+        theirs = (other.length, other.dt, other.bodies)
         if mine != theirs:
             raise DataError(f"Errors of different robots or times do not add: {mine} and {theirs}.")
         return replace(
@@ -131,48 +129,12 @@ class ErrorTable:
         """Mean rotation error [deg]; NaN without a sample."""
         return float(self.rotation.over((0, 1)).mean)
 
-    @property
-    def point_rmse(self) -> float:
-        """Root of the mean squared error of the tracked points / L [%]; NaN without a sample."""
-        return float(100.0 * np.sqrt(self.point.over((0, 1)).mean) / self.length)
-
     def by_lead_time(self) -> LeadTimeErrors:
         """Errors at each lead time, averaged over bodies and windows."""
         squared = self.position.over(1).mean
         return LeadTimeErrors(
-            seconds=(self.first + np.arange(self.steps)) * self.dt,
+            seconds=np.arange(1, self.steps + 1) * self.dt,
             e_pos_mse=100.0 * squared / self.length,
             e_pos_rmse=100.0 * np.sqrt(squared) / self.length,
             e_rot=self.rotation.over(1).mean,
         )
-
-    def by_body(self) -> dict[str, ErrorTable]:
-        """One table per body that has tracked points; their tracked-point sums are left empty."""
-        nothing = ExactSum.zeros((self.steps, 0))
-        return {
-            name: replace(
-                self,
-                bodies=(name,),
-                position=self.position[:, i : i + 1],
-                rotation=self.rotation[:, i : i + 1],
-                point=nothing,
-            )
-            for i, name in enumerate(self.bodies)
-        }
-
-    def between_lead_times(self, low: float, high: float) -> ErrorTable:
-        """The bin of lead times low < t <= high [s]."""
-        start = max(0, round(low / self.dt) + 1 - self.first)
-        rows = slice(start, max(start, round(high / self.dt) + 1 - self.first))
-        return replace(
-            self,
-            position=self.position[rows],
-            rotation=self.rotation[rows],
-            point=self.point[rows],
-            first=self.first + start,
-        )
-
-    def at_horizon(self) -> ErrorTable:
-        """The bin of the last lead time."""
-        last = (self.first + self.steps - 1) * self.dt
-        return self.between_lead_times(last - self.dt, last)

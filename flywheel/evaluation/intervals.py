@@ -69,21 +69,3 @@ def rmse_ratio_interval(
     low, high = np.quantile(np.sqrt(new / old), [(1 - confidence) / 2, (1 + confidence) / 2])
     value = np.sqrt(both[0].mean() / both[1].mean())
     return Interval(float(value), float(low), float(high))
-
-
-def median_interval(
-    values: Floats, seed: int, confidence: float = 0.95, resamples: int = 2000
-) -> Interval:
-    """Median with its percentile bootstrap interval; NaN for no values, a point for one.
-
-    Args:
-      values: (N,) e.g. seconds to the goal of the episodes that reached it.
-      seed: of the resampling.
-    """
-    values = np.asarray(values, np.float64)
-    if len(values) == 0:
-        return Interval(*(float("nan"),) * 3)
-    rng = np.random.default_rng(seed)
-    medians = np.median(rng.choice(values, (resamples, len(values))), axis=1)
-    low, high = np.quantile(medians, [(1 - confidence) / 2, (1 + confidence) / 2])
-    return Interval(float(np.median(values)), float(low), float(high))

@@ -23,7 +23,7 @@ def squared_position_error(robot: Robot, truth: Floats, predicted: Floats) -> Fl
     columns = []
     for body in robot.bodies:
         if body.points:
-            com = np.einsum("p,...px->...x", com_weights(robot, body), _of(difference, body))
+            com = np.einsum("p,...px->...x", robot.com_weights(body), _of(difference, body))
             columns.append((com**2).sum(axis=-1))
         else:
             columns.append(np.full(difference.shape[:-2], np.nan))
@@ -62,14 +62,6 @@ def squared_point_error(robot: Robot, truth: Floats, predicted: Floats) -> Float
     return ((np.asarray(predicted) - np.asarray(truth)) ** 2).sum(axis=-1)
 
 
-def com_weights(robot: Robot, body: Body) -> Floats:
-    """(points of the body,) weights, sum 1, whose combination of its points is nearest its CoM."""
-    offsets = np.stack([robot.points[p].offset for p in body.points])
-    center = offsets.mean(axis=0)
-    extra = np.linalg.pinv((offsets - center).T, rcond=1e-9) @ (body.com - center)
-    return 1.0 / len(offsets) + extra - extra.mean()
-
-
 def _of(points: Floats, body: Body) -> Floats:
     return points[..., list(body.points), :]
 
@@ -77,13 +69,13 @@ def _of(points: Floats, body: Body) -> Floats:
 def _rank(robot: Robot, body: Body) -> int:
     if len(body.points) < 2:
         return 0
-    offsets = np.stack([robot.points[p].offset for p in body.points])
+    offsets = robot.offsets_of(body)
     return int(np.linalg.matrix_rank(offsets - offsets.mean(axis=0), tol=1e-6 * robot.length))
 
 
 def _along(robot: Robot, body: Body) -> Floats:
     """(points,) coordinates of collinear points along their line, about their mean [m]."""
-    offsets = np.stack([robot.points[p].offset for p in body.points])
+    offsets = robot.offsets_of(body)
     offsets = offsets - offsets.mean(axis=0)
     return offsets @ np.linalg.svd(offsets)[2][0]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,9 +67,6 @@ class ExactSum:
     def over(self, axis: int | tuple[int, ...]) -> ExactSum:
         """Add up along `axis`."""
         return _carried(*(part.sum(axis=axis) for part in (self.high, self.low, self.count)))
-
-    def __getitem__(self, index: Any) -> ExactSum:
-        return ExactSum(self.high[index], self.low[index], self.count[index])
 
     def __add__(self, other: ExactSum) -> ExactSum:
         """Element-wise. The shorter of the two is continued by zeros along the first axis."""

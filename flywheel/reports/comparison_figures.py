@@ -126,7 +126,7 @@ def _name_windows(axes: Axes, labels: Sequence[str]) -> None:
 
 
 def colour_of(number: int) -> str:
-    """Of the model with this place on the page."""
+    """Colour of the model with this place on the page."""
     return COLOURS[number % len(COLOURS)]
 
 

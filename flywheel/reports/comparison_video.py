@@ -30,7 +30,7 @@ def film_window(found: Comparison, model: Judgement, window: int, path: Path) ->
     windows = found.windows
     points, winch = model.points[window][:, None], model.winch[window][:, None]
     past = Past(Observation(points, winch), np.zeros((len(points), 0, winch.shape[-1])), winch)
-    states = RestartedPlant(Plant(windows.robot, windows.dt), twist="relaxed").estimate(past)
+    states = RestartedPlant(Plant(windows.robot, windows.dt), roll="relaxed").estimate(past)
     first = int(windows.first[window])
     seen = windows.recordings[windows.recording[window]].trajectory.observations.points
     ghosts = seen[first : first + windows.steps + 1]

@@ -127,7 +127,7 @@ def places(found: Diagnosis) -> Figure | None:
 
 
 def likeness(found: Diagnosis) -> Figure | None:
-    """Who is easily taken for whom."""
+    """Which candidates are easily confused."""
     evidence = found.evidence
     if len(evidence.rivals) < 2:
         return None

@@ -43,7 +43,7 @@ FIGURES: dict[str, Picture] = {
         error_figures.error_over_iterations,
         "Prediction errors over iterations",
         "Test episodes are never trained on. The floors are the plant itself, restarted from what "
-        "the model may see: with the unseen twist of the rods drawn at random, and (informed) computed "
+        "the model may see: with the unseen roll of the rods drawn at random, and (informed) computed "
         "from the cables by exact parameters.",
     ),
     "ladder": Picture(

@@ -89,7 +89,7 @@ def result_rows(run: RunResult) -> list[Row]:
             if turn.arm == arm]  # fmt: skip
     beside: list[tuple[str, Errors | None, Navigation | None]] = [
         ("floor: plant restarted from the same observations", run.floor, None),
-        ("informed floor: its twist computed from the cables", run.informed_floor, None),
+        ("informed floor: its roll computed from the cables", run.informed_floor, None),
         ("nothing moves", run.persistence, None),
         ("oracle: MPPI on the plant", None, run.oracle),
         *((f"{u.course}, never seen", None, u.navigation) for u in run.unseen),
@@ -165,7 +165,7 @@ def _figures(run: RunResult) -> list[Shown]:
 
 
 def _videos(run: RunResult, folder: Path) -> list[Shown]:
-    """Of the first and the last iteration of the MPPI arm that have one, and of unseen courses."""
+    """Videos of the first and last iterations of the MPPI arm that have one, and of unseen courses."""
     turns = [turn for turn in run.of_arm("mppi") if turn.video and (folder / turn.video).is_file()]
     chosen = turns if len(turns) < 2 else [turns[0], turns[-1]]
     films = [

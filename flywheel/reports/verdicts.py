@@ -167,7 +167,7 @@ def _informed_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
     words = [f"{each.error} {each.ratio:.1f} times" for each in pairs]
     return Verdict(
         "yes" if all(each.ratio <= 1.0 for each in pairs) else "no",
-        "Against exact physics that also computes the unseen twist (the informed floor): "
+        "Against exact physics that also computes the unseen roll (the informed floor): "
         f"{', '.join(words)} its error.",
     )
 

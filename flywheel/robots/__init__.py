@@ -7,17 +7,11 @@ from flywheel.robots.added import add_plain, free_name
 from flywheel.robots.bodies import moving_bodies, tracked_site
 from flywheel.robots.drawn_terrain import TerrainConfig, draw_terrain
 from flywheel.robots.ground import Ground, collides, ground_of
+from flywheel.robots.mjcf_reader import read_robot
 from flywheel.robots.obstacle_course import COURSES, ObstacleCourse, load_course
-from flywheel.robots.robot import (
-    Attachment,
-    Body,
-    Cable,
-    Primitive,
-    Robot,
-    TrackedPoint,
-    Winch,
-)
-from flywheel.robots.world import Box
+from flywheel.robots.parts import Attachment, Body, Cable, Primitive, TrackedPoint, Winch
+from flywheel.robots.robot import Robot
+from flywheel.robots.world import GRAVITY, Box
 
 ROBOTS = {
     "prism3": "prism3.xml",
@@ -34,13 +28,14 @@ def load_robot(name: str) -> Robot:
       RobotError: the MJCF cannot be used.
     """
     if name.endswith(".xml"):
-        return Robot.from_mjcf(name)
+        return read_robot(name)
     file = lookup(ROBOTS, name, "robot")
-    return Robot.from_mjcf(files(__name__).joinpath("mjcf", file).read_text())
+    return read_robot(files(__name__).joinpath("mjcf", file).read_text())
 
 
 __all__ = [
     "COURSES",
+    "GRAVITY",
     "ROBOTS",
     "Attachment",
     "Body",
@@ -61,5 +56,6 @@ __all__ = [
     "load_course",
     "load_robot",
     "moving_bodies",
+    "read_robot",
     "tracked_site",
 ]

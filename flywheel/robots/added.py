@@ -1,4 +1,4 @@
-"""Elements that code adds to a robot's MJCF: what its <default> says holds for the MJCF's own alone."""
+"""Elements that code adds to a robot's MJCF: its <default> does not apply to them."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.added import add_plain
 from flywheel.robots.ground import collides
-from flywheel.robots.robot import Body, Primitive, TrackedPoint
+from flywheel.robots.parts import Body, Primitive, TrackedPoint
 
 SOLIDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 

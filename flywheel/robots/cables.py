@@ -8,7 +8,7 @@ import numpy as np
 from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.bodies import body_index, in_body_frame
-from flywheel.robots.robot import Attachment, Body, Cable, TrackedPoint, Winch
+from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
 from flywheel.robots.winches import is_passive
 
 
@@ -161,7 +161,7 @@ def _attachment(
         return Attachment(-1, offset, -1)
 
     def gap(point: int) -> tuple[float, ...]:
-        """To a point; between those as near it is its place that counts, not its number."""
+        """Distance to a point; ties are broken by position, not by number."""
         place = points[point].offset
         return round(float(np.linalg.norm(place - offset)), 9), *place
 

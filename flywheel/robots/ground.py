@@ -28,12 +28,12 @@ class Ground:
 
     @property
     def level(self) -> bool:
-        """Its normal points straight up."""
+        """Whether its normal points straight up."""
         return bool(self.normal[2] > 1.0 - LEVEL)
 
     @property
     def height(self) -> float:
-        """Of a level one [m]."""
+        """Height of a level ground [m]."""
         return float(self.place[2])
 
 

@@ -1,4 +1,4 @@
-"""Every number of an MJCF is finite, and in the range that makes sense of it.
+"""Checks that every number of an MJCF is finite and within a sensible range.
 
 MuJoCo takes infinite time steps, springs that push and masses of 1e200 kg, and changes some numbers
 without a word. What is asked here is asked of the compiled model, where defaults, classes and units are

@@ -30,7 +30,8 @@ from flywheel.robots.ground import ground_of
 from flywheel.robots.mjcf_numbers import check_numbers
 from flywheel.robots.mjcf_source import compiled, read_mjcf
 from flywheel.robots.mujoco_warnings import collected_warnings
-from flywheel.robots.robot import Body, Cable, Robot, TrackedPoint, Winch
+from flywheel.robots.parts import Body, Cable, TrackedPoint, Winch
+from flywheel.robots.robot import Robot
 from flywheel.robots.winches import read_winches
 
 SHORTEST = (

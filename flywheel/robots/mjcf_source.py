@@ -1,4 +1,4 @@
-"""From the text of an MJCF to MuJoCo's model: one file, and no more than a robot can need.
+"""Compile the text of an MJCF into MuJoCo's model: one file, and no more than a robot can need.
 
 MuJoCo's compiler sets about whatever a text asks for, and does not hear Ctrl-C meanwhile. What the text
 unfolds to is therefore counted before, and what it asks memory for is looked at.
@@ -40,7 +40,7 @@ SIDES_OF_A_CUBE = 6
 
 
 class _Unfit(NamedTuple):
-    """Why an element cannot be here: what it does, and what is the matter with that."""
+    """Why an element is refused: what it does, and why that is a problem."""
 
     does: str
     but: str
@@ -115,7 +115,7 @@ class _Counting(ElementTree.TreeBuilder):
         self._elements = 0
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
-        """Entities could unfold to anything, and name other files."""
+        """Refuse a document type: entities could unfold to anything, and name other files."""
         raise MjcfError(
             f"{self._what} begins with <!DOCTYPE {shown(name)}>, as web pages do; an MJCF has none."
         )
@@ -146,7 +146,7 @@ class _Counting(ElementTree.TreeBuilder):
 
 
 def _copies(tag: str, attributes: dict[str, str]) -> int:
-    """How often what is within an element is there."""
+    """How many copies an element makes of its content."""
     if tag != "replicate":
         return 1
     try:
@@ -193,7 +193,7 @@ def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
 
 
 def _nan(root: ElementTree.Element) -> str:
-    """Where the first one is, as far as can be told."""
+    """Where the first NaN is, as far as can be told."""
     for element in root.iter():
         for key, value in element.attrib.items():
             if "nan" in value.lower().split() and key not in ("name", "class", "model"):
@@ -222,7 +222,7 @@ def _refuse_too_much(spec: mujoco.MjSpec, what: str) -> None:
 
 
 def _numbers_of(sensor: mujoco.MjsSensor) -> int:
-    """That a sensor gives, all that it remembers counted."""
+    """How many numbers a sensor gives, counting its whole history."""
     each = max(sensor.get_data_size(), sensor.dim, *(int(n) for n in sensor.intprm))
     return each * max(1, sensor.nsample)
 

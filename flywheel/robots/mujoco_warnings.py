@@ -10,7 +10,7 @@ import mujoco
 
 @contextmanager
 def collected_warnings() -> Iterator[list[str]]:
-    """Collect what MuJoCo warns of within the block, instead; what cannot be is raised by who asks."""
+    """Collect MuJoCo's warnings within the block instead of printing them; callers raise what they refuse."""
     said: list[str] = []
     previous = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(said.append)

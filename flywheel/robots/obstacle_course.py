@@ -22,7 +22,7 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class ObstacleCourse:
-    """Where to go from where, among what.
+    """Start, goals and boxes of a course.
 
     Attributes:
       name: of it.

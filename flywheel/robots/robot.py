@@ -1,152 +1,20 @@
-"""The robot as the rest of the project sees it: bodies, tracked points, cables and winches.
+"""The robot as the rest of the project sees it: its parts, and how its winches move.
 
-Everything here is read off one MJCF (`Robot.from_mjcf`); no number stands anywhere else.
+Every number is read off one MJCF, by `read_robot`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.records import Episode, Floats, State
-
-
-@dataclass(frozen=True)
-class Primitive:
-    """One geometric piece of a rigid body.
-
-    Attributes:
-      name: the geom's name, or one made from its body and number.
-      shape: MuJoCo's geom type in lower case ("sphere", "cylinder", "capsule", "box", ...).
-      size: (3,) half-sizes as in MJCF [m].
-      offset: (3,) centre in the body frame [m].
-      axis: (3,) unit z-axis of the geom in the body frame.
-      mass: [kg].
-      inertia: (3,) principal moments about its centre in the geom frame [kg m^2].
-      collides: takes part in contact with the ground.
-    """
-
-    name: str
-    shape: str
-    size: Floats
-    offset: Floats
-    axis: Floats
-    mass: float
-    inertia: Floats
-    collides: bool
-
-
-@dataclass(frozen=True)
-class Body:
-    """A rigid body that can move.
-
-    Attributes:
-      name: as in the MJCF.
-      mass: [kg].
-      inertia: (3,) principal moments about the centre of mass [kg m^2].
-      com: (3,) centre of mass in the body frame [m].
-      primitives: its geometric pieces.
-      points: indices into `Robot.points` of the tracked points on it.
-    """
-
-    name: str
-    mass: float
-    inertia: Floats
-    com: Floats
-    primitives: tuple[Primitive, ...]
-    points: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class TrackedPoint:
-    """A point whose position the robot's sensors give: an end cap, or a marker.
-
-    Attributes:
-      name: the sensor's name; recordings' columns are `<name>.x/.y/.z`.
-      body: index into `Robot.bodies`.
-      offset: (3,) in the body frame [m].
-      radius: of the sphere around it that touches the ground [m]; 0 where nothing does.
-    """
-
-    name: str
-    body: int
-    offset: Floats
-    radius: float
-
-
-@dataclass(frozen=True)
-class Attachment:
-    """Where a cable ends: `offset` [m] in the frame of body `body`, or of the world if body is -1.
-
-    Attributes:
-      body: index into `Robot.bodies`, -1 for the world.
-      offset: (3,) [m].
-      point: index of the nearest tracked point on the same body, -1 for the world. The learner,
-        which cannot see the twist, takes the cable to end there.
-    """
-
-    body: int
-    offset: Floats
-    point: int
-
-
-@dataclass(frozen=True)
-class Cable:
-    """A tension-only element between two attachments.
-
-    Attributes:
-      name: the tendon's name.
-      ends: its two attachments.
-      stiffness: [N/m].
-      damping: [N s/m].
-      rest_length: at the keyframe [m].
-      winch: index into `Robot.winches` of the winch that drives it, -1 if passive.
-    """
-
-    name: str
-    ends: tuple[Attachment, Attachment]
-    stiffness: float
-    damping: float
-    rest_length: float
-    winch: int
-
-
-@dataclass(frozen=True)
-class Winch:
-    """A motor that changes the rest length of one or several cables by the same amount.
-
-    Attributes:
-      name: of the control: the actuator's name, or that of the MJCF's tuple of several actuators;
-        recordings' column is `ctrl.<name>`.
-      kind: "rate" (control = rate of the rest length [m/s], positive pays out) or "position"
-        (control = rest length wanted [m], reached with a first-order lag).
-      cables: indices into `Robot.cables`. The first is the one whose actuator is measured, else the
-        first one of the tuple: the winch's position is its rest length.
-      actuators: indices of the MJCF's actuators that this control drives, one per cable.
-      activation: place of its position in `State.act`.
-      control_range: (low, high) of the control [m/s or m].
-      rest_range: (low, high) of the rest length of its first cable [m].
-      time_constant: of the lag of a position winch [s]; 0 for a rate winch.
-      measured: the MJCF has a sensor for its position.
-      sensor: that sensor's name, the recordings' column; "" where there is none.
-    """
-
-    name: str
-    kind: Literal["rate", "position"]
-    cables: tuple[int, ...]
-    actuators: tuple[int, ...]
-    control_range: tuple[float, float]
-    rest_range: tuple[float, float]
-    time_constant: float
-    measured: bool
-    activation: int
-    sensor: str = ""
+from flywheel.robots.parts import Body, Cable, TrackedPoint, Winch
 
 
 @dataclass(frozen=True)
@@ -179,21 +47,34 @@ class Robot:
     grounded: bool
     free: bool
 
-    @classmethod
-    def from_mjcf(cls, source: str | Path) -> Robot:
-        """Read a robot from an MJCF file, or from its text.
-
-        Raises:
-          RobotError: the MJCF cannot be used; the message says which element and what is allowed.
-        """
-        from flywheel.robots.mjcf_reader import read_robot  # the reader imports this module
-
-        return read_robot(source)
-
     @cached_property
     def tethered(self) -> bool:
         """Whether a cable ends on something that cannot move."""
         return any(end.body < 0 for cable in self.cables for end in cable.ends)
+
+    def offsets_of(self, body: Body) -> Floats:
+        """(n, 3) places of a body's n tracked points in its frame [m]."""
+        return np.array([self.points[i].offset for i in body.points])
+
+    def com_weights(self, body: Body) -> Floats:
+        """(n,) weights with sum 1 of a body's tracked points, whose combination is nearest its CoM."""
+        offsets = self.offsets_of(body)
+        middle = offsets.mean(axis=0)
+        extra = np.linalg.pinv((offsets - middle).T, rcond=1e-9) @ (body.com - middle)
+        return 1.0 / len(offsets) + extra - extra.mean()
+
+    @cached_property
+    def center_weights(self) -> Floats:
+        """(P,) weights with sum 1 whose combination of the tracked points is the centre of mass.
+
+        Exact where each body's centre of mass lies in the span of its points (a rod with a cap at each
+        end); else the nearest such combination. Bodies without points do not count.
+        """
+        weights = np.zeros(len(self.points))
+        for body in self.bodies:
+            if body.points:
+                weights[list(body.points)] += body.mass * self.com_weights(body)
+        return weights / weights.sum()
 
     def require_free(self, to_be: str) -> None:
         """Refuse a robot with joints: the one place that says what it cannot do yet.
@@ -324,12 +205,38 @@ class Robot:
         Returns:
           (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
         """
-        command = np.clip(controls, self.control_low, self.control_high)
+        told = np.clip(controls, self.control_low, self.control_high)
+        return self.wind(start, told, dt, measured)
+
+    def wind(
+        self,
+        start: Floats,
+        told: Floats,
+        dt: float,
+        measured: Floats | None = None,
+        loaded: Callable[[int, Floats, Floats], Floats] | None = None,
+    ) -> Floats:
+        """Winch positions step by step, from what winches are told; the loop behind all dead reckoning.
+
+        Args:
+          start: (..., W) positions before the first step [m].
+          told: (..., T, W) what nominal winches are told; not clipped.
+          dt: control step [s].
+          measured: (..., T + 1, W) positions to take instead, and to go on from; NaN where not [m].
+          loaded: takes a step, the positions and what is told then, both (..., W); returns what nominal
+            winches would have to be told to move as the loaded ones do.
+
+        Returns:
+          (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
+        """
         positions = [np.asarray(start)]
-        for t in range(controls.shape[-2]):
-            reckoned = self.wound(positions[-1], command[..., t, :], dt)
+        for step in range(told.shape[-2]):
+            now, command = positions[-1], told[..., step, :]
+            if loaded is not None:
+                command = loaded(step, now, command)
+            after = self.wound(now, command, dt)
             if measured is not None:
-                known = measured[..., t + 1, :]
-                reckoned = np.where(np.isfinite(known), known, reckoned)
-            positions.append(reckoned)
+                known = measured[..., step + 1, :]
+                after = np.where(np.isfinite(known), known, after)
+            positions.append(after)
         return np.stack(positions, axis=-2)

@@ -21,7 +21,7 @@ import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.records import Floats
-from flywheel.robots.robot import Winch
+from flywheel.robots.parts import Winch
 
 LAST_GROUP = 30  # of actuators that an MJCF can disable
 KINDS: dict[int, Literal["rate", "position"]] = {

@@ -1,10 +1,12 @@
-"""What stands around a robot: boxes that its plant collides with and its tasks plan around."""
+"""What is around a robot: gravity, and boxes that its plant collides with and its tasks plan around."""
 
 from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
 
 from flywheel.quantities import Metres, PositiveMetres
+
+GRAVITY = 9.81  # for natural units; a simulation takes the MJCF's [m/s^2]
 
 
 class Box(BaseModel):

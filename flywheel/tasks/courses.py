@@ -10,7 +10,6 @@ import numpy as np
 from flywheel.errors import ConfigError
 from flywheel.records import Floats
 from flywheel.robots import ObstacleCourse, Robot, load_course
-from flywheel.tasks.center import center_weights
 from flywheel.tasks.config import TaskConfig
 from flywheel.tasks.reach import (
     ATTEMPTS,
@@ -33,7 +32,7 @@ def obstacle_course(
         begin = Stand(here, float(rng.uniform(-np.pi, np.pi)))
         goals = [_around(goal, robot, rng, config) for goal in course.goals]
         try:
-            points = begin.points(start, center_weights(robot))
+            points = begin.points(start, robot.center_weights)
             check_start(robot, here, points, course.obstacles)
             return replace(_through(course, robot, here, goals, config), begin=begin)
         except ConfigError as error:
@@ -46,7 +45,7 @@ def obstacle_course(
 
 def tour(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig) -> Task:
     """Goals on open ground, one after the other."""
-    here: Floats = center_weights(robot) @ start[:, :2]
+    here: Floats = robot.center_weights @ start[:, :2]
     goals = []
     for _ in range(config.stops):
         here = drawn_goal(robot, here, rng, config)

@@ -7,19 +7,18 @@ import numpy as np
 from flywheel.errors import ConfigError
 from flywheel.records import Floats
 from flywheel.robots import Box, Robot
-from flywheel.tasks.center import center_weights
 from flywheel.tasks.config import TaskConfig
 from flywheel.tasks.costs import Arrival, Broadside, Collision, FinalDistance, MeanDistance
 from flywheel.tasks.distance import Grid, StraightLine, grid_around, near_boxes
 from flywheel.tasks.task import Cost, Task
 
 ATTEMPTS = 200  # draws of goal and boxes before a course counts as impossible
-MARGIN = 2.0  # of ground around start, goal and boxes [robot lengths]
+MARGIN = 2.0  # margin of ground around start, goal and boxes [robot lengths]
 
 
 def reach(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig) -> Task:
     """A goal on open ground."""
-    goal = drawn_goal(robot, center_weights(robot) @ start[:, :2], rng, config)
+    goal = drawn_goal(robot, robot.center_weights @ start[:, :2], rng, config)
     return on_open_ground("reach", robot, goal, config)
 
 
@@ -43,7 +42,7 @@ def reach_among_boxes(
     robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig
 ) -> Task:
     """A goal behind boxes that the robot has to go around."""
-    here = center_weights(robot) @ start[:, :2]
+    here = robot.center_weights @ start[:, :2]
     boxes, goal, ways = _course(robot, here, start, rng, config)
     return around_boxes("reach_among_boxes", robot, goal, ways, boxes, config)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from flywheel.records import Floats
 from flywheel.robots import Box, Robot
-from flywheel.tasks.center import center_weights
 
 
 class Distance(Protocol):
@@ -83,13 +81,9 @@ class Task:
         """(2,) where it all ends [m]."""
         return self.goal if self.then is None else self.then.last_goal
 
-    @cached_property
-    def _weights(self) -> Floats:
-        return center_weights(self.robot)
-
     def place(self, points: Floats) -> Floats:
         """Where the robot is: (..., 2) of its centre of mass, for points (..., P, 3) [m]."""
-        return np.einsum("p,...pi->...i", self._weights, points[..., :2])
+        return np.einsum("p,...pi->...i", self.robot.center_weights, points[..., :2])
 
     def distance(self, points: Floats) -> Floats:
         """Straight distance (...) of the centre of mass to the goal, for points (..., P, 3) [m]."""

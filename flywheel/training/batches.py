@@ -52,7 +52,7 @@ class Batch:
         return Batch(**parts, terrains=terrains, view=self.view[rows])
 
     def to(self, device: str) -> Batch:
-        """The same on a device."""
+        """A copy on a device."""
         parts = {name: part.to(device) for name, part in self._tensors().items()}
         view = View(self.view.angle.to(device), self.view.shift.to(device))
         return Batch(**parts, terrains=self.terrains, view=view)

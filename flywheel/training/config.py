@@ -144,7 +144,7 @@ class TrainingConfig(_Frozen):
     @model_validator(mode="before")
     @classmethod
     def _schedules_keep_what_is_not_given(cls, values: Any) -> Any:
-        """So that `training.initial.steps=500` alone changes just that."""
+        """Fill in a schedule from the default: `training.initial.steps=500` changes just that."""
         if not isinstance(values, dict):
             return values
         partial = {

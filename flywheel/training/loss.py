@@ -46,7 +46,7 @@ class Scales:
     winch: Tensor
 
     def to(self, device: str) -> Scales:
-        """The same on another device."""
+        """A copy on another device."""
         return Scales(self.velocity.to(device), self.position.to(device), self.winch.to(device))
 
 

@@ -161,7 +161,7 @@ class Trainer:
         return self._result(state)
 
     def _start(self) -> _State:
-        """From the folder's checkpoint, else from the initial weights, else from random ones."""
+        """State to begin with: the folder's checkpoint, else the initial weights, else random ones."""
         config = self._config
         network = self._first_network().to(config.device)
         optimiser = torch.optim.AdamW(

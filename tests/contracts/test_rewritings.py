@@ -20,7 +20,7 @@ from flywheel.dynamics.plant import AugmentedPlant, Plant
 from flywheel.dynamics.plant.refined import refined
 from flywheel.effects import EFFECTS, NAMED, Scales, Term
 from flywheel.records import Observation, State, Trajectory
-from flywheel.robots import ROBOTS, Box, Robot, load_robot
+from flywheel.robots import ROBOTS, Box, Robot, load_robot, read_robot
 from flywheel.terrain import Terrain
 from flywheel.truth_simulator.body_effects import Payload
 from flywheel.truth_simulator.ground_effects import RollingResistance
@@ -117,13 +117,13 @@ def numbers(robot: Robot) -> dict[str, Sequence[Any]]:
 
 @cache
 def original(name: str) -> Mapping[str, Sequence[Any]]:
-    return numbers(Robot.from_mjcf(XML[name]))
+    return numbers(read_robot(XML[name]))
 
 
 @pytest.mark.parametrize("rewriting", WRITTEN.values(), ids=WRITTEN)
 @pytest.mark.parametrize("name", XML)
 def test_a_robot_in_other_words_gives_the_same_numbers(name: str, rewriting) -> None:
-    again = numbers(Robot.from_mjcf(rewritten(XML[name], rewriting)))
+    again = numbers(read_robot(rewritten(XML[name], rewriting)))
     differing = [
         what
         for what, values in original(name).items()
@@ -259,7 +259,7 @@ def test_a_robot_whose_contacts_are_listed_in_pairs_moves_alike(name: str) -> No
 
 def moves_alike(name: str, rewriting: Rewriting) -> None:
     """Nothing, or any effect, leads the robot to the same place anywhere."""
-    robot, again = (Robot.from_mjcf(xml) for xml in (XML[name], rewritten(XML[name], rewriting)))
+    robot, again = (read_robot(xml) for xml in (XML[name], rewritten(XML[name], rewriting)))
     order = Order.of(robot, again)
     assert edges(again) == edges(robot)
     terms = [(), *terms_of(robot, 0)]
@@ -311,7 +311,7 @@ def diagnosed(robot: Robot, log: Trajectory) -> Diagnosis:
 
 @cache
 def original_answer() -> tuple[Trajectory, Diagnosis]:
-    robot = Robot.from_mjcf(XML["swing"])
+    robot = read_robot(XML["swing"])
     log = recording(robot)
     return log, diagnosed(robot, log)
 
@@ -320,15 +320,15 @@ def original_answer() -> tuple[Trajectory, Diagnosis]:
 def test_a_robot_in_other_words_lacks_the_same_to_the_last_digit(rewriting) -> None:
     log, first = original_answer()
     assert first.verdict is Verdict.EFFECT
-    again = diagnosed(Robot.from_mjcf(rewritten(XML["swing"], rewriting)), log)
+    again = diagnosed(read_robot(rewritten(XML["swing"], rewriting)), log)
     assert answer(again) == answer(first)
 
 
 @pytest.mark.parametrize("rewriting", ORDERED.values(), ids=ORDERED)
 def test_a_robot_in_another_order_lacks_the_same(rewriting) -> None:
     log, first = original_answer()
-    robot = Robot.from_mjcf(XML["swing"])
-    again = Robot.from_mjcf(rewritten(XML["swing"], rewriting))
+    robot = read_robot(XML["swing"])
+    again = read_robot(rewritten(XML["swing"], rewriting))
     order, seen = Order.of(robot, again), log.observations
     there = Trajectory(
         Observation(_sorted_out(seen.points, order.points), _sorted_out(seen.winch, order.winches)),

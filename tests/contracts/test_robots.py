@@ -10,7 +10,7 @@ import pytest
 
 from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.records import Past, State
-from flywheel.robots import ROBOTS, Robot, load_robot
+from flywheel.robots import ROBOTS, Robot, load_robot, read_robot
 
 DT = 0.01
 
@@ -65,9 +65,9 @@ def test_most_cables_hold_it_up(robot: Robot) -> None:
 def test_its_digest_ignores_layout_and_comments_but_no_number(robot: Robot) -> None:
     assert load_robot(robot.name).digest == robot.digest
     spaced = robot.xml.replace("><", ">\n\n<").replace("<worldbody>", "<worldbody><!-- here -->")
-    assert Robot.from_mjcf(spaced).digest == robot.digest
+    assert read_robot(spaced).digest == robot.digest
     heavier = robot.xml.replace('timestep="0.005"', 'timestep="0.004"')
-    assert Robot.from_mjcf(heavier).digest != robot.digest
+    assert read_robot(heavier).digest != robot.digest
 
 
 def test_masses_and_centres_are_those_of_its_pieces(robot: Robot) -> None:

@@ -27,7 +27,7 @@ from flywheel.dynamics.gnn import load_weights
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import AdoptedPlant
 from flywheel.errors import FlywheelError
-from flywheel.robots import Robot, load_course, load_robot
+from flywheel.robots import load_course, load_robot, read_robot
 from flywheel.runtime.config.run_config import load_config
 from tests.fuzz import mutators, samples
 
@@ -201,7 +201,7 @@ def mjcfs(work: Path) -> Kind:
         path.write_bytes(spoilt.content)
 
         def used() -> None:
-            robot = Robot.from_mjcf(path)
+            robot = read_robot(path)
             plant = Plant(robot, dt=robot.timestep)
             hold = robot.holding(plant.winch(plant.rest()))[:, None]
             seen = plant.simulate(plant.rest(), np.repeat(hold, 5, axis=1)).observations.points

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flywheel.robots import Robot
+from flywheel.robots import Robot, read_robot
 
 MASS, STIFFNESS, HEIGHT, REST = 2.0, 500.0, 3.0, 1.0
 
@@ -56,4 +56,4 @@ def hanging(
         tendon=tendon,
         actuator=actuator,
     )
-    return Robot.from_mjcf(xml)
+    return read_robot(xml)

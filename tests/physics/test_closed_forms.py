@@ -7,7 +7,7 @@ import pytest
 
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.records import State, Trajectory
-from flywheel.robots import Robot
+from flywheel.robots import Robot, read_robot
 from tests.physics.small_robots import HEIGHT, MASS, REST, STIFFNESS, hanging
 
 G = 9.81
@@ -94,7 +94,7 @@ def test_controls_and_rest_lengths_end_at_their_limits() -> None:
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 def test_friction_stops_a_sliding_box_after_its_distance(scale: float) -> None:
     robot = hanging(z=0.0997, rest=SLACK, shape="box")
-    robot = Robot.from_mjcf(robot.xml.replace(f'pos="0 0 {HEIGHT}"', f'pos="0 0 {1.0}"'))
+    robot = read_robot(robot.xml.replace(f'pos="0 0 {HEIGHT}"', f'pos="0 0 {1.0}"'))
     trajectory = run(robot, 1.5, speed=(1.5, 0.0, 0.0), friction=scale)
     slid = trajectory.observations.points[0, -1, 0, 0]
     assert slid == pytest.approx(1.5**2 / (2 * 0.5 * scale * G), rel=0.06)
@@ -102,7 +102,7 @@ def test_friction_stops_a_sliding_box_after_its_distance(scale: float) -> None:
 
 def test_contact_stiffness_scales_how_deep_it_rests_in_the_ground() -> None:
     robot = hanging(z=0.1, rest=SLACK)
-    robot = Robot.from_mjcf(robot.xml.replace(f'pos="0 0 {HEIGHT}"', f'pos="0 0 {1.0}"'))
+    robot = read_robot(robot.xml.replace(f'pos="0 0 {HEIGHT}"', f'pos="0 0 {1.0}"'))
     depth = [0.1 - height(run(robot, 3.0, contact_stiffness=s))[-1] for s in (1.0, 0.25)]
     assert depth[0] > 1e-5
     assert depth[1] / depth[0] == pytest.approx(4.0, rel=0.1)
@@ -120,7 +120,7 @@ def test_a_passive_cable_with_a_clamped_actuator_only_pulls() -> None:
         .replace("</actuator>", below.format(pull=200 * 1.8) + "</actuator>")
         .replace('<site name="anchor"', '<site name="floor"/> <site name="anchor"')
     )
-    robot = Robot.from_mjcf(xml)
+    robot = read_robot(xml)
     tie = robot.cables[1]
     assert (tie.winch, tie.stiffness, tie.damping) == (-1, 200.0, 5.0)
     assert tie.rest_length == pytest.approx(1.8)

@@ -13,7 +13,7 @@ from flywheel.dynamics.plant.world import scene
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.errors import DataError, ModelError
 from flywheel.records import State
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.terrain import BRINK, Terrain
 from tests import draws
 from tests.physics.small_robots import hanging
@@ -108,7 +108,7 @@ def test_what_is_no_terrain_is_refused(heights: np.ndarray, cell: float, message
 
 
 def test_a_robot_without_a_ground_cannot_stand_on_one() -> None:
-    floating = Robot.from_mjcf(hanging().xml.replace('<geom type="plane" size="9 9 .1"/>', ""))
+    floating = read_robot(hanging().xml.replace('<geom type="plane" size="9 9 .1"/>', ""))
     with pytest.raises(ModelError, match="level ground plane"):
         Plant(floating, terrain=gentle())
 

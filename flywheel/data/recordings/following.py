@@ -24,22 +24,21 @@ from flywheel.data.recordings.geometry import (
 )
 from flywheel.data.recordings.pieces import distance, pieces
 from flywheel.records import Floats
-from flywheel.robots import Robot
+from flywheel.robots import GRAVITY, Robot
 
-GRAVITY = 9.81
-FASTEST = 3.0  # times the speed of a fall from L: no marker is faster
-NOISES = 8.0  # standard deviations that are no noise any more
-PLACED = 0.05  # of a rod: as much may markers be placed elsewhere than in the MJCF
-LEAST_WRONG = 0.02  # of a rod as the log usually has it
-MOST_WRONG = 0.3  # of a rod: however noisy
+FASTEST = 3.0  # in speeds of a fall from L: no marker is faster
+NOISES = 8.0  # standard deviations beyond which it is not noise
+PLACED = 0.05  # share of a rod: tolerance of marker placement against the MJCF
+LEAST_WRONG = 0.02  # share of a rod's usual length in the log
+MOST_WRONG = 0.3  # share of a rod: largest tolerance, however noisy the log
 MUCH_BETTER = 0.5  # an exchange must at least halve the leaps
-FEWEST_ROWS, MOST_ROWS = 16, 4096  # that are decided at once
+FEWEST_ROWS, MOST_ROWS = 16, 4096  # rows decided at once
 PASSES = 8  # over the same rows: while a marker is away, each decides one row more
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is possible.
+    """Limits on how markers can move and lie.
 
     Attributes:
       rods: pairs of points at a known distance.
@@ -59,7 +58,7 @@ class Bounds:
 
     @classmethod
     def of(cls, points: Floats, robot: Robot) -> Bounds:
-        """From the robot's size, and from the noise that the points (N, P, 3) have."""
+        """Bounds from the robot's size and the noise of the points (N, P, 3)."""
         rods = pairs(robot)
         known = np.array([rod.distance for rod in rods])
         usual = usual_distances(points, rods)
@@ -91,7 +90,7 @@ class Bounds:
 
 
 class Followed:
-    """What the rows say.
+    """Markers assigned to their points, row by row.
 
     Attributes:
       order: (N, P) the marker that each point is under.
@@ -148,7 +147,7 @@ class _Rows:
         return len(self.now)
 
     def first(self, rows: int) -> _Rows:
-        """So many of them."""
+        """The first rows, that many."""
         return _Rows(
             self.order,
             self.now[:rows],

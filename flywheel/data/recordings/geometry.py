@@ -1,4 +1,4 @@
-"""Is it this robot, in metres, with z up, commanded within its range? The MJCF knows."""
+"""Checks of a log against the MJCF: the robot, the units, the vertical axis and the commands' range."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from flywheel.errors import DataError
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
-SAME = 0.05  # relative: distances on a body are the MJCF's
-UNIT = 0.1  # relative: a ratio is that of two units
-BELOW = 0.05  # of L: how far below the ground is too far
+SAME = 0.05  # relative: distances on a body agree with the MJCF's
+UNIT = 0.1  # relative: a ratio agrees with that of two units
+BELOW = 0.05  # depth below the ground that is too far, in L
 OFTEN = 0.1  # share of the samples
-SLACK = 1e-6  # of a range: rounding in the log
+SLACK = 1e-6  # share of a range: rounding in the log
 DEGREES = np.pi / 180
-FEW = 0.01  # share of the values: too few to speak of another unit
-FILLED = 0.1  # of a range: what a unit that is meant would use of it at least
-HIGH = 0.1  # of L: above the ground, where a robot stands on it
+FEW = 0.01  # share of the values: too few to suggest another unit
+FILLED = 0.1  # share of a range that values in the right unit use at least
+HIGH = 0.1  # height above the ground at which a robot stands on it, in L
 
 
 @dataclass(frozen=True)
@@ -58,19 +58,19 @@ def distances(points: Floats, rods: list[Pair]) -> Floats:
 
 
 def median(values: Floats) -> float:
-    """Of the values (N,) that are not NaN; NaN where all are."""
+    """The median of the values (N,) that are not NaN; NaN where all are."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else np.nan
 
 
 def usual_distances(points: Floats, rods: list[Pair]) -> Floats:
     """(rods,) medians over time of the distances of points (N, P, 3) [m]; NaN where never seen."""
-    # One after the other: together they would be larger than the log.
+    # One at a time: together they would be larger than the log.
     return np.array([median(distances(points, [rod])[:, 0]) for rod in rods])
 
 
 def check_units(points: Floats, robot: Robot) -> None:
-    """Raises DataError where all distances are off by the ratio of two units."""
+    """Raise DataError where all distances are off by the ratio of two units."""
     rods = pairs(robot)
     ratio = usual_distances(points, rods) / [rod.distance for rod in rods]
     ratio = ratio[np.isfinite(ratio)]
@@ -94,7 +94,7 @@ def check_units(points: Floats, robot: Robot) -> None:
 
 
 def check_robot(points: Floats, robot: Robot) -> None:
-    """Raises DataError where distances on bodies are usually not the MJCF's."""
+    """Raise DataError where distances on bodies are usually not the MJCF's."""
     rods = pairs(robot)
     usual = usual_distances(points, rods)
     wrong = [
@@ -135,7 +135,7 @@ def _exchange(points: Floats, robot: Robot, rods: list[Pair]) -> str:
 
 
 def check_up(points: Floats, robot: Robot) -> None:
-    """Raises DataError where markers are often below the ground."""
+    """Raise DataError where markers are often below the ground."""
     if not robot.grounded:
         return
     radius = np.array([point.radius for point in robot.points])
@@ -167,7 +167,7 @@ def floating(points: Floats, robot: Robot) -> list[Finding]:
 
 
 def check_commands(log: Log, robot: Robot) -> None:
-    """Raises DataError where a command that acts on something is beyond its range."""
+    """Raise DataError where a command that acts on something is beyond its range."""
     used = log.controls[:-1]
     slack = SLACK * (robot.control_high - robot.control_low)
     beyond = (used < robot.control_low - slack) | (used > robot.control_high + slack)
@@ -189,7 +189,7 @@ def check_commands(log: Log, robot: Robot) -> None:
 
 
 def check_winches(log: Log, robot: Robot) -> None:
-    """Raises DataError where winch positions are often not where the winch can be."""
+    """Raise DataError where winch positions are often not where the winch can be."""
     for name, index in winch_names(robot).items():
         winch = robot.winches[index]
         low, high = winch.rest_range

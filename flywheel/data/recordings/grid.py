@@ -1,4 +1,4 @@
-"""From a log's own times to the regular control steps of an episode.
+"""Resample a log from its own times to the regular control steps of an episode.
 
 Nothing is interpolated: between two noisy measurements lies no third. A sample counts for the grid
 time that it is near to, within `jitter`; grid times without one have NaN, which is how a 50 Hz log
@@ -19,10 +19,10 @@ from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Trajectory
 from flywheel.robots import Robot
 
-CLOSE = 0.1  # relative: the log's rate is meant to be the grid's
-PHASE_ROWS = 100  # whose stamps say where the grid begins
-MOST_NUMBERS = 27_000_000  # of one log's episodes: storing them takes 1 GB of memory
-LEAST_ON_GRID = 0.75  # share of the samples that one could hope for; by chance it is 2 jitter
+CLOSE = 0.1  # relative: the log's rate is the grid's
+PHASE_ROWS = 100  # first rows whose stamps decide where the grid begins
+MOST_NUMBERS = 27_000_000  # numbers in one log's episodes: storing them takes 1 GB of memory
+LEAST_ON_GRID = 0.75  # share of the possible samples; by chance it is 2 jitter
 
 
 def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajectory, list[Finding]]:
@@ -60,7 +60,7 @@ def most_rows(robot: Robot) -> int:
 
 
 def check_steps(parts: Sequence[Log], robot: Robot, dt: float) -> None:
-    """Raises DataError where the parts of a log have too many control steps of dt [s]."""
+    """Raise DataError where the parts of a log have too many control steps of dt [s]."""
     seconds, most = sum(float(part.time[-1] - part.time[0]) for part in parts), most_rows(robot)
     if seconds / dt > most:
         raise DataError(
@@ -70,7 +70,7 @@ def check_steps(parts: Sequence[Log], robot: Robot, dt: float) -> None:
 
 
 def _phase(time: Floats, period: float, dt: float) -> float:
-    """Where the grid begins: the first rows' stamps are early and late of it alike."""
+    """Time at which the grid begins: the median offset of the first rows' stamps."""
     multiple = max(1.0, np.rint(period / dt)) / max(1.0, np.rint(dt / period))
     if abs(period / (multiple * dt) - 1) < CLOSE:
         period = multiple * dt  # the usual time between jittering stamps is not exact
@@ -85,7 +85,7 @@ def _closest(
     chosen = np.full(steps + 1, -1, np.int64)
     usable = fits & (nearest >= 0)
     rows = np.flatnonzero(usable)
-    # Far ones first, so that the nearest of several has the last word.
+    # Far ones first, so that the nearest of several overwrites the others.
     rows = rows[np.argsort(-off[rows], kind="stable")]
     chosen[nearest[rows]] = rows
     return chosen
@@ -109,7 +109,7 @@ def _held(begins: Floats, controls: Floats, steps: int, dt: float) -> Floats:
     single = controls[first]
     if np.array_equal(first, last):
         return single
-    known = controls[:-1]  # the last row's act on nothing
+    known = controls[:-1]  # the last row's commands act on nothing
     until = np.concatenate(
         [np.zeros((1, known.shape[1])), np.cumsum(known * np.diff(begins)[:, None], axis=0)]
     )

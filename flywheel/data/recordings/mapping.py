@@ -27,9 +27,9 @@ from flywheel.records import Floats
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
-ANGLES = {"rad": 1.0, "deg": math.pi / 180}  # of a winch's drum
-LONGEST_WORDS = 1000  # characters of what was special about a day
-MOST_PROBLEMS = 8  # of a map that are told
+ANGLES = {"rad": 1.0, "deg": math.pi / 180}  # angle of a winch's drum
+LONGEST_WORDS = 1000  # characters of a note
+MOST_PROBLEMS = 8  # problems of a map listed in a message
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Repair = Literal["swaps"]
 
@@ -41,7 +41,7 @@ def _plain(text: str) -> str:
 
 
 Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_plain)]
-Coordinate = Annotated[float, Bounds(-1e8, 1e8, "m")]  # those of the whole Earth are smaller
+Coordinate = Annotated[float, Bounds(-1e8, 1e8, "m")]  # positions anywhere on Earth are smaller
 Radius = Annotated[float, Bounds(1e-4, 100, "m")]  # of a drum
 Jitter = Annotated[float, Bounds(0, 0.5, below=True)]
 

@@ -34,10 +34,10 @@ from flywheel.quantities import CONTROL_STEP
 from flywheel.records import Episode, Floats, Provenance, Split, Trajectory
 from flywheel.robots import Robot
 
-DATASET = "recording"  # the data set in the network's one-hot
+DATASET = "recording"  # name of the data set, for the network's one-hot
 SHARES: dict[Split, float] = {"train": 0.6, "validation": 0.2, "test": 0.2}
-DIGITS = 16  # of the content's digest, in names
-LEAST_KEPT = 0.1  # share of the measured points; where more are wrong, what seems right may be too
+DIGITS = 16  # characters of the content's digest, in names
+LEAST_KEPT = 0.1  # share of the measured points; where more are wrong, the others cannot be trusted
 LEAST_SEEN = 0.02  # share of all points and times; cameras of 10 Hz in a log of 100 Hz give 10 %
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flywheel.records import Floats
 
 Action = Literal["masked", "repaired", "resampled", "left out", "split", "noted"]
-SPANS_KEPT = 20  # of one finding: a flickering marker has thousands
+SPANS_KEPT = 20  # spans kept per finding: a flickering marker has thousands
 
 
 @dataclass(frozen=True)
@@ -86,10 +86,6 @@ class ImportReport:
     steps: tuple[int, ...]
     seen: float
     findings: tuple[Finding, ...]
-
-    def of_kind(self, kind: str) -> tuple[Finding, ...]:
-        """The findings of one kind."""
-        return tuple(f for f in self.findings if f.kind == kind)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""

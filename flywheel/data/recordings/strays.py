@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from flywheel.data.recordings.pieces import distance, pieces
 from flywheel.records import Floats
 
-SIGHT = 2.5  # usual times between rows: neighbours further apart say nothing
-ISLAND_SECONDS = 0.5  # a marker that is right for shorter, between wrong samples, is so by chance
+SIGHT = 2.5  # usual periods: neighbours further apart say nothing
+ISLAND_SECONDS = 0.5  # shorter runs of right samples between wrong ones are chance
 
 
 def spikes(points: Floats, time: Floats, kick: float, noise: float) -> NDArray[np.bool_]:

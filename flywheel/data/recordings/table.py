@@ -35,8 +35,9 @@ LONGEST_NAME = 200  # characters of a column's name
 LONGEST_LINE = 1_000_000  # characters
 MOST_BLANK = 1_000  # lines before the header
 READ_AT_ONCE = 1 << 20  # bytes
-CELLS_AT_ONCE = 5_000  # made numbers
-PACKED = (b"\x1f\x8b", b"PK\x03\x04", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd")  # begin so
+CELLS_AT_ONCE = 5_000  # cells converted to numbers at once
+# First bytes of packed files.
+PACKED = (b"\x1f\x8b", b"PK\x03\x04", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd")
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 Told = Callable[[int, int], None]  # bytes read, of how many

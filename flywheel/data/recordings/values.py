@@ -11,8 +11,8 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 
 LATEST = 1e11  # [s]: 3000 years after 1970; beyond, stamps are too coarse for a control step
-FARTHEST = 1e6  # lengths of the robot from the origin: what is further away is no position
-OFTEN_FAR = 0.1  # share of the samples: the log is in another unit, or of something else
+FARTHEST = 1e6  # robot lengths from the origin: anything further away is no position
+OFTEN_FAR = 0.1  # share of such samples from which the log is in another unit
 
 
 def check_commanded(log: Log, robot: Robot) -> None:

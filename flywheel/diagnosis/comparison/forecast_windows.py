@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import noise_floor
@@ -18,6 +17,7 @@ from flywheel.evaluation import past_at, places
 from flywheel.evaluation.pasts import stacked
 from flywheel.records import Episode, Floats, Observation, Past, Provenance, Trajectory
 from flywheel.robots import Robot
+from flywheel.smoothing import savitzky_golay
 
 FEWEST_STEPS = 5  # of a window
 WARMUP = 0.55  # that a model moves by itself before it is taken for the truth [sqrt(L / g)]
@@ -151,7 +151,7 @@ class ForecastWindows:
         """Of each recording, (T + 1, P, 3) places [m] and speeds [m/s], without noise or gaps."""
         seconds = SMOOTHED * Scales.of(self.robot).time
         points = [e.trajectory.observations.points for e in self.recordings]
-        return tuple(smoothed(each, self.dt, seconds) for each in points)
+        return tuple(savitzky_golay(each, self.dt, seconds) for each in points)
 
     def controls(self, before: int = 0) -> Floats:
         """(K, before + steps, W) commands from so many steps before the windows to their ends."""
@@ -209,32 +209,6 @@ class ForecastWindows:
                 for i, first in zip(self.recording, self.first, strict=True)
             ]
         )
-
-
-def smoothed(points: Floats, dt: float, seconds: float) -> tuple[Floats, Floats]:
-    """Places [m] and speeds [m/s] by parabolas through the samples around each; gaps are bridged.
-
-    Args:
-      points: (T + 1, P, 3); NaN where missing [m].
-      dt: between them [s].
-      seconds: length of the parabolas [s].
-
-    Raises:
-      DataError: a point was never seen.
-    """
-    known = np.asarray(np.isfinite(points).all(axis=-1))
-    if not known.any(axis=0).all():
-        raise DataError(f"Tracked point {int(np.argmin(known.any(axis=0)))} was never seen.")
-    filled, time = points.copy(), np.arange(len(points))
-    for point, axis in np.ndindex(points.shape[1:]):
-        there = known[:, point]
-        filled[:, point, axis] = np.interp(time, time[there], points[there, point, axis])
-    size = min(2 * round(seconds / dt / 2) + 1, len(points) - 1 + len(points) % 2)  # odd
-    degree = min(2, size - 1)
-    return (
-        savgol_filter(filled, size, degree, axis=0),
-        savgol_filter(filled, size, degree, deriv=1, delta=dt, axis=0),
-    )
 
 
 def _tiled(episode: Episode, steps: int, lead: int) -> list[int]:

@@ -11,10 +11,10 @@ import numpy as np
 
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.dynamics.plant import Plant, RestartedPlant
-from flywheel.dynamics.plant.twist import rest_lengths
-from flywheel.records import Floats, Observation, Past, State
+from flywheel.dynamics.plant.poses import cable_lengths
+from flywheel.dynamics.plant.roll import rest_lengths
+from flywheel.records import Floats, Observation, Past
 from flywheel.robots import Attachment, Robot
-from flywheel.rotations import rotate
 
 NEAR = 3.0  # heights below this many sigmas are contact
 MOVING = 0.02  # of a winch's range of commands; less is holding
@@ -109,21 +109,8 @@ def cable_tensions(robot: Robot, points: Floats, winch: Floats, dt: float) -> Fl
     lead = points.shape[:2]
     flat, wound = points.reshape(-1, 1, *points.shape[2:]), winch.reshape(-1, 1, winch.shape[-1])
     past = Past(Observation(flat, wound), np.zeros((len(flat), 0, wound.shape[-1])), wound)
-    state = RestartedPlant(Plant(robot, dt), twist="relaxed").estimate(past)
-    stretch = cable_lengths(robot, state) - rest_lengths(robot, wound[:, 0])
+    state = RestartedPlant(Plant(robot, dt), roll="relaxed").estimate(past)
+    poses = state.qpos.reshape(len(state.qpos), -1, 7)
+    stretch = cable_lengths(robot, poses) - rest_lengths(robot, wound[:, 0])
     stiffness = np.array([cable.stiffness for cable in robot.cables])
     return (stiffness * np.maximum(stretch, 0.0)).reshape(*lead, -1)
-
-
-def cable_lengths(robot: Robot, state: State) -> Floats:
-    """(B, C) distances between the attachments [m] in states (B,) of free bodies."""
-    poses = state.qpos.reshape(len(state.qpos), -1, 7)
-
-    def end(attachment: Attachment) -> Floats:
-        if attachment.body < 0:
-            return attachment.offset
-        pose = poses[:, attachment.body]
-        return pose[:, :3] + rotate(pose[:, 3:], attachment.offset)
-
-    ends = [[end(attachment) for attachment in cable.ends] for cable in robot.cables]
-    return np.stack([np.linalg.norm(a - b, axis=-1) for a, b in ends], axis=-1)

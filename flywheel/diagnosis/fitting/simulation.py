@@ -164,13 +164,9 @@ class WindowSimulator:
     def _wound(self, start: Floats, told: Floats) -> Floats:
         """(n, T + 1, W) positions of rate-driven winches that begin at (W,) and are told (n, T, W)."""
         plant, robot = self.plant, self.windows.robot
-        speed = plant.winch_speed
-        now = np.repeat(np.clip(start, robot.rest_low, robot.rest_high)[None], len(told), axis=0)
-        positions = [now]
-        for step in range(told.shape[1]):
-            now = robot.wound(now, told[:, step] * speed, plant.dt)
-            positions.append(now)
-        return np.stack(positions, axis=1)
+        within = np.clip(start, robot.rest_low, robot.rest_high)
+        begin = np.repeat(within[None], len(told), axis=0)
+        return robot.wind(begin, told * plant.winch_speed, plant.dt)
 
     def _one_after_the_other(
         self, starts: InitialStates, terms: Sequence[Terms]

@@ -1,8 +1,8 @@
 """Where cables end: on the bodies' surfaces, beside the points that are tracked.
 
-A rod whose tracked points lie on its axis shows everything but its twist, the turn about that axis. Its
+A rod whose tracked points lie on its axis shows everything but its roll, the turn about that axis. Its
 cables end on its surface, though, and centimetres more or less of a stiff cable are all of its force.
-The twist can be computed: a rod has little inertia about its axis, so it soon comes to rest where the
+The roll can be computed: a rod has little inertia about its axis, so it soon comes to rest where the
 elastic energy of its cables is least. There it is taken to be, at the start of every prediction chunk.
 
 Arrays are component-major: (3, ..., M, K) for M things of K samples.
@@ -18,7 +18,7 @@ from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.records import Floats
 
-_GRID = 16  # angles tried per rod where nothing is known of its twist
+_GRID = 16  # angles tried per rod whose roll is unknown
 _SWEEPS = 2  # over all rods, in that search
 _SETTLING = 8  # descents after it
 _LARGEST = 0.5  # turn of one descent [rad]
@@ -27,7 +27,7 @@ _LARGEST = 0.5  # turn of one descent [rad]
 class Attachments:
     """The ends of all cables of a robot; ends 2c and 2c + 1 are those of cable c.
 
-    A *rod* is a body of which only an axis is seen. Its twist is told by its *side*: a unit vector
+    A *rod* is a body of which only an axis is seen. Its roll is told by its *side*: a unit vector
     across its axis that turns with it.
 
     Args:
@@ -47,7 +47,7 @@ class Attachments:
             anchored[row, graph.anchor_at(ends[row])] = 1.0
         for rod, row in np.argwhere(on_rod):
             across[row, rod :: len(on_rod)] = frames.across(bodies[row], ends[row].offset)
-        self._twists = bool(across.any())
+        self._rolls = bool(across.any())
         stiffness = np.array([cable.stiffness for cable in graph.robot.cables])
         # Rods are turned at the same time: a cable between two of them counts double in the bound on
         # the curvature, so that together they do not turn too far.
@@ -71,7 +71,7 @@ class Attachments:
     def positions(self, frames: Tensor, sides: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
         """(3, 2 C, K) places of all ends [m], and the part of them that is across a rod's axis [m].
 
-        Gradients pass through the frames, but not through the twist.
+        Gradients pass through the frames, but not through the roll.
 
         Args:
           frames: (3, F, K) rigid frames.
@@ -81,7 +81,7 @@ class Attachments:
         anchors = self._graph.anchors_from(origin, frames.shape[-1])
         seen = torch.cat([frames, anchors], dim=1) if anchors.shape[1] else frames
         along = torch.matmul(self._along, seen)
-        if not self._twists:
+        if not self._rolls:
             return along, torch.zeros_like(along)
         axes = frames[:, self._axes]
         sides = upright(sides, axes)
@@ -98,7 +98,7 @@ class Attachments:
           nodes: (3, N, K) velocities of the body nodes [m/s].
         """
         moved = torch.matmul(self._of_nodes, nodes)
-        if not self._twists:
+        if not self._rolls:
             return moved
         axes = frames[:, self._axes]
         turning = torch.matmul(self._axes_of_nodes, nodes)
@@ -115,7 +115,7 @@ class Attachments:
         """
         axes = frames[:, self._axes]
         sides = _any_across(axes)
-        if not self._twists:
+        if not self._rolls:
             return sides
         rest = self._rest(winch)
         angles = torch.arange(_GRID, device=axes.device) * (2.0 * np.pi / _GRID)
@@ -142,7 +142,7 @@ class Attachments:
     def follow(self, frames: Tensor, sides: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
         """The sides (3, R, K) after the rods have moved a little; arguments as of `find`."""
         sides = upright(sides, frames[:, self._axes])
-        return self._descended(frames, sides, origin, self._rest(winch)) if self._twists else sides
+        return self._descended(frames, sides, origin, self._rest(winch)) if self._rolls else sides
 
     def _rest(self, winch: Tensor) -> Tensor:
         """(C, K) rest lengths of the cables [m]."""

@@ -21,7 +21,6 @@ from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.learned import (
     BLOCK,
     LearnedDynamics,
-    Precision,
     one_thread_per_operation,
 )
 from flywheel.dynamics.gnn.network import ChunkNetwork
@@ -84,13 +83,11 @@ def rollout_call(
     candidates: int = CANDIDATES,
     threads: int = 1,
     block: int = BLOCK,
-    precision: Precision = "float32",
-    compile: bool = False,
 ) -> Callable[[], object]:
     """A call of a whole rollout of `STEPS` steps, from one past, as a planner makes it."""
     torch.manual_seed(0)
     network = ChunkNetwork(robot, config)
-    model = LearnedDynamics(robot, network, threads, block, precision, compile)
+    model = LearnedDynamics(robot, network, threads, block)
     rng = np.random.default_rng(0)
     points = rng.normal(0.0, 0.5, (1, 1, len(robot.points), 3)) * robot.length
     points = np.repeat(points, config.history + 1, axis=1)
@@ -124,9 +121,6 @@ def learned_against_plant(
     calls: dict[str, Callable[[], object]] = {"plant": plant}
     for name, config in configs.items():
         calls[f"{name}, float32"] = rollout_call(robot, config, candidates, threads)
-        calls[f"{name}, bfloat16"] = rollout_call(
-            robot, config, candidates, threads, precision="bfloat16"
-        )
     least = least_seconds(calls, seconds, threads)
     base = plant_steps / least.pop("plant")
     rates = {name: candidates * STEPS / each for name, each in least.items()}
@@ -146,19 +140,12 @@ def lean_against_paper(robot: Robot, width: int, seconds: float) -> tuple[Speed,
     )
 
 
-def fused_against_plain(
-    robot: Robot, config: NetworkConfig, seconds: float, compiled: bool = False
-) -> tuple[Speed, ...]:
+def fused_against_plain(robot: Robot, config: NetworkConfig, seconds: float) -> tuple[Speed, ...]:
     """The fused forward pass beside plain PyG: one call of the network alone, at equal weights."""
     calls = {
         "plain PyG": _forward_call(robot, config, PlainForward),
         "fused, float32": _forward_call(robot, config, FusedForward),
-        "fused, bfloat16": _forward_call(
-            robot, config, lambda network, graph: FusedForward(network, graph, torch.bfloat16)
-        ),
     }
-    if compiled:
-        calls["fused, bfloat16, compiled"] = torch.compile(calls["fused, bfloat16"], dynamic=False)
     with one_thread_per_operation(), torch.inference_mode():
         rates = _rates(least_seconds(calls, seconds), CANDIDATES * config.chunk)
     plain = rates.pop("plain PyG")

@@ -27,7 +27,7 @@ class NetworkConfig(BaseModel):
       config_features: show nodes their place relative to a designated node and to their body's
         centre of mass, and the body's axis.
       cable_ends: what a cable's features are measured between: the points of the bodies where it is
-        attached, with a rod's unseen twist computed from the cables ("attachments"), or the nodes
+        attached, with a rod's unseen roll computed from the cables ("attachments"), or the nodes
         that stand for them ("nodes").
       recurrent: an LSTM on the body nodes.
       winch: the rest-length changes are the cable decoder's ("learned"), the decoder's on top of

@@ -14,10 +14,10 @@ from torch import Tensor
 
 from flywheel.dynamics.gnn.attachments import Attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.graph import GRAVITY, RobotGraph
+from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.rigid import Frames
-from flywheel.robots import Robot
+from flywheel.robots import GRAVITY, Robot
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class MechanicalState:
       frames: (3, F, K) rigid frames [m, -].
       velocities: (3, N, K) of the body nodes [m/s].
       winch: (W, K) winch positions [m].
-      sides: (3, R, K) how far the rods are twisted, see `Attachments`; None where cables are taken to
+      sides: (3, R, K) how far the rods are rolled, see `Attachments`; None where cables are taken to
         end at nodes, and in a past that no cable is seen of.
     """
 
@@ -298,7 +298,7 @@ class FeatureBuilder:
         return torch.cat([way, length, direction, rate, rest, strain, *at_ends])
 
     def _contact_features(self, view: _View) -> Tensor:
-        """Of both directions, ordered as the relation's edges are; vectors point to the receiver."""
+        """Features of contact edges, both ways, in the relation's order; vectors point to the receiver."""
         body, sign = self._contact
         speed = (view.velocities * view.normal).sum(0, keepdim=True)
         slide = view.velocities - speed * view.normal

@@ -25,14 +25,11 @@ class FusedForward:
     Args:
       network: the weights; packed here, so that later changes have no effect.
       graph: of the network's robot.
-      dtype: precision of latents and products.
     """
 
-    def __init__(
-        self, network: ChunkNetwork, graph: RobotGraph, dtype: torch.dtype = torch.float32
-    ) -> None:
-        self._graph, self._config, self._dtype = graph, network.config, dtype
-        self._packed = pack(network, graph, dtype)
+    def __init__(self, network: ChunkNetwork, graph: RobotGraph) -> None:
+        self._graph, self._config = graph, network.config
+        self._packed = pack(network, graph)
         self._routes = graph.cached("routes", all_routes)
         self._group_sizes = {
             name: [group.size for group in relation.groups]
@@ -50,7 +47,7 @@ class FusedForward:
         samples = features.controls.shape[1]
         nodes, memory = self._encode_nodes(features, memory)
         edges = self._encode_edges(features)
-        touching = features.touching.to(self._dtype)[:, None, :, None]
+        touching = features.touching.float()[:, None, :, None]
         messages: dict[str, Tensor] = {}
         for number, weights in enumerate(self._packed.rounds):
             final = number == len(self._packed.rounds) - 1
@@ -77,10 +74,10 @@ class FusedForward:
         return self._first(encoder, features, bias), encoder
 
     def _first(self, encoder: Encoder, features: Tensor, bias: Tensor) -> Tensor:
-        shown = features.to(self._dtype)
         if len(encoder.constants):
-            shown = torch.cat([shown, encoder.constants.expand(-1, -1, shown.shape[-1])])
-        hidden = torch.addmm(bias, shown.flatten(1).t(), encoder.first.weight).relu_()
+            constants = encoder.constants.expand(-1, -1, features.shape[-1])
+            features = torch.cat([features, constants])
+        hidden = torch.addmm(bias, features.flatten(1).t(), encoder.first.weight).relu_()
         for layer in encoder.middle:
             hidden = _linear(hidden, layer).relu_()
         return hidden
@@ -136,7 +133,7 @@ class FusedForward:
     def _control_bias(self, encoder: Encoder, controls: Tensor) -> Tensor:
         """(E K, width) what the winches' controls add to the cable edges; nothing for passive ones."""
         winches, samples, steps = controls.shape
-        flat = controls.to(self._dtype).reshape(winches * samples, steps)
+        flat = controls.reshape(winches * samples, steps)
         driven = torch.addmm(encoder.first.bias, flat, encoder.tail).view(winches, samples, -1)
         passive = encoder.first.bias.expand(1, samples, -1)
         rows = torch.cat([driven, passive])
@@ -206,7 +203,7 @@ class FusedForward:
     def _decode_nodes(self, nodes: Tensor, samples: int) -> Tensor:
         steps = self._config.chunk
         decoded = _decode(nodes, self._packed.node_decoder)
-        return decoded.float().view(3, steps, -1, samples)
+        return decoded.view(3, steps, -1, samples)
 
     def _decode_cables(self, edges: dict[str, Tensor], messages: dict[str, Tensor]) -> Tensor:
         """(n, W, K): decoded per cable edge, averaged over the edges of a winch.
@@ -219,10 +216,9 @@ class FusedForward:
         hidden = _linear(latent.view(-1, width), first).relu_()
         for layer in middle:
             hidden = _linear(hidden, layer).relu_()
-        average = self._graph.winch_average.to(hidden.dtype)
-        hidden = (average @ hidden.view(len(latent), -1)).view(-1, width)
+        hidden = (self._graph.winch_average @ hidden.view(len(latent), -1)).view(-1, width)
         decoded = torch.addmm(last.bias, last.weight, hidden.t())
-        return decoded.float().view(self._config.chunk, -1, samples)
+        return decoded.view(self._config.chunk, -1, samples)
 
 
 def _winch_rows(graph: RobotGraph) -> Tensor:

@@ -27,9 +27,7 @@ from flywheel.dynamics.gnn.nodes import (
     standardised,
 )
 from flywheel.records import Floats
-from flywheel.robots import Attachment, Robot
-
-GRAVITY = 9.81  # only to make quantities dimensionless
+from flywheel.robots import GRAVITY, Attachment, Robot
 
 T = TypeVar("T")
 
@@ -80,7 +78,7 @@ class Relation:
 
 
 class RobotGraph:
-    """What of a robot's graph never changes.
+    """The static part of a robot's graph.
 
     Args:
       robot: the robot.
@@ -177,7 +175,7 @@ class RobotGraph:
 
     @property
     def _weight(self) -> float:
-        """Of the robot [N]."""
+        """Weight of the robot [N]."""
         return GRAVITY * sum(body.mass for body in self.robot.bodies)
 
     def _relation(

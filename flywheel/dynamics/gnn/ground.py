@@ -51,7 +51,7 @@ class View:
     shift: Tensor
 
     def __getitem__(self, rows: slice) -> View:
-        """Of some of the samples."""
+        """The view of some of the samples."""
         return View(self.angle[rows], self.shift[:, rows])
 
 

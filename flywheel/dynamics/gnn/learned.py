@@ -8,24 +8,19 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cached_property, partial
-from typing import Literal
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.gnn.features import GraphFeatures
-from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.ground import ground_of
 from flywheel.dynamics.gnn.network import ChunkNetwork
-from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction
 from flywheel.dynamics.gnn.simulator import Simulator, Start
 from flywheel.dynamics.gnn.weights import weights_digest
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Robot
 
-Precision = Literal["float32", "bfloat16"]
 BLOCK = 128
 
 
@@ -41,8 +36,6 @@ class LearnedDynamics:
       network: its weights; they are taken as they are now, later changes have no effect.
       threads: Python threads that share the batch, block by block.
       block: candidates computed at a time, at most.
-      precision: of the latents and products; positions are integrated in float32 in any case.
-      compile: let torch compile the network; the first calls then take a minute or more.
 
     Raises:
       ModelError: the network was made for another robot.
@@ -54,17 +47,12 @@ class LearnedDynamics:
         network: ChunkNetwork,
         threads: int = 1,
         block: int = BLOCK,
-        precision: Precision = "float32",
-        compile: bool = False,
     ) -> None:
         self.robot, self.dt, self.history = robot, network.config.dt, network.config.history
         self.digest = weights_digest(network)
-        prepare = partial(FusedForward, dtype=getattr(torch, precision))
-        self._simulator = Simulator(robot, network.config, prepare=prepare)
+        self._simulator = Simulator(robot, network.config)
         network = copy.deepcopy(network).requires_grad_(False).to("cpu")
         self._forward = self._simulator.prepare(network)
-        if compile:
-            self._forward = _Compiled(self._forward)
         self._threads, self._block = threads, block
 
     @cached_property
@@ -149,18 +137,6 @@ def shares(batch: int, block: int, threads: int) -> list[slice]:
         count = -(-count // threads) * threads
     ends = np.linspace(0, batch, count + 1).round().astype(int)
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
-
-
-class _Compiled:
-    """A forward pass compiled by torch; the LSTM's warm-up, called rarely, is left as it is."""
-
-    def __init__(self, forward: Forward) -> None:
-        self.remember = forward.remember
-        self._call = torch.compile(forward.__call__, dynamic=False)
-
-    def __call__(self, features: GraphFeatures, memory: Memory | None) -> Prediction:
-        prediction: Prediction = self._call(features, memory)
-        return prediction
 
 
 @contextmanager

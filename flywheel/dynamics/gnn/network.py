@@ -10,11 +10,11 @@ from torch import nn
 
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.features import Field, feature_fields
-from flywheel.dynamics.gnn.graph import GRAVITY, RobotGraph
-from flywheel.robots import Robot
+from flywheel.dynamics.gnn.graph import RobotGraph
+from flywheel.robots import GRAVITY, Robot
 
-_DECODER_START = 0.1  # of the usual size: an untrained network hardly changes a motion
-_LEAST_SPREAD = 1e-3  # of a feature's natural size, however little it varies in the data
+_DECODER_START = 0.1  # share of the usual size: an untrained network hardly changes a motion
+_LEAST_SPREAD = 1e-3  # least scale of a feature, as a share of its natural size
 
 
 class Perceptron(nn.Module):

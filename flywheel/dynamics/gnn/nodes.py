@@ -11,9 +11,9 @@ from flywheel.errors import ModelError
 from flywheel.records import Floats
 from flywheel.robots import Body, Primitive, Robot
 
-_SAME = 1e-6  # of the robot's length: closer than this, two offsets are one place
-_MEANT = 1e-3  # of dimensionless columns of features: smaller ones are rounded
-_LONG = 0.75  # of the robot's length: a rod's cylinder is at least this long
+_SAME = 1e-6  # share of the robot's length: offsets closer than this are one place
+_MEANT = 1e-3  # spread of a feature column below which it is rounding
+_LONG = 0.75  # share of the robot's length that a rod's cylinder has at least
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from flywheel.dynamics.gnn.network import ChunkNetwork, natural_scales
 from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.errors import DataError, ModelError
 
-_LEAST = 1e-3  # of an output's natural size: what it keeps however little it changes in the data
-_WIDER = 2.0  # times its size, from which an output of a trained network gets a larger one
+_LEAST = 1e-3  # least scale of an output, as a share of its natural size
+_WIDER = 2.0  # growth of an output's size from which a trained network is rescaled
 
 
 class Windows(Protocol):

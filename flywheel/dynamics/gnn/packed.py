@@ -12,10 +12,7 @@ Gradients flow through the packing, so the same arrays serve training.
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -102,14 +99,14 @@ class Packed:
     cable_decoder: tuple[Layer, ...]
 
 
-def pack(network: ChunkNetwork, graph: RobotGraph, dtype: torch.dtype = torch.float32) -> Packed:
-    """Rearrange a network's weights for its graph, in the given precision."""
+def pack(network: ChunkNetwork, graph: RobotGraph) -> Packed:
+    """Rearrange a network's weights for its graph."""
     encoders = {name: _encoder(network, graph, name) for name in network.encoders}
     rounds = tuple(_round(r, encoders, network) for r in network.rounds)
     gates, recurrent = _gates(network, encoders["body_node"])
     steps = network.velocity_scale.repeat(3)
     cable = network.cable_decoder
-    packed = Packed(
+    return Packed(
         encoders=encoders,
         gates=gates,
         recurrent=recurrent,
@@ -118,7 +115,6 @@ def pack(network: ChunkNetwork, graph: RobotGraph, dtype: torch.dtype = torch.fl
         node_decoder=_scaled(_layers(network.node_decoder), steps),
         cable_decoder=() if cable is None else _scaled(_layers(cable), network.winch_scale),
     )
-    return packed if dtype == torch.float32 else _in_precision(packed, dtype)
 
 
 def _layers(perceptron: Perceptron) -> tuple[Layer, ...]:
@@ -202,19 +198,3 @@ def _scaled(layers: tuple[Layer, ...], scale: Tensor) -> tuple[Layer, ...]:
     """Layers whose last one is (out, in) and (out, 1), its outputs multiplied by `scale` (out,)."""
     *hidden, last = layers
     return (*hidden, Layer(last.weight.t() * scale[:, None], (last.bias * scale)[:, None]))
-
-
-def _in_precision(value: Any, dtype: torch.dtype) -> Any:
-    """Every array within records, tuples and dicts in another precision."""
-    if isinstance(value, Tensor):
-        return value.to(dtype)
-    if isinstance(value, nn.LayerNorm):
-        return copy.deepcopy(value).to(dtype)
-    if isinstance(value, tuple):
-        return tuple(_in_precision(v, dtype) for v in value)
-    if isinstance(value, dict):
-        return {k: _in_precision(v, dtype) for k, v in value.items()}
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        names = [field.name for field in dataclasses.fields(value)]
-        return type(value)(**{n: _in_precision(getattr(value, n), dtype) for n in names})
-    return value

@@ -1,4 +1,4 @@
-"""From a measured past to states: missing points filled in, bodies made rigid, velocities fitted.
+"""Read states off a measured past: missing points filled in, bodies made rigid, velocities fitted.
 
 Arrays are component-major with time first: (3, T, P, K).
 """
@@ -15,7 +15,7 @@ from flywheel.dynamics.gnn.rigid import Frames
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
-CARRIED = 4  # steps that a body out of sight goes on moving; over more, noise would carry it away
+CARRIED = 4  # steps for which the motion of a hidden body is extrapolated; more would amplify noise
 
 
 class PastReader:
@@ -90,7 +90,7 @@ class PastReader:
             )
         points = torch.where(seen, points, torch.zeros_like(points))
         upcoming = _upcoming(points, seen)
-        filled = [upcoming[0][0]]  # what is missing at first: where first seen
+        filled = [upcoming[0][0]]  # missing from the start: where it is first seen
         motion, blind = torch.zeros_like(filled[0]), torch.zeros_like(points[0, 0])
         for t in range(1, points.shape[1]):
             where, steps = upcoming[t]
@@ -113,7 +113,7 @@ class PastReader:
 
 
 def _upcoming(points: Tensor, seen: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """For each time, where each point is seen next (3, P, K), and in how many steps (P, K).
+    """At each time, the next seen position of each point (3, P, K), and in how many steps (P, K).
 
     A point seen at that time is seen in 0 steps, one that is never seen again in infinitely many.
     """

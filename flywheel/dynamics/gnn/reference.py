@@ -58,7 +58,7 @@ class Messages(MessagePassing):
         return edges + output if self.edge_updates else torch.relu(output)
 
     def message(self, messages: Tensor) -> Tensor:
-        """What is summed."""
+        """The message that is summed at the receiver."""
         return messages
 
 

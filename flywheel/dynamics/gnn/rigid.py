@@ -3,7 +3,7 @@
 A body is described by a *frame*: the position of the centroid of its tracked points and as many unit
 vectors as those points can tell: none for a single point, one (the axis) for points on a line, as on a
 rod, three for points that span a plane or space. Offsets in the body enter only through their
-coordinates along these vectors, so what cannot be seen (a rod's twist) never matters.
+coordinates along these vectors, so what cannot be seen (a rod's roll) never matters.
 
 Frames are fitted by least squares over an affine motion of the body, whose vectors are then made
 orthonormal: an axis is normalised, three vectors are replaced by the nearest rotation (their polar

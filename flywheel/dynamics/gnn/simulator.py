@@ -1,4 +1,4 @@
-"""From a measured past and controls to predicted points, differentiable through all chunks.
+"""Predict points from a measured past and controls, differentiable through all chunks.
 
 Within a prediction chunk the body nodes move freely, by semi-implicit Euler steps with the velocities
 that the network predicts; rigid bodies are then fitted to them at every step. What is reported is

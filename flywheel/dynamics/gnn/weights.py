@@ -31,11 +31,11 @@ from flywheel.validation import first_problem
 
 _FORMAT = 2  # 1: cables between nodes
 _ABOUT = {"digest": str, "robot": str, "config": dict}
-_LARGEST_HEADER = 1000  # of an array in an .npz, and its entries in the archive's lists [bytes]
-_LARGEST_DIRECTORY = 1000  # what an .npz has besides [bytes]
+_LARGEST_HEADER = 1000  # overhead of an array in an .npz: header and directory entries [bytes]
+_LARGEST_DIRECTORY = 1000  # everything else in an .npz [bytes]
 _DEEPEST = 1000  # layers, or rounds
 _NARROW = (4, 5)  # widths
-_DAMAGED = (  # what an archive that is none, or that lies about itself, raises
+_DAMAGED = (  # raised by a broken archive
     ValueError,
     OSError,
     EOFError,
@@ -249,7 +249,7 @@ def _arrays_in(archive: ZipFile, wanted: Mapping[str, Wanted]) -> Iterator[tuple
 
 
 def _digest(robot: str, config: NetworkConfig, arrays: Iterable[tuple[str, np.ndarray]]) -> str:
-    """Of arrays in the order of their names."""
+    """Sha256 of arrays, in the order of their names."""
     head = {"robot": robot, "config": config.model_dump(mode="json")}
     found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
     for name, array in arrays:

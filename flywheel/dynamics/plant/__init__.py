@@ -14,8 +14,8 @@ from flywheel.dynamics.plant.refined import hasty, refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
 from flywheel.dynamics.plant.restarted import RestartedPlant
 from flywheel.dynamics.plant.resting import Settling, settling
+from flywheel.dynamics.plant.roll import unseen_axes
 from flywheel.dynamics.plant.tangent import between, moved, turning
-from flywheel.dynamics.plant.twist import unseen_axes
 
 __all__ = [
     "AugmentedPlant",

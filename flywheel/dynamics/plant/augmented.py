@@ -23,9 +23,9 @@ from flywheel.robots.mujoco_warnings import collected_warnings
 TOGETHER = (
     48  # simulations per thread that are stepped together: more do not fit into a core's cache
 )
-WORTH_A_THREAD = 3  # simulations: with fewer, threads wait for each other
+WORTH_A_THREAD = 3  # fewest simulations per thread: with fewer, threads wait for each other
 FEW = 6  # simulations whose batch is of their size
-EDITED = 256  # models with effects that are kept
+EDITED = 256  # compiled models with effects kept in the cache
 CURRENT = int(mujoco.mjtStage.mjSTAGE_VEL)
 # Warnings after which MuJoCo begins again from nothing, and where the number of each stands.
 DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{q}")) for q in ("QPOS", "QVEL", "QACC")]
@@ -56,7 +56,7 @@ class Motion:
 
     @classmethod
     def joined(cls, pieces: Sequence[Motion], rows: Sequence[np.ndarray]) -> Motion:
-        """One of several, each of which has these rows of the whole."""
+        """Join parts, each of which holds these rows of the whole."""
 
         def together(arrays: list[Floats]) -> Floats:
             return np.concatenate(arrays)

@@ -61,7 +61,7 @@ class EffectivePlant(Plant):
         self._models = [edited(self._models[0], self.robot, seen)]
 
     def simulate(self, state: State, controls: Floats) -> Trajectory:
-        """See `Plant.simulate`."""
+        """Simulate each state under its controls, as `Plant.simulate` does."""
         controls = np.asarray(controls, float)
         batch, _ = self._check(state, controls)
         many = State(*(_rows(a, batch) for a in (state.qpos, state.qvel, state.act)))
@@ -69,7 +69,7 @@ class EffectivePlant(Plant):
         return self._trajectory(self._moved(many, told, None), controls)
 
     def begin(self, state: State) -> Course:
-        """See `Plant.begin`."""
+        """Start an episode from a state (1,), as `Plant.begin` does."""
         return _EffectiveCourse(self, state)
 
     def _moved(self, state: State, told: Floats, memory: Memories | None) -> Motion:

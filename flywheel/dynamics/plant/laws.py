@@ -107,12 +107,12 @@ class Laws:
 
     @property
     def on_rates(self) -> bool:
-        """Something changes the rates of winches."""
+        """Whether an effect changes the rates of winches."""
         return bool(self._rates)
 
     @property
     def on_tensions(self) -> bool:
-        """Something changes the tensions of cables."""
+        """Whether an effect changes the tensions of cables."""
         return bool(self._tensions)
 
     def cables(self) -> Cables:
@@ -163,7 +163,7 @@ def _with(whole: Floats, rows: Rows, part: Floats) -> Floats:
 
 
 def has_laws(terms: Sequence[Terms]) -> bool:
-    """Whether something acts from step to step."""
+    """Whether an effect has to be computed at every step."""
     return any(
         isinstance(term.effect, TensionEffect | WinchEffect) and not term.absent
         for each in terms

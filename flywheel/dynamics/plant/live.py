@@ -84,7 +84,7 @@ class LiveView:
         self._frames.put(None)
         self._player.join()
         self._window.close()
-        for drawer in self._drawers:  # who dies while it draws takes the process along
+        for drawer in self._drawers:  # a thread that ends while it draws would end the process
             drawer.join(CLOSE_SECONDS)
 
     def _play(self) -> None:
@@ -116,7 +116,7 @@ class LiveView:
 
 def _check_display() -> None:
     """MuJoCo's viewer ends the whole process where there is none."""
-    import glfw
+    import glfw  # where there is no display, it may not even be importable
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -128,6 +128,6 @@ def _check_display() -> None:
 
 
 def _open_window(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
-    from mujoco import viewer
+    from mujoco import viewer  # imports glfw; see `_check_display`
 
     return viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)

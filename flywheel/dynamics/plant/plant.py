@@ -24,7 +24,7 @@ NOMINAL = PlantParameters()
 # Warm starts would make results depend on how the time is split (they save 5 %). Commands are
 # clipped here, before anything that makes a winch faster than it was told.
 DISABLED = int(mujoco.mjtDisableBit.mjDSBL_WARMSTART | mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-OUTPUT_BYTES = 64 << 20  # of one call into MuJoCo; longer simulations are made of several
+OUTPUT_BYTES = 64 << 20  # steps per call into MuJoCo; longer simulations take several calls
 
 
 class Plant:

@@ -1,10 +1,10 @@
-"""Where bodies and cables are whose tracked points are seen."""
+"""Poses of bodies from their tracked points, and lengths of cables from poses."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flywheel.dynamics.plant.twist import line_of
+from flywheel.dynamics.plant.roll import line_of
 from flywheel.records import Floats
 from flywheel.robots import Attachment, Body, Robot
 from flywheel.rotations import kabsch, multiply, rotate, shortest
@@ -19,11 +19,6 @@ def seen_poses(robot: Robot, points: Floats) -> Floats:
     """
     each = [_pose(robot, i, body, points) for i, body in enumerate(robot.bodies)]
     return np.stack(each, axis=1)
-
-
-def offsets_of(robot: Robot, body: Body) -> Floats:
-    """(n, 3) where a body's points are in its frame [m]."""
-    return np.array([robot.points[i].offset for i in body.points])
 
 
 def cable_lengths(robot: Robot, poses: Floats) -> Floats:
@@ -42,7 +37,7 @@ def _place(poses: Floats, end: Attachment) -> Floats:
 
 def _pose(robot: Robot, index: int, body: Body, points: Floats) -> Floats:
     """(B, 7) of one body; points (B, P, 3) are those of all."""
-    own, offsets = points[:, list(body.points)], offsets_of(robot, body)
+    own, offsets = points[:, list(body.points)], robot.offsets_of(body)
     center, seen_center = offsets.mean(axis=0), own.mean(axis=1)
     joint = slice(FREE_POSITIONS * index + 3, FREE_POSITIONS * (index + 1))
     turn = _orientation(offsets, own - seen_center[:, None], robot.keyframe.qpos[joint])

@@ -1,4 +1,4 @@
-"""Where winches are that nobody measures: dead-reckoned, with the effects that are known of them.
+"""Dead reckoning of winches that are not measured, with the effects that are known of them.
 
 A winch that is faster, later or weaker than its datasheet says is soon somewhere else than its commands
 alone tell, and a network or a planner that starts from there is misled.
@@ -7,13 +7,13 @@ alone tell, and a network or a planner that starts from there is misled.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from flywheel.dynamics.plant.laws import grouped
+from flywheel.dynamics.plant.laws import Group, grouped
 from flywheel.dynamics.plant.poses import cable_lengths, seen_poses
-from flywheel.dynamics.plant.twist import relaxed, rest_lengths, unseen_axes
+from flywheel.dynamics.plant.roll import relaxed, rest_lengths, unseen_axes
 from flywheel.effects import CommandEffect, Terms, WinchEffect
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
@@ -21,7 +21,7 @@ from flywheel.robots import Robot
 APART = 0.1  # between the instants at which lengths of cables are computed from what is seen [s]
 PIECE = 0.5  # after which the turns of rods are relaxed with the winches where they are by then [s]
 LOOK_BACK = 1.0  # for a point that is out of sight [s]
-ROUNDS = 2  # of the search for turns that nobody sees: to a hundredth of a radian
+ROUNDS = 2  # rounds of the search for unseen rolls: to a hundredth of a radian
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Reckoning:
 
     @cached_property
     def nominal(self) -> bool:
-        """Nothing is known of the winches but what the MJCF says."""
+        """Whether no effect of the winches is known."""
         return not any(
             isinstance(term.effect, CommandEffect | WinchEffect) and not term.absent
             for term in self.terms
@@ -48,7 +48,7 @@ class Reckoning:
 
     @cached_property
     def loaded(self) -> bool:
-        """The load of the winches matters."""
+        """Whether the load of the winches matters."""
         return any(isinstance(t.effect, WinchEffect) and not t.absent for t in self.terms)
 
     def known(self, trajectory: Trajectory) -> Floats:
@@ -95,23 +95,20 @@ class Reckoning:
           lengths: (T, C) of the cables at each step, where winches are `loaded`; see `lengths` [m].
           measured: (T + 1, W) positions to take instead, and to go on from; NaN where not [m].
         """
-        robot = self.robot
-        groups = grouped([self.terms], WinchEffect, len(robot.winches))  # type: ignore[type-abstract]
-        positions = [np.asarray(start, float)]
-        for step, command in enumerate(told):
-            now = positions[-1]
-            if lengths is not None:
-                load = self._load(lengths[step], now)
-                rates = robot.rates(now, command, self.dt)[None]
-                for effect, _, values in groups:
-                    rates = effect.rate(rates, load[None], values)
-                command = robot.telling(now, rates[0], self.dt)
-            after = robot.wound(now, command, self.dt)
-            if measured is not None:
-                known = measured[step + 1]
-                after = np.where(np.isfinite(known), known, after)
-            positions.append(after)
-        return np.stack(positions)
+        loaded = None if lengths is None else partial(self._loaded, lengths)
+        return self.robot.wind(np.asarray(start, float), told, self.dt, measured, loaded)
+
+    def _loaded(self, lengths: Floats, step: int, now: Floats, command: Floats) -> Floats:
+        """(W,) what nominal winches would be told to move as winches under load do."""
+        robot, load = self.robot, self._load(lengths[step], now)
+        rates = robot.rates(now, command, self.dt)[None]
+        for effect, _, values in self._winch_laws:
+            rates = effect.rate(rates, load[None], values)
+        return robot.telling(now, rates[0], self.dt)
+
+    @cached_property
+    def _winch_laws(self) -> list[Group[WinchEffect]]:
+        return grouped([self.terms], WinchEffect, len(self.robot.winches))  # type: ignore[type-abstract]
 
     def _load(self, lengths: Floats, winch: Floats) -> Floats:
         """(W,) tension of the most loaded cable of each winch [N]."""

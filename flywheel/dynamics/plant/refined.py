@@ -30,6 +30,6 @@ def hasty(plant: Plant) -> Plant:
 
 
 def _of(spec: mujoco.MjSpec, plant: Plant) -> Plant:
-    # Not read anew: it is the same robot, and a fitted plant may have winches that no robot's MJCF may have.
+    # The MJCF is not read again: a fitted plant may have winches that the reader would refuse.
     robot = replace(plant.robot, xml=spec.to_xml(), timestep=spec.option.timestep)
     return Plant(robot, *plant.arguments())

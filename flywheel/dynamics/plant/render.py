@@ -25,8 +25,8 @@ from flywheel.errors import DataError
 from flywheel.records import Floats, Plans, State
 from flywheel.robots import Robot
 
-TRAIL_SECONDS = 0.25  # between the marks of the way gone
-MP4_INDEX = b"moov"  # what an mp4 has last; without it, it cannot be played
+TRAIL_SECONDS = 0.25  # between the marks of the trail
+MP4_INDEX = b"moov"  # last part of an mp4; without it the file cannot be played
 SMOOTH_SECONDS = 0.8  # the camera follows this much behind
 
 

@@ -15,12 +15,13 @@ import numpy as np
 
 from flywheel.dynamics.plant.grounds import observed_on
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.poses import offsets_of, seen_poses
-from flywheel.dynamics.plant.twist import ON_A_LINE, relaxed, unseen_axes
+from flywheel.dynamics.plant.poses import seen_poses
+from flywheel.dynamics.plant.roll import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
 from flywheel.robots import Body, Robot
 from flywheel.rotations import about_axis, conjugate, multiply, rotate
+from flywheel.smoothing import causal_polynomial
 
 FREE_VELOCITIES = 6
 
@@ -30,7 +31,7 @@ class RestartedPlant:
     """MuJoCo started from a state estimated from the past observations.
 
     Each tracked point is fitted by a polynomial in time over the last steps; each body takes the pose
-    and velocity that fit its points best. Where those lie on one line, `twist` says what the turn about
+    and velocity that fit its points best. Where those lie on one line, `roll` says what the turn about
     it is taken to be; the turning rate is zero.
 
     Attributes:
@@ -39,7 +40,7 @@ class RestartedPlant:
       window: past steps that the fit looks back; 1 is the finite difference. More resists noise and
         missing points: where too few are known, a point is taken to rest where it was last seen.
       degree: of the polynomial: 1 or 2.
-      twist: "random": any angle, drawn for each past by itself; "keyframe": the least turn from the
+      roll: "random": any angle, drawn for each past by itself; "keyframe": the least turn from the
         keyframe's pose; "relaxed": where the cables, at their nominal rest lengths, have the least
         elastic energy.
       seed: of the random angles.
@@ -48,7 +49,7 @@ class RestartedPlant:
     plant: Plant
     window: int = 1
     degree: int = 1
-    twist: Literal["random", "keyframe", "relaxed"] = "random"
+    roll: Literal["random", "keyframe", "relaxed"] = "random"
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -86,7 +87,7 @@ class RestartedPlant:
           ModelError: a point was not seen in the whole past.
         """
         recent = past.observations.points[:, -(self.window + 1) :]
-        points, speeds = fit_motion(recent, self.dt, self.degree)
+        points, speeds = causal_polynomial(recent, self.dt, self.degree)
         points = np.where(np.isfinite(points), points, _last_seen(past.observations.points))
         if not np.isfinite(points).all():
             raise ModelError(
@@ -107,9 +108,9 @@ class RestartedPlant:
         """(B, bodies, 7) positions and quaternions of the bodies whose points are at (B, P, 3)."""
         robot = self.robot
         stacked, axes = seen_poses(robot, points), unseen_axes(robot)
-        if self.twist == "relaxed":
+        if self.roll == "relaxed":
             return relaxed(robot, stacked, winch, axes)
-        if self.twist == "random":
+        if self.roll == "random":
             angles = _angles(self.seed, points, len(robot.bodies))
             for i, axis in axes.items():
                 turn = about_axis(axis, angles[:, i])
@@ -122,7 +123,7 @@ class RestartedPlant:
         The rate is the smallest that fits the points' speeds best: none about a line they lie on.
         """
         turn = pose[:, 3:]
-        offsets = offsets_of(self.robot, body)
+        offsets = self.robot.offsets_of(body)
         arms = rotate(turn[:, None], offsets - offsets.mean(axis=0))
         mean = speeds.mean(axis=1)
         spread = np.cross(arms, speeds - mean[:, None]).sum(axis=1)
@@ -133,32 +134,8 @@ class RestartedPlant:
         return np.concatenate([linear, rotate(conjugate(turn), rate)], axis=1)
 
 
-def fit_motion(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
-    """Where points are now and how fast, by a polynomial through their recent places.
-
-    Args:
-      points: (B, w + 1, P, 3), oldest first; NaN where missing [m].
-      dt: time between them [s].
-      degree: of the polynomial.
-
-    Returns:
-      (B, P, 3) places [m] and speeds [m/s]; NaN and zero where too few places are known for a fit.
-    """
-    steps = points.shape[1]
-    time = np.arange(1 - steps, 1) / max(1, steps - 1)
-    powers = time[:, None] ** np.arange(min(degree, steps - 1) + 1)
-    known = np.swapaxes(np.isfinite(points).all(axis=-1), 1, 2)  # (B, P, w + 1)
-    places = np.where(known[..., None], points.swapaxes(1, 2), 0.0)
-    fit = np.linalg.pinv(known[..., None] * powers) @ places
-    enough = (known.sum(axis=-1) >= powers.shape[1])[..., None]
-    now = np.where(enough, fit[..., 0, :], np.nan)
-    if steps == 1:
-        return now, np.zeros_like(now)
-    return now, np.where(enough, fit[..., 1, :] / (dt * (steps - 1)), 0.0)
-
-
 def _angles(seed: int, points: Floats, bodies: int) -> Floats:
-    """(B, bodies) random angles [rad]; a row's depend on its own points, not on its batch."""
+    """(B, bodies) random angles [rad]; those of a row depend on its own points, not on its batch."""
     streams = [np.random.default_rng([seed, zlib.crc32(row.tobytes())]) for row in points]
     return np.array([stream.uniform(0, 2 * np.pi, bodies) for stream in streams])
 

@@ -46,12 +46,12 @@ class Settling:
 
     @property
     def grows(self) -> bool:
-        """Whether its motion grows, by more than swinging in several ways at a time makes it seem."""
+        """Whether its motion grows, by more than the beating of several swings can explain."""
         return self.late > 1.2 * self.early
 
     @property
     def time_constant(self) -> float:
-        """Within which its motion falls to 1/e [s]; infinite where it does not fall."""
+        """Time in which its motion falls to 1/e [s]; infinite where it does not fall."""
         return WATCHED / np.log(self.early / self.late) if self.early > self.late > 0 else np.inf
 
 
@@ -84,7 +84,7 @@ def settling(plant: Plant, patience: float = PATIENCE) -> Settling:
 
 
 class _Clock:
-    """A plant whose winches hold, for as long as somebody waits."""
+    """A plant whose winches hold, with a limit on the wall-clock time it may take."""
 
     def __init__(self, plant: Plant, patience: float) -> None:
         self.plant = plant
@@ -122,7 +122,7 @@ def _watched(clock: _Clock, state: State, seconds: float) -> tuple[State, Floats
 
 
 def _resting_place(clock: _Clock, state: State) -> State | None:
-    """Where it rests (1,), by kinetic damping: stopped whenever it is fastest, it soon stays there."""
+    """Rest state (1,) by kinetic damping: velocities are set to zero where the speed peaks."""
     for _ in range(round(SEARCH / PIECE)):
         (states, speeds), *_ = clock.go(state, PIECE)
         fastest = int(speeds.argmax())

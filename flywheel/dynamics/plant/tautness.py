@@ -1,4 +1,4 @@
-"""How much of the time cables pull."""
+"""Share of the time in which cables pull."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.twist import rest_lengths
+from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.records import Floats, State
 
-EVERY = 10  # states of which one is looked at
+EVERY = 10  # only one in so many states is looked at
 
 
 def taut_share(plant: Plant, states: State) -> Floats:

@@ -26,7 +26,7 @@ from pathlib import Path
 
 from flywheel.errors import ConfigError, RunError
 from flywheel.files import file_name
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.runtime.config.loading import differences, yaml_of
 from flywheel.runtime.config.run_config import (
     RunConfig,
@@ -105,7 +105,7 @@ class RunFolder:
         if self.config_file.exists():
             read_begun(self.path).check(self.path, self.robot_file.name)
         if self.robot_file.exists():
-            return Robot.from_mjcf(self.robot_file)
+            return read_robot(self.robot_file)
         return load_robot(config.robot)
 
     @property

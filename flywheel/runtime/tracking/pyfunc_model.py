@@ -16,7 +16,7 @@ from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, load_weights, s
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError
 from flywheel.records import Floats, Observation, Past
-from flywheel.robots import Robot
+from flywheel.robots import Robot, read_robot
 
 ROBOT = "robot.xml"
 WEIGHTS = "weights.npz"
@@ -99,7 +99,7 @@ def read_model(folder: Path) -> LearnedDynamics:
     Raises:
       ModelError: the weights are missing, damaged, or for another robot.
     """
-    robot = Robot.from_mjcf(folder / ROBOT)
+    robot = read_robot(folder / ROBOT)
     return LearnedDynamics(robot, load_weights(folder / WEIGHTS, robot))
 
 

@@ -56,7 +56,7 @@ class Baseline(StrEnum):
     INFORMED_FLOOR = "informed floor"
 
 
-TWISTS: dict[Baseline, Literal["random", "relaxed"]] = {
+ROLLS: dict[Baseline, Literal["random", "relaxed"]] = {
     Baseline.FLOOR: "random",
     Baseline.INFORMED_FLOOR: "relaxed",
 }
@@ -253,9 +253,9 @@ class SimWorker:
         for episode in (e for e in episodes if e.provenance.source == "sim"):
             number = self._config.dataset_numbers()[episode.provenance.dataset]
             by_plant.setdefault((number, effects_of(episode)), []).append(episode)
-        window, twist = self._config.evaluate.floor_window, TWISTS[baseline]
+        window, roll = self._config.evaluate.floor_window, ROLLS[baseline]
         return [
-            (RestartedPlant(self._recorder.plant(*plant), window, twist=twist), part)
+            (RestartedPlant(self._recorder.plant(*plant), window, roll=roll), part)
             for plant, part in by_plant.items()
         ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.errors import ModelError
 from flywheel.records import Split
 from flywheel.robots import Robot
@@ -90,13 +90,8 @@ class TrainerWorker:
             winches = EpisodeWinches(self._robot, order.effects)
             train, validation = (
                 WindowCache.build(
-                    self._store,
-                    snapshot,
-                    split,
+                    SplitSource(self._store, snapshot, split, self._robot, winches, winches.belief),
                     order.cache,
-                    self._robot,
-                    winches,
-                    winches.belief,
                 )
                 for split in SPLITS
             )

@@ -35,7 +35,7 @@ def recordings(
 
 
 def plant_of(robot: Robot, name: str = "plant") -> Subject:
-    return Subject(name, RestartedPlant(Plant(robot), window=20, degree=2, twist="relaxed"))
+    return Subject(name, RestartedPlant(Plant(robot), window=20, degree=2, roll="relaxed"))
 
 
 @pytest.fixture(scope="session")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.diagnosis.comparison import Bins, Comparison
-from flywheel.diagnosis.comparison.regions import cable_lengths, cable_tensions, spans
+from flywheel.diagnosis.comparison.regions import cable_tensions, spans
 from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant.poses import cable_lengths
 from flywheel.robots import Robot
 
 
@@ -56,12 +57,12 @@ def test_an_error_of_one_end_cap_is_found_at_that_end_cap_and_its_cables(
 def test_lengths_and_tensions_of_cables_are_those_of_the_simulation(robot: Robot) -> None:
     plant = Plant(robot)
     settled = plant.settle(2.0)
-    lengths = cable_lengths(robot, settled)
+    lengths = cable_lengths(robot, settled.qpos.reshape(len(settled.qpos), -1, 7))
     points = plant.observe(settled).points[None]
     tensions = cable_tensions(robot, points, plant.winch(settled)[None], plant.dt)[0]
     rest = np.array([cable.rest_length for cable in robot.cables])
     stiffness = np.array([cable.stiffness for cable in robot.cables])
     expected = stiffness * np.maximum(lengths - rest, 0.0)
     assert expected.max() > 0
-    # the twist is not seen, and found from where the cables have the least energy
+    # the roll is not seen, and found from where the cables have the least energy
     assert np.allclose(tensions, expected, atol=0.1 * expected.max())

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.comparison import ForecastWindows
-from flywheel.diagnosis.comparison.forecast_windows import smoothed
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.plant import Reckoning
@@ -90,16 +89,6 @@ def test_a_horizon_that_nothing_holds_is_shortened_and_a_short_recording_left_ou
     assert windows.labels == ("long, 0.50 to 1.60 s",)
 
 
-def test_smoothing_keeps_motion_takes_out_noise_and_bridges_gaps(seed: int) -> None:
-    rng, time = np.random.default_rng(seed), 0.01 * np.arange(200)
-    truth = np.sin(2 * time[:, None, None] + rng.uniform(0, 6, (4, 3)))
-    noisy = truth + rng.normal(0, 0.01, truth.shape)
-    noisy[50:55, 1] = np.nan
-    places, speeds = smoothed(noisy, 0.01, 0.17)
-    assert np.sqrt(((places - truth) ** 2).mean()) < 0.006, seed
-    assert np.sqrt(((speeds - np.gradient(truth, 0.01, axis=0)) ** 2).mean()) < 0.15, seed
-
-
 def test_what_cannot_be_used_is_refused(robot: Robot, nothing_hidden: list[Trajectory]) -> None:
     t = nothing_hidden[0]
     with pytest.raises(DataError, match="no recording"):
@@ -115,6 +104,3 @@ def test_what_cannot_be_used_is_refused(robot: Robot, nothing_hidden: list[Traje
     blind[40:, 0] = np.nan
     with pytest.raises(DataError, match="all points are in sight"):
         ForecastWindows.cut(robot, [with_points(t, blind)], 0.5, 20)
-    blind[:, 0] = np.nan
-    with pytest.raises(DataError, match="Tracked point 0 was never seen"):
-        smoothed(blind, 0.01, 0.17)

@@ -10,7 +10,6 @@ from flywheel.control import (
     MppiConfig,
     RandomControls,
     random_drop,
-    record_batch,
     record_episode,
 )
 from flywheel.dynamics.plant import (
@@ -285,50 +284,6 @@ def test_commands_that_do_not_fit_are_refused_by_name(plant: Plant, controls, me
 def test_no_time_for_a_step_is_refused(plant: Plant) -> None:
     with pytest.raises(ConfigError, match="at least one step"):
         recorded(plant, Hold(plant.robot, DT), seconds=0.001)
-
-
-def test_a_batch_gives_the_same_episodes_as_one_by_one(plant: Plant) -> None:
-    random, hold = RandomControls(plant.robot, DT), Hold(plant.robot, DT)
-    seeds = [draws.seed() for _ in range(4)]
-
-    def batch(chosen: list[int]) -> list:
-        return record_batch(
-            plant,
-            NOISY,
-            [(random, hold)[i % 2] for i in chosen],
-            starts=plant.rest(len(chosen)),
-            seconds=0.5,
-            seeds=[seeds[i] for i in chosen],
-            episode_ids=[f"e{i}" for i in chosen],
-            provenances=[Provenance(plant.robot.digest)] * len(chosen),
-            splits=["train"] * len(chosen),
-        )
-
-    together = batch([0, 1, 2, 3])
-    assert [episode.id for episode in together] == ["e0", "e1", "e2", "e3"]
-    for i in (0, 3):
-        (alone,) = batch([i])
-        np.testing.assert_array_equal(
-            alone.trajectory.observations.points, together[i].trajectory.observations.points
-        )
-        np.testing.assert_array_equal(
-            alone.trajectory.states.qpos, together[i].trajectory.states.qpos
-        )
-
-
-def test_a_batch_with_something_missing_is_refused(plant: Plant) -> None:
-    with pytest.raises(ConfigError, match="got 1, 2, 1, 1, 1, 1 of them"):
-        record_batch(
-            plant,
-            EXACT,
-            [Hold(plant.robot, DT)],
-            starts=plant.rest(),
-            seconds=1.0,
-            seeds=[1, 2],
-            episode_ids=["a"],
-            provenances=[Provenance(plant.robot.digest)],
-            splits=["train"],
-        )
 
 
 def test_dropped_robots_are_whole_above_the_ground_and_turned_any_way(plant: Plant) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.data.zarr_files import decode
 from flywheel.errors import DataError, RunError
 from flywheel.records import Episode, Observation, Trajectory
@@ -161,7 +161,7 @@ def test_a_segment_that_is_not_the_one_a_snapshot_lists_is_found(tmp_path, make_
         assert [d.episodes for d in found] == [("e",)]
         assert sealed.sha256[0][:12] in found[0].what
     with pytest.raises(DataError, match="lists it"):
-        WindowCache.build(store, sealed, "train", tmp_path / "cache", prism3)
+        WindowCache.build(SplitSource(store, sealed, "train", prism3), tmp_path / "cache")
     with pytest.raises(DataError, match="sound"):
         store.seal("t", ["e"], parent="s")
 

@@ -6,7 +6,7 @@ import uuid
 import numpy as np
 import pytest
 
-from flywheel.data import TrajectoryStore, WindowCache, s3
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache, s3
 from flywheel.errors import DataError
 
 moto = pytest.importorskip("moto.server")
@@ -71,7 +71,7 @@ def test_a_store_on_s3_answers_as_one_on_disk(bucket, tmp_path, make_episode, pr
         got, wanted = (getattr(e.trajectory.observations, name) for e in (back, expected))
         assert got.tobytes() == wanted.tobytes()
     np.testing.assert_array_equal(back.telemetry["plan_seconds"], [0.1, 0.1])
-    cache = WindowCache.build(store, sealed, "train", tmp_path / "cache", prism3)
+    cache = WindowCache.build(SplitSource(store, sealed, "train", prism3), tmp_path / "cache")
     assert len(cache.starts(40)) == 2
     assert store.verify() == ()
 

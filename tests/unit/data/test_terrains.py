@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from flywheel.data import TrajectoryStore, WindowCache
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.data.packing import SCHEMA, pack, unpack
 from flywheel.terrain import Terrain
 from tests import draws
@@ -41,7 +41,7 @@ def test_windows_know_what_they_stand_on(tmp_path, make_episode, prism3):
         store.commit(name, [dataclasses.replace(make_episode(name, steps=20), terrain=ground)])
     snapshot = store.seal("s", list(grounds))
     for _ in range(2):  # filled, then opened
-        cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+        cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
         assert cache.terrains == tuple(grounds.values())
         batch = cache.gather(cache.starts(20), 20)
         assert batch.terrains == tuple(grounds.values())
@@ -50,5 +50,7 @@ def test_windows_know_what_they_stand_on(tmp_path, make_episode, prism3):
 def test_windows_on_the_plane_have_one_ground_for_all(tmp_path, make_episode, prism3):
     store = TrajectoryStore(tmp_path / "store")
     store.commit("a", [make_episode("a", steps=20)])
-    cache = WindowCache.build(store, store.seal("s", ["a"]), "train", tmp_path / "cache", prism3)
+    cache = WindowCache.build(
+        SplitSource(store, store.seal("s", ["a"]), "train", prism3), tmp_path / "cache"
+    )
     assert cache.gather(cache.starts(5), 5).terrains == (None,)

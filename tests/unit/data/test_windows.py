@@ -1,5 +1,4 @@
 import errno
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -8,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flywheel.data import TrajectoryStore, WindowCache, assign_split, cache_files
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache, assign_split, cache_files
 from flywheel.data.benchmark import store_benchmark
 from flywheel.errors import DataError, RunError
 from flywheel.records import Split
@@ -28,7 +27,7 @@ def filled(folder, make_episode, lengths, **kwargs):
 def test_windows_are_slices_of_one_episode(tmp_path, make_episode, prism3):
     lengths = [int(n) for n in np.random.default_rng(draws.seed()).integers(5, 60, 6)]
     store, snapshot, episodes = filled(tmp_path, make_episode, lengths)
-    cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     starts = cache.starts(7)
     assert len(starts) == sum(max(0, n - 7 + 1) for n in lengths), lengths
     batch = cache.gather(starts, 7)
@@ -43,7 +42,7 @@ def test_windows_are_slices_of_one_episode(tmp_path, make_episode, prism3):
 
 def test_winches_are_dead_reckoned_and_their_truth_is_the_plants(tmp_path, make_episode, prism3):
     store, snapshot, (episode,) = filled(tmp_path, make_episode, [30])
-    cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     batch = cache.gather(cache.starts(30), 30)
     np.testing.assert_array_equal(batch.winch_truth[0], np.float32(episode.trajectory.states.act))
     start = prism3.winch_of(prism3.keyframe)
@@ -53,7 +52,7 @@ def test_winches_are_dead_reckoned_and_their_truth_is_the_plants(tmp_path, make_
 
 def test_a_recording_has_no_truth_of_unmeasured_winches(tmp_path, make_episode, prism3):
     store, snapshot, _ = filled(tmp_path, make_episode, [30], recording=True)
-    cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     batch = cache.gather(cache.starts(10), 10)
     assert np.isnan(batch.winch_truth).all()
     assert np.isfinite(batch.winch).all()
@@ -64,8 +63,8 @@ def test_a_cache_is_built_once_and_knows_its_data_sets(tmp_path, make_episode, p
     for name, dataset in [("a", "soft"), ("b", "hard")]:
         store.commit(name, [make_episode(name, dataset=dataset)])
     snapshot = store.seal("s", ["a", "b"], datasets=["hard", "soft"])
-    first = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
-    again = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    first = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
+    again = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     assert first.datasets == ("hard", "soft")
     np.testing.assert_array_equal(first.gather(first.starts(40), 40).dataset, [1, 0])
     np.testing.assert_array_equal(first.points, again.points)
@@ -75,9 +74,11 @@ def test_a_cache_is_built_once_and_knows_its_data_sets(tmp_path, make_episode, p
 def test_an_empty_split_and_another_robot_are_errors(tmp_path, make_episode, prism3):
     store, snapshot, _ = filled(tmp_path, make_episode, [20])
     with pytest.raises(DataError, match="no test episode"):
-        WindowCache.build(store, snapshot, "test", tmp_path / "cache", prism3)
+        WindowCache.build(SplitSource(store, snapshot, "test", prism3), tmp_path / "cache")
     with pytest.raises(DataError, match="platform4"):
-        WindowCache.build(store, snapshot, "train", tmp_path / "cache", load_robot("platform4"))
+        WindowCache.build(
+            SplitSource(store, snapshot, "train", load_robot("platform4")), tmp_path / "cache"
+        )
 
 
 def test_windows_keep_their_distance_and_can_leave_out_missing_points(
@@ -85,7 +86,7 @@ def test_windows_keep_their_distance_and_can_leave_out_missing_points(
 ):
     lengths = [int(n) for n in np.random.default_rng(draws.seed()).integers(3, 90, 5)]
     store, snapshot, _ = filled(tmp_path, make_episode, lengths)
-    cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     np.testing.assert_array_equal(cache.valid, np.isfinite(cache.points).all(-1))
     for length, stride in ((0, 1), (4, 3), (50, 7)):
         first = np.cumsum([0, *(n + 1 for n in lengths)])
@@ -106,7 +107,7 @@ def test_windows_keep_their_distance_and_can_leave_out_missing_points(
 
 def test_a_window_that_leaves_its_episode_is_refused(tmp_path, make_episode, prism3):
     store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
-    cache = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     assert cache.gather(np.array([0, 10, 21, 41]), 10).points.shape == (4, 11, 6, 3)
     for start in (-1, 11, 42, 10_000):
         with pytest.raises(DataError, match="leaves its episode"):
@@ -116,7 +117,7 @@ def test_a_window_that_leaves_its_episode_is_refused(tmp_path, make_episode, pri
 @pytest.mark.parametrize("how", ["flipped", "truncated", "deleted"])
 def test_a_damaged_cache_is_made_again(tmp_path, make_episode, prism3, how):
     store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
-    sound = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    sound = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     expected = sound.gather(sound.starts(5), 5)
     path = next((tmp_path / "cache").glob("*/controls.npy"))
     content = bytearray(path.read_bytes())
@@ -126,7 +127,7 @@ def test_a_damaged_cache_is_made_again(tmp_path, make_episode, prism3, how):
         path.write_bytes(content)
     elif how == "truncated":
         path.write_bytes(content[:-8])
-    again = WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+    again = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     np.testing.assert_array_equal(again.gather(sound.starts(5), 5).controls, expected.controls)
     assert [len(list((tmp_path / "cache").glob(g))) for g in ("*-train*", "tmp/*")] == [1, 0]
 
@@ -134,7 +135,11 @@ def test_a_damaged_cache_is_made_again(tmp_path, make_episode, prism3, how):
 def test_caches_whose_names_were_exchanged_are_made_again(tmp_path, make_episode, prism3):
     """One was dead-reckoned with what is believed of the winches, the other without."""
     store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
-    build = partial(WindowCache.build, store, snapshot, "train", tmp_path / "cache", prism3)
+
+    def build(*known: object) -> WindowCache:
+        source = SplitSource(store, snapshot, "train", prism3, *known)
+        return WindowCache.build(source, tmp_path / "cache")
+
     plain = build().winch.copy()
     other = build(lambda episode: prism3.winches_of(episode) + 1.0, "other").winch.copy()
     assert not np.array_equal(plain, other)
@@ -149,7 +154,7 @@ def test_a_damaged_episode_does_not_reach_a_cache(tmp_path, make_episode, prism3
     store, snapshot, _ = filled(tmp_path, make_episode, [20, 30])
     next((tmp_path / "store/segments/e1").glob("*.zarr/controls/c.*")).unlink()
     with pytest.raises(DataError, match="Episodes: e1"):
-        WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+        WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     assert [path.name for path in (tmp_path / "cache").rglob("*")] == ["tmp"]
 
 
@@ -161,7 +166,7 @@ def test_a_disk_full_while_a_cache_is_made_is_said(tmp_path, make_episode, prism
 
     monkeypatch.setattr(cache_files, "_write_header", full)
     with pytest.raises(RunError, match="cache of snapshot s was not made"):
-        WindowCache.build(store, snapshot, "train", tmp_path / "cache", prism3)
+        WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     assert [path.name for path in (tmp_path / "cache").rglob("*")] == ["tmp"]
 
 
@@ -192,7 +197,9 @@ def test_no_episode_is_ever_in_two_splits(prism3, make_episode, seeds, cut):
         seen: dict[bytes, str] = {}
         for snapshot in (first, store.seal("second", names, parent="first")):
             for split in {e.split for e in snapshot.episodes}:
-                cache = WindowCache.build(store, snapshot, split, Path(folder) / "cache", prism3)
+                cache = WindowCache.build(
+                    SplitSource(store, snapshot, split, prism3), Path(folder) / "cache"
+                )
                 for window in cache.gather(cache.starts(3), 3).controls:
                     assert seen.setdefault(window.tobytes(), split) == split
                 listed = sum(e.split == split for e in snapshot.episodes)

@@ -20,7 +20,7 @@ from flywheel.diagnosis.adoption import adopt, adoptable
 from flywheel.effects import EFFECTS, AdoptedPlant
 from flywheel.errors import DataError, FlywheelError
 from flywheel.files import parsed_yaml
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import load_robot, read_robot
 from flywheel.seals import file_sha256
 
 PRISM = load_robot("prism3")
@@ -252,7 +252,7 @@ def test_the_command_refuses_answers_about_nobody_it_knows(robot: object, tmp_pa
 )
 def test_no_name_of_a_robot_leads_out_of_the_folder(name: str, tmp_path: Path) -> None:
     xml = PRISM.xml.replace('model="prism3"', f'model="{name}"')
-    robot = Robot.from_mjcf(xml)
+    robot = read_robot(xml)
     assert robot.name == name
     about = {**WHOLE, "robot": {"name": name, "digest": robot.digest}}
     folder = tmp_path / "a" / "plants"

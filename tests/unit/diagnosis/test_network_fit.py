@@ -60,7 +60,7 @@ class Drifting:
 
 @pytest.fixture(scope="module")
 def model(robot: Robot) -> Subject:
-    plant = RestartedPlant(Plant(robot), window=10, degree=2, twist="relaxed")
+    plant = RestartedPlant(Plant(robot), window=10, degree=2, roll="relaxed")
     return Subject("drifting", Drifting(plant, 0.05))
 
 
@@ -127,7 +127,7 @@ def test_what_an_effect_changes_vanishes_with_the_effect(fitter: NetworkFitter) 
     fit = fitter.first_estimate()
     same, tiny, small = fitter.predictions(fit, [(), (gain(1e-6),), (gain(0.02),)])
     assert np.array_equal(same, fit.points)
-    # In about one drawn recording of seventy, a contact or a restart's twist falls the other way in a
+    # In about one drawn recording of seventy, a contact or a restart's roll falls the other way in a
     # window and from there on, however small the effect: hence most points, not all.
     by_tiny, by_small = (np.median(np.abs(each - fit.points)) for each in (tiny, small))
     assert 0.0 < by_tiny < 1e-3 * by_small

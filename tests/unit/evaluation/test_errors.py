@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from flywheel.errors import DataError
 from flywheel.evaluation import ErrorTable
-from tests import draws
 
 
 def test_e_pos_and_e_rot_equal_values_computed_by_hand(robot, resting):
@@ -19,9 +18,7 @@ def test_e_pos_and_e_rot_equal_values_computed_by_hand(robot, resting):
     assert table.e_pos_mse == pytest.approx(100 * 0.0625 / 2)
     assert table.e_pos_rmse == pytest.approx(100 * 0.25 / 2)
     assert table.e_rot == 0.0
-    assert table.at_horizon().e_pos_mse == pytest.approx(100 * 0.125 / 2)
-    assert table.by_body()["rod"].e_pos_mse == pytest.approx(100 * 0.125 / 2)
-    assert table.by_body()["platform"].e_pos_mse == 0.0
+    assert table.by_lead_time().e_pos_mse[-1] == pytest.approx(100 * 0.125 / 2)
     lead = table.by_lead_time()
     np.testing.assert_allclose(lead.seconds, [0.01, 0.02])
     np.testing.assert_allclose(lead.e_pos_rmse, [0.0, 100 * np.sqrt(0.125) / 2])
@@ -32,7 +29,7 @@ def test_e_rot_is_the_mean_angle_in_degrees(robot, resting):
     truth, predicted = np.stack([[resting] * 3]), np.stack([[resting, turned, turned]])
     table = ErrorTable.between(robot, 0.01, truth, predicted)
     assert table.e_rot == pytest.approx(20.0)
-    assert table.at_horizon().e_rot == pytest.approx(30.0)
+    assert table.by_lead_time().e_rot[-1] == pytest.approx(30.0)
 
 
 def test_what_is_missing_gets_no_weight(robot, resting):
@@ -57,20 +54,10 @@ def test_tables_add_exactly_over_any_partition(robot, resting, windows, seed, da
     for one, other in zip(np.split(truth, cuts), np.split(predicted, cuts), strict=True):
         total = total + ErrorTable.between(robot, 0.01, one, other)
     assert total == whole
-    numbers = [(t.e_pos_mse, t.e_pos_rmse, t.e_rot, t.point_rmse) for t in (total, whole)]
+    numbers = [
+        (t.e_pos_mse, t.e_pos_rmse, t.e_rot, t.point.over((0, 1)).mean) for t in (total, whole)
+    ]
     assert numbers[0] == numbers[1]
-
-
-def test_bins_of_lead_times_add_up_to_the_whole(robot, resting):
-    rng = np.random.default_rng(draws.seed())
-    truth = resting + rng.standard_normal((3, 10, 5, 3))
-    table = ErrorTable.between(robot, 0.01, truth, truth + 0.1 * rng.standard_normal(truth.shape))
-    early, late = table.between_lead_times(0, 0.04), table.between_lead_times(0.04, 0.1)
-    assert (early.steps, late.steps) == (4, 6)
-    np.testing.assert_allclose(
-        4 * early.e_pos_mse + 6 * late.e_pos_mse, 10 * table.e_pos_mse, rtol=1e-12
-    )
-    np.testing.assert_allclose(late.by_lead_time().seconds, table.by_lead_time().seconds[4:])
 
 
 def test_an_empty_table_says_nan_and_not_zero(robot):

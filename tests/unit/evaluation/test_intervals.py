@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flywheel.errors import DataError
-from flywheel.evaluation import median_interval, rmse_ratio_interval, success_interval
+from flywheel.evaluation import rmse_ratio_interval, success_interval
 from tests import draws
 
 
@@ -29,22 +29,6 @@ def test_without_a_trial_nothing_is_known():
 def test_impossible_counts_are_refused():
     with pytest.raises(DataError, match="between 0 and 3"):
         success_interval(4, 3)
-
-
-def test_the_median_interval_covers_the_median_about_as_often_as_it_says():
-    seed = draws.seed()
-    rng = np.random.default_rng(seed)
-    hits = 0
-    for i in range(200):
-        got = median_interval(rng.exponential(1.0, 25), seed=i, resamples=300)
-        hits += got.low <= np.log(2.0) <= got.high
-    assert 0.86 <= hits / 200 <= 1.0, f"seed {seed}: {hits}"
-
-
-def test_the_median_of_nothing_is_nan_and_of_one_value_a_point():
-    assert np.isnan(median_interval(np.array([]), seed=0).value)
-    got = median_interval(np.array([3.0]), seed=0)
-    assert (got.value, got.low, got.high) == (3.0, 3.0, 3.0)
 
 
 def test_the_interval_of_a_ratio_covers_the_truth_as_often_as_it_says():

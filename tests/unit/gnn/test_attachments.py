@@ -1,4 +1,4 @@
-"""Cables end where they are attached: seen where a body's pose is, computed where a twist is not."""
+"""Cables end where they are attached: seen where a body's pose is, computed where a roll is not."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_ends_on_moving_rods_are_found_from_the_rods_axes_alone(driven, robots, 
 
 
 @pytest.mark.parametrize("name", ["prism3", "icosa6"])
-def test_a_twist_that_is_followed_stays_right(driven, robots, name, seed):
+def test_a_roll_that_is_followed_stays_right(driven, robots, name, seed):
     parts, frames, winch, ends = driven(name)
     origin, apart = torch.zeros(2, SAMPLES), []
     sides = parts.attachments.find(frames[:, 0], origin, winch[0])
@@ -109,7 +109,7 @@ def test_velocities_of_ends_are_those_of_rods_that_do_not_spin(driven, seed):
     before, after = frames[:, step], frames[:, step + 1]
     sides = parts.attachments.find(before, origin, winch[step])
     first, across = parts.attachments.positions(before, sides, origin)
-    second, _ = parts.attachments.positions(after, sides, origin)  # carried along, not twisted
+    second, _ = parts.attachments.positions(after, sides, origin)  # carried along, not rolled
     nodes = torch.matmul(parts.frames.to_nodes, after - before) / dt
     speeds = parts.attachments.velocities(before, across, nodes)
     size = nodes.abs().max()

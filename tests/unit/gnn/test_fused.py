@@ -129,18 +129,6 @@ def test_a_sample_alone_is_predicted_as_in_company(robots, make_network, make_wi
     torch.testing.assert_close(alone.points, together.points[2:3], rtol=1e-5, atol=1e-5)
 
 
-def test_bfloat16_is_near_float32(robots, make_network, make_window, seed):
-    robot, config = robots["prism3"], CONFIGS["lean"]
-    network = make_network(robot, config, seed)
-    window = make_window(robot, config, seed)
-    simulator = Simulator(robot, config)
-    half = Simulator(robot, config, prepare=lambda n, g: FusedForward(n, g, torch.bfloat16))
-    with torch.no_grad():
-        exact = simulator.unroll(network, *window.arguments())
-        rough = half.unroll(network, *window.arguments())
-    assert 1e-6 < relative(rough.velocities, exact.velocities) < 0.1, seed
-
-
 def test_several_cables_between_the_same_two_nodes_are_several_edges(
     robots, make_network, make_window, seed
 ):

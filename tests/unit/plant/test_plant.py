@@ -10,7 +10,7 @@ from flywheel.dynamics import plant as plant_package
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.errors import ModelError
 from flywheel.records import State
-from flywheel.robots import Box, Robot, load_robot
+from flywheel.robots import Box, Robot, load_robot, read_robot
 from tests.physics.small_robots import hanging
 
 
@@ -54,7 +54,7 @@ def test_every_parameter_changes_the_motion(name: str, robot: Robot, controls: n
 
 def test_a_scaled_mass_is_the_mjcf_with_that_mass() -> None:
     robot = hanging()
-    heavy = Robot.from_mjcf(robot.xml.replace('mass="2.0"', 'mass="3.0"'))
+    heavy = read_robot(robot.xml.replace('mass="2.0"', 'mass="3.0"'))
     scaled, written = Plant(robot, parameters=PlantParameters(mass=1.5)).model, Plant(heavy).model
     for field in (
         "body_mass",

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, RestartedPlant
-from flywheel.dynamics.plant.restarted import fit_motion
 from flywheel.errors import ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
-from flywheel.robots import Robot, load_robot
-from flywheel.rotations import angle_between, rotate
+from flywheel.robots import Robot, load_robot, read_robot
+from flywheel.rotations import rotate
+from tests.angles import angle_between
 from tests.physics.small_robots import hanging
 
 H = 20
@@ -79,7 +79,7 @@ def test_rods_turn_about_themselves_by_chance_but_never_spin() -> None:
     plant = Plant(robot)
     axis = np.array([0.0, 0.0, 1.0])
     models = [RestartedPlant(plant, seed=s) for s in (0, 1)]
-    models += [RestartedPlant(plant, twist=t) for t in ("keyframe", "relaxed")]
+    models += [RestartedPlant(plant, roll=t) for t in ("keyframe", "relaxed")]
     states = [model.estimate(past) for model in models]
     turns = [s.qpos.reshape(-1, 3, 7)[..., 3:] for s in states]
     axes = [rotate(turn, axis) for turn in turns]
@@ -100,18 +100,18 @@ def test_a_robot_that_never_moved_is_restarted_as_it_is() -> None:
     plant = Plant(robot)
     seen = plant.observe(plant.rest()[:, None])
     past = Past(seen, np.zeros((1, 0, 6)), seen.winch)
-    state = RestartedPlant(plant, twist="keyframe").estimate(past)
+    state = RestartedPlant(plant, roll="keyframe").estimate(past)
     np.testing.assert_allclose(state.qpos[0], robot.keyframe.qpos, atol=1e-9)
     np.testing.assert_allclose(state.qvel, 0.0, atol=1e-12)
 
 
-def test_cables_tell_the_twist_that_nobody_sees() -> None:
+def test_cables_tell_the_roll_that_nobody_sees() -> None:
     robot = load_robot("prism3")
     truth, past = moving(robot, seed=4, batch=8)
     plant = Plant(robot)
     across = np.array([1.0, 0.0, 0.0])
     true = rotate(truth.states.qpos[:, 100].reshape(-1, 3, 7)[..., 3:], across)
-    found = RestartedPlant(plant, twist="relaxed").estimate(past).qpos.reshape(-1, 3, 7)[..., 3:]
+    found = RestartedPlant(plant, roll="relaxed").estimate(past).qpos.reshape(-1, 3, 7)[..., 3:]
     assert np.degrees(np.median(angle_between(rotate(found, across), true))) < 2.0
 
 
@@ -123,8 +123,8 @@ def test_the_better_the_guess_the_better_the_prediction() -> None:
     points = truth.observations.points[:, 100:]
     oracle = np.abs(PlantDynamics(plant).rollout(past, future).points - points).mean()
     errors = [
-        np.abs(RestartedPlant(plant, twist=twist).rollout(past, future).points - points).mean()
-        for twist in ("relaxed", "keyframe", "random")
+        np.abs(RestartedPlant(plant, roll=roll).rollout(past, future).points - points).mean()
+        for roll in ("relaxed", "keyframe", "random")
     ]
     assert oracle == 0.0
     assert 0 < errors[0] < errors[1] < 0.5 * errors[2]
@@ -172,19 +172,6 @@ def test_points_that_are_missing_now_are_taken_from_before() -> None:
         RestartedPlant(plant).estimate(gone)
 
 
-def test_motions_are_fitted_exactly_by_their_own_polynomial() -> None:
-    t = np.arange(-4, 1) * 0.01
-    place = 1.0 + 2.0 * t[:, None] - 30.0 * (t**2)[:, None]
-    points = np.stack([place * 1.0, place * 2.0, np.full_like(place, np.nan)], axis=1)[None]
-    points = np.repeat(points, 3, axis=-1)
-    points[0, 1, 0] = np.nan
-    now, speed = fit_motion(points, 0.01, 2)
-    np.testing.assert_allclose(now[0, :2], [[1.0] * 3, [2.0] * 3], atol=1e-9)
-    np.testing.assert_allclose(speed[0, :2], [[2.0] * 3, [4.0] * 3], atol=1e-7)
-    assert np.isnan(now[0, 2]).all()
-    assert (speed[0, 2] == 0).all()
-
-
 def test_what_cannot_be_restarted_is_refused() -> None:
     plant = Plant(load_robot("prism3"))
     with pytest.raises(ModelError, match="window must be at least 1"):
@@ -192,7 +179,7 @@ def test_what_cannot_be_restarted_is_refused() -> None:
     hinged = hanging().xml.replace("<freejoint/>", '<joint type="slide" axis="0 0 1"/>')
     hinged = hinged.replace('qpos="0 0 2.0 1 0 0 0"', 'qpos="0"')
     with pytest.raises(RobotError, match="cannot be restarted from its points: it has joints"):
-        RestartedPlant(Plant(Robot.from_mjcf(hinged)))
+        RestartedPlant(Plant(read_robot(hinged)))
     past = Past(
         Observation(np.zeros((1, 1, 6, 3)), np.zeros((1, 1, 6))),
         np.zeros((1, 0, 6)),

@@ -10,7 +10,7 @@ import pytest
 from flywheel.dynamics.plant import Plant, settling
 from flywheel.errors import ModelError
 from flywheel.records import State
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import load_robot, read_robot
 
 PENDULUM = """
 <mujoco model="pendulum">
@@ -36,7 +36,7 @@ PENDULUM = """
 
 
 def hanging(x: float, damping: float = 5.0) -> Plant:
-    return Plant(Robot.from_mjcf(PENDULUM.format(x=x, damping=damping)))
+    return Plant(read_robot(PENDULUM.format(x=x, damping=damping)))
 
 
 def test_what_lies_still_is_at_rest_where_it_is() -> None:
@@ -67,7 +67,7 @@ def test_what_falls_for_ever_is_lost() -> None:
     xml = load_robot("prism3").xml.replace(
         'geom name="ground"', 'geom name="ground" pos="0 0 -999"'
     )
-    assert settling(Plant(Robot.from_mjcf(xml))).lost
+    assert settling(Plant(read_robot(xml))).lost
 
 
 def test_nobody_waits_for_ever() -> None:

@@ -11,7 +11,7 @@ from flywheel.dynamics.plant.world import scene
 from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError
 from flywheel.records import State
-from flywheel.robots import Box, Robot, load_robot
+from flywheel.robots import Box, Robot, load_robot, read_robot
 from flywheel.terrain import Terrain
 from tests.physics.small_robots import hanging
 
@@ -55,7 +55,7 @@ def standing(ground: str) -> Robot:
     for old, new in edits:
         assert old in xml
         xml = xml.replace(old, new)
-    return Robot.from_mjcf(xml)
+    return read_robot(xml)
 
 
 def with_numbers(said: str) -> str:
@@ -95,7 +95,7 @@ def test_an_obstacle_and_a_terrain_touch_as_the_ground_does(ground: str, around:
 def test_without_a_ground_an_obstacle_has_mujocos_own_numbers() -> None:
     xml = standing("slippery").xml
     start = xml.index('<geom name="ground"')
-    robot = Robot.from_mjcf(xml[:start] + xml[xml.index("/>", start) + 2 :])
+    robot = read_robot(xml[:start] + xml[xml.index("/>", start) + 2 :])
     spec = scene(robot, (PLATE,))
     box, own = spec.geoms[0], mujoco.MjSpec().worldbody.add_geom()
     assert box.type == mujoco.mjtGeom.mjGEOM_BOX
@@ -112,7 +112,7 @@ def test_a_terrain_takes_the_place_of_a_ground_in_a_turned_frame() -> None:
         '<geom type="plane" size="9 9 .1" pos="0 0 -3"/> </frame> </body>'
     )
     there = [
-        scene(Robot.from_mjcf(xml), terrain=FLAT).compile()
+        scene(read_robot(xml), terrain=FLAT).compile()
         for xml in (plain, plain.replace(ground, nested))
     ]
     for model in there:
@@ -127,7 +127,7 @@ def test_a_terrain_takes_the_place_of_a_ground_in_a_turned_frame() -> None:
 def test_a_terrain_takes_the_place_of_no_slope(turn: str) -> None:
     xml = hanging().xml.replace('size="9 9 .1"', f'size="9 9 .1" {turn}')
     with pytest.raises(ModelError, match="level ground plane"):
-        scene(Robot.from_mjcf(xml), terrain=FLAT)
+        scene(read_robot(xml), terrain=FLAT)
 
 
 def felt(robot: Robot) -> np.ndarray:
@@ -145,7 +145,7 @@ def test_effects_pull_where_the_mjcf_switches_their_group_of_actuators_off() -> 
     switched = xml.replace("<option", '<option actuatorgroupdisable="0 2"').replace(
         '<general name="winch"', '<general name="winch" group="1"'
     )
-    robots = [Robot.from_mjcf(each) for each in (xml, switched)]
+    robots = [read_robot(each) for each in (xml, switched)]
     assert np.array_equal(*map(felt, robots))
 
 
@@ -153,4 +153,4 @@ def test_what_is_only_looked_at_may_be_anywhere() -> None:
     robot = load_robot("prism3")
     lit = robot.xml.replace('<light name="sun"', '<light name="sun" texture="ground"')
     shiny = lit.replace('class="cable"', "").replace("<site ", '<site material="red" ', 1)
-    assert np.array_equal(felt(Robot.from_mjcf(shiny)), felt(robot))
+    assert np.array_equal(felt(read_robot(shiny)), felt(robot))

@@ -93,7 +93,7 @@ def test_the_table_shows_both_arms_beside_floor_and_oracle(shown):
         "iteration 1",
         "iteration 1, control arm",
         "floor: plant restarted from the same observations",
-        "informed floor: its twist computed from the cables",
+        "informed floor: its roll computed from the cables",
         "nothing moves",
         "oracle: MPPI on the plant",
         "maze, never seen",

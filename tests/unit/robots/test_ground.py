@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flywheel.robots import Ground, Robot, collides, ground_of
+from flywheel.robots import Ground, collides, ground_of, read_robot
 from tests.physics.small_robots import hanging
 
 PLANES = {
@@ -48,4 +48,4 @@ def test_what_cannot_be_touched_is_no_ground_unless_it_is_listed_in_a_pair() -> 
     model, ground = ground_among(PLANES["carpet"], listed='<pair geom1="carpet" geom2="ball"/>')
     assert ground is not None and collides(model)[ground.geom]
     xml = hanging().xml.replace('size="9 9 .1"', 'size="9 9 .1" contype="0" conaffinity="0"')
-    assert not Robot.from_mjcf(xml).grounded
+    assert not read_robot(xml).grounded

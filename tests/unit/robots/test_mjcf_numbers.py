@@ -7,7 +7,7 @@ import re
 import pytest
 
 from flywheel.errors import RobotError
-from flywheel.robots import ROBOTS, Robot, load_robot
+from flywheel.robots import ROBOTS, load_robot, read_robot
 from tests.unit.robots.test_refusals import edited
 
 BEGIN = '<mujoco model="lamp">'
@@ -80,7 +80,7 @@ def test_a_number_that_makes_no_sense_is_refused_with_its_element(
     edits: list[tuple[str, str]], message: str
 ) -> None:
     with pytest.raises(RobotError, match=re.escape(message)):
-        Robot.from_mjcf(edited(*edits))
+        read_robot(edited(*edits))
 
 
 def test_bodies_within_each_other_are_refused() -> None:
@@ -90,7 +90,7 @@ def test_bodies_within_each_other_are_refused() -> None:
     bodies = edited(("<worldbody>", f"<worldbody>{balls}"))
     poses = " 0 0 9 1 0 0 0" * 110
     with pytest.raises(RobotError, match="5,995 contacts, allowed are 5,000"):
-        Robot.from_mjcf(
+        read_robot(
             bodies.replace('<key qpos="', f'<key qpos="{poses} ').replace(
                 "<body pos", '<body name="b" pos'
             )

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from flywheel.errors import RobotError
-from flywheel.robots import Robot, load_course, load_robot
+from flywheel.robots import load_course, load_robot, read_robot
 from tests.unit.robots.test_refusals import GOOD, edited
 
 Load = Callable[[str], object]
@@ -48,23 +48,23 @@ def replicated(*counts: int | str) -> str:
 )
 def test_more_elements_than_are_compiled_in_seconds_are_refused(world: str) -> None:
     with pytest.raises(RobotError, match=r"more than 8,000 elements, the copies of <replicate>"):
-        Robot.from_mjcf(with_world(world))
+        read_robot(with_world(world))
 
 
 def test_few_copies_are_no_more_than_what_they_stand_for() -> None:
     geoms = '<replicate count="20" offset="0 0 1"><geom size=".1" pos="9 9 9"/></replicate>'
-    assert len(Robot.from_mjcf(with_world(geoms)).bodies) == 1
+    assert len(read_robot(with_world(geoms)).bodies) == 1
 
 
 def test_a_count_that_is_none_is_left_to_mujoco() -> None:
     with pytest.raises(RobotError, match="MuJoCo cannot compile.*'count'"):
-        Robot.from_mjcf(with_world(replicated("1e9")))
+        read_robot(with_world(replicated("1e9")))
 
 
 @pytest.mark.parametrize("depth", [401, 100_000])
 def test_elements_deep_within_each_other_are_refused(depth: int) -> None:
     with pytest.raises(RobotError, match="more than 400 elements within each other"):
-        Robot.from_mjcf(with_world("<body>" * depth + "</body>" * depth))
+        read_robot(with_world("<body>" * depth + "</body>" * depth))
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_elements_deep_within_each_other_are_refused(depth: int) -> None:
 )
 def test_what_would_take_much_memory_is_refused(xml: str, message: str) -> None:
     with pytest.raises(RobotError, match=message):
-        Robot.from_mjcf(xml)
+        read_robot(xml)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_what_would_take_much_memory_is_refused(xml: str, message: str) -> None:
 )
 def test_what_is_no_robot_of_rigid_bodies_in_one_file_is_refused(xml: str, message: str) -> None:
     with pytest.raises(RobotError, match=message):
-        Robot.from_mjcf(xml)
+        read_robot(xml)
 
 
 @pytest.mark.parametrize("load", [load_robot, load_course])
@@ -175,7 +175,7 @@ def test_nothing_is_written_where_mujoco_would_warn(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RobotError, match=r"none \(nan\): <geom name='shade' mass='nan'>"):
-        Robot.from_mjcf(edited(('mass="1"', 'mass="nan"')))
+        read_robot(edited(('mass="1"', 'mass="nan"')))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -202,9 +202,9 @@ def test_a_robot_of_three_hundred_bodies_is_read() -> None:
         ("</sensor>", "".join(map(sensor, range(300))) + "</sensor>"),
         ('qpos="0 0 2 1 0 0 0"', f'qpos="0 0 2 1 0 0 0{poses}"'),
     )
-    robot = Robot.from_mjcf(xml)
+    robot = read_robot(xml)
     assert (len(robot.bodies), len(robot.cables)) == (301, 302)
 
 
 def test_the_example_is_no_longer_than_it_looks() -> None:
-    assert Robot.from_mjcf(GOOD).digest == Robot.from_mjcf("\n" + GOOD).digest
+    assert read_robot(GOOD).digest == read_robot("\n" + GOOD).digest

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flywheel.errors import RobotError, UnknownNameError
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import load_robot, read_robot
 
 GOOD = """
 <mujoco model="lamp">
@@ -64,7 +64,7 @@ def edited(*edits: tuple[str, str]) -> str:
 
 
 def test_the_example_itself_is_accepted() -> None:
-    robot = Robot.from_mjcf(GOOD)
+    robot = read_robot(GOOD)
     assert [w.name for w in robot.winches] == ["reel"]
     assert [c.winch for c in robot.cables] == [0, -1]
     assert [c.ends[0].body for c in robot.cables] == [-1, -1]
@@ -197,11 +197,11 @@ def test_the_example_itself_is_accepted() -> None:
 )
 def test_it_is_refused_with_the_element_named(edits: list[tuple[str, str]], message: str) -> None:
     with pytest.raises(RobotError, match=message):
-        Robot.from_mjcf(edited(*edits))
+        read_robot(edited(*edits))
 
 
 def test_a_winch_may_drive_two_cables_that_start_at_different_rest_lengths() -> None:
-    robot = Robot.from_mjcf(
+    robot = read_robot(
         edited(
             ("</actuator>", SECOND_REEL.format(tendon="stay", range="0.6 2.1")),
             ('stiffness="20" springlength="0 1.2"', ""),
@@ -217,14 +217,14 @@ def test_a_winch_may_drive_two_cables_that_start_at_different_rest_lengths() -> 
 def test_an_actuator_whose_control_does_nothing_is_no_control() -> None:
     lifting = '<motor name="lift" site="shade" gear="0 0 1 0 0 0"/></actuator>'
     with pytest.raises(RobotError, match="'lift' must drive a tendon .or have gainprm 0"):
-        Robot.from_mjcf(edited(("</actuator>", lifting)))
+        read_robot(edited(("</actuator>", lifting)))
     passive = lifting.replace("<motor", "<general").replace("site=", 'gainprm="0" site=')
-    assert len(Robot.from_mjcf(edited(("</actuator>", passive))).winches) == 1
+    assert len(read_robot(edited(("</actuator>", passive))).winches) == 1
 
 
 def test_what_is_welded_to_a_body_is_part_of_it() -> None:
     arm = '<body name="arm" pos="0.5 0 0"><geom name="arm" size=".1" mass="3"/></body></body>'
-    robot = Robot.from_mjcf(edited(("</body>", arm)))
+    robot = read_robot(edited(("</body>", arm)))
     (body,) = robot.bodies
     assert [p.name for p in body.primitives] == ["shade", "arm"]
     assert body.mass == 4.0
@@ -236,13 +236,13 @@ def test_what_is_welded_to_a_body_is_part_of_it() -> None:
 
 def test_masses_given_by_an_inertial_are_spread_over_the_pieces() -> None:
     inertial = '<inertial pos="0 0 0" mass="7" diaginertia="1 1 1"/><site name="shade"/>'
-    (body,) = Robot.from_mjcf(edited(('<site name="shade"/>', inertial))).bodies
+    (body,) = read_robot(edited(('<site name="shade"/>', inertial))).bodies
     assert body.mass == 7.0
     assert [p.mass for p in body.primitives] == [7.0]
 
 
 def test_a_shell_turns_as_a_shell() -> None:
-    (body,) = Robot.from_mjcf(edited(('size=".1"', 'size=".1" shellinertia="true"'))).bodies
+    (body,) = read_robot(edited(('size=".1"', 'size=".1" shellinertia="true"'))).bodies
     np.testing.assert_allclose(body.primitives[0].inertia, body.inertia)
     assert body.inertia[0] == pytest.approx(2 / 3 * 0.1**2)
 
@@ -254,4 +254,4 @@ def test_files_and_names_that_do_not_exist_are_said(tmp_path: Path) -> None:
         load_robot("prism")
     path = tmp_path / "lamp.xml"
     path.write_text(GOOD)
-    assert load_robot(str(path)).digest == Robot.from_mjcf(GOOD).digest
+    assert load_robot(str(path)).digest == read_robot(GOOD).digest

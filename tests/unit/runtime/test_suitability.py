@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flywheel.errors import ConfigError, UnknownNameError
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.loop import run
 from flywheel.runtime.run.suitability import check_suits, misfits
@@ -55,12 +55,12 @@ def test_only_what_a_robot_cannot_do_is_left_out() -> None:
     assert refused(smoke, icosa) == ["collect.gaits=0"]
     hanging = refused(smoke, load_robot("platform4"))
     assert hanging == ["collect.gaits=0", "collect.drops=0", "evaluate.unseen=[]"]
-    assert refused(smoke, Robot.from_mjcf(HINGED)) == [*hanging, "evaluate.floor=false"]
+    assert refused(smoke, read_robot(HINGED)) == [*hanging, "evaluate.floor=false"]
 
 
 def test_what_needs_free_bodies_names_joints() -> None:
     config = load_config(ROOT / "configs" / "terrain.yaml")
-    robot = Robot.from_mjcf(HINGED)
+    robot = read_robot(HINGED)
     why = {misfit.override: misfit.why for misfit in misfits(config, robot)}
     assert "it has joints" in why["evaluate.floor=false"]
     assert "it has joints" in why["terrain.kinds=[]"]
@@ -70,7 +70,7 @@ def test_what_needs_free_bodies_names_joints() -> None:
 def test_a_control_step_is_a_multiple_of_the_time_step() -> None:
     xml = load_robot("prism3").xml.replace('timestep="0.005"', 'timestep="0.003"')
     file = ROOT / "configs" / "smoke.yaml"
-    robot = Robot.from_mjcf(xml)
+    robot = read_robot(xml)
     overrides = refused(load_config(file), robot)
     assert overrides[0] == "network.dt=0.009"
     check_suits(load_config(file, overrides), robot)

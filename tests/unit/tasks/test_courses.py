@@ -11,7 +11,6 @@ from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError, RobotError, UnknownNameError
 from flywheel.robots import COURSES, ObstacleCourse, Robot, load_course, load_robot
 from flywheel.tasks import TaskConfig, sample_task
-from flywheel.tasks.center import center_weights
 from flywheel.tasks.distance import near_boxes
 from tests import draws
 
@@ -42,7 +41,7 @@ def test_every_course_has_a_way_that_is_longer_than_the_straight_one(
     rng = np.random.default_rng(seed)
     task = sample_task("obstacle_course", robot, points, rng, TaskConfig(course=name))
     assert task.begin is not None and task.obstacles == load_course(name).obstacles
-    there = task.begin.points(points, center_weights(robot))
+    there = task.begin.points(points, robot.center_weights)
     straight, around = task.distance(there), task.to_goal(task.place(there))
     assert task.place(there) == pytest.approx(task.begin.place)
     assert around > 1.03 * straight, seed
@@ -56,7 +55,7 @@ def test_a_turned_robot_is_the_same_robot(robot: Robot, points: np.ndarray) -> N
     )
     assert task.begin is not None
     assert task.begin.place == pytest.approx(load_course("s_course").start)
-    there = task.begin.points(points, center_weights(robot))
+    there = task.begin.points(points, robot.center_weights)
     apart, before = (np.linalg.norm(p[:, None] - p[None], axis=-1) for p in (there, points))
     assert apart == pytest.approx(before)
     assert there[:, 2] == pytest.approx(points[:, 2])

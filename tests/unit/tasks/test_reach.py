@@ -8,7 +8,6 @@ from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError, UnknownNameError
 from flywheel.robots import Box, Robot, load_robot
 from flywheel.tasks import TaskConfig, sample_task
-from flywheel.tasks.center import center_weights
 from flywheel.tasks.costs import Broadside, Collision, FinalDistance, MeanDistance, gap
 from tests import draws
 
@@ -34,8 +33,8 @@ def still(points: np.ndarray, steps: int = 3) -> np.ndarray:
 
 def test_the_centre_is_that_of_mass(robot: Robot, start: np.ndarray) -> None:
     # a rod's centre of mass is midway between its caps, and all rods weigh the same
-    assert center_weights(robot) @ start == pytest.approx(start.mean(axis=0))
-    assert center_weights(robot).sum() == pytest.approx(1.0)
+    assert robot.center_weights @ start == pytest.approx(start.mean(axis=0))
+    assert robot.center_weights.sum() == pytest.approx(1.0)
 
 
 def test_heavier_bodies_draw_the_centre_to_them(robot: Robot, start: np.ndarray) -> None:
@@ -43,14 +42,14 @@ def test_heavier_bodies_draw_the_centre_to_them(robot: Robot, start: np.ndarray)
     uneven = dataclasses.replace(robot, bodies=(heavy, *robot.bodies[1:]))
     middles = np.stack([start[list(body.points)].mean(axis=0) for body in robot.bodies])
     expected = np.average(middles, axis=0, weights=[3, 1, 1])
-    assert center_weights(uneven) @ start == pytest.approx(expected)
+    assert uneven.center_weights @ start == pytest.approx(expected)
 
 
 def test_a_centre_of_mass_off_the_middle_of_its_points_is_found(robot: Robot) -> None:
     body = robot.bodies[0]
     ends = np.stack([robot.points[p].offset for p in body.points])
     shifted = dataclasses.replace(body, com=0.3 * ends[0] + 0.7 * ends[1])
-    weights = center_weights(dataclasses.replace(robot, bodies=(shifted, *robot.bodies[1:])))
+    weights = dataclasses.replace(robot, bodies=(shifted, *robot.bodies[1:])).center_weights
     assert weights[list(body.points)] * 3 == pytest.approx([0.3, 0.7])
 
 

@@ -10,7 +10,7 @@ import torch
 
 from flywheel.dynamics.gnn import load_weights, weights_digest
 from flywheel.errors import ConfigError, DataError, ModelError
-from flywheel.robots import Robot
+from flywheel.robots import read_robot
 from flywheel.training import Schedule, Stage, Trainer
 from flywheel.training.checkpoint import read_checkpoint
 from flywheel.training.objective import Objective
@@ -285,7 +285,7 @@ def test_weights_for_a_robot_that_shows_no_rotation_are_selected_by_positions(
 ):
     from flywheel.dynamics.gnn import ChunkNetwork, Simulator
 
-    robot = Robot.from_mjcf(GOOD)
+    robot = read_robot(GOOD)
     assert len(robot.points) == 1
     measure = Validation(
         robot,

@@ -11,7 +11,7 @@ import pytest
 import flywheel.truth_simulator
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ModelError, UnknownNameError
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.truth_simulator import (
     HIDDEN,
     OUTSIDE,
@@ -60,7 +60,7 @@ def test_without_effects_it_stays_beside_the_plant(name: str, script_name: str) 
 @pytest.mark.parametrize("name", ["prism3", "platform4"])
 def test_what_parts_them_is_the_time_step_of_the_plant(name: str) -> None:
     robot = load_robot(name)
-    fine = Robot.from_mjcf(robot.xml.replace('timestep="0.005"', 'timestep="0.001"'))
+    fine = read_robot(robot.xml.replace('timestep="0.005"', 'timestep="0.001"'))
     plant = Plant(fine, DT)
     start = plant.settle(1.0)
     controls = commands(robot, seconds=1.0)

@@ -252,7 +252,7 @@ def test_one_missing_row_is_bridged_and_a_gap_begins_another_episode(
     controls[40] = controls[39]
     np.testing.assert_array_equal(first.trajectory.controls, controls[:119])
     np.testing.assert_array_equal(second.trajectory.controls, controls[150:])
-    bridged, split = read.report.of_kind("gap")
+    bridged, split = (f for f in read.report.findings if f.kind == "gap")
     assert (bridged.action, bridged.count) == ("masked", 1)
     assert (split.action, split.count) == ("split", 30)
     assert split.spans == (pytest.approx((1.19, 1.5)),)
@@ -307,7 +307,7 @@ def test_exchanged_markers_that_come_back_from_anywhere_are_not_guessed(
     points = read.episodes[0].trajectory.observations.points
     expected[seen:, :2] = np.nan
     np.testing.assert_allclose(points, expected, rtol=0, atol=1e-12)
-    repaired, *masked = read.report.of_kind("swap")
+    repaired, *masked = (f for f in read.report.findings if f.kind == "swap")
     assert (repaired.action, repaired.count) == ("repaired", unseen - begin), SEED
     assert [(m.action, m.subject, m.count) for m in masked] == [
         ("masked", name, len(log.rows) - seen) for name in ("s0", "s1")

@@ -1,4 +1,4 @@
-"""How far a rod is turned about its own axis: unseen, but its cables, which end on its surface, tell.
+"""The roll of a rod, its turn about its own axis: unseen, but its cables, which end on its surface, tell it.
 
 A rod has little inertia about its axis and its cables are stiff, so it soon comes to rest where their
 elastic energy is least. That turn is found by trying angles, finer and finer, body after body.
@@ -23,14 +23,14 @@ def unseen_axes(robot: Robot) -> dict[int, Floats]:
     """Body -> (3,) unit axis in its frame, about which no tracked point tells how far it is turned."""
     lines = {}
     for index, body in enumerate(robot.bodies):
-        line = line_of(np.array([robot.points[i].offset for i in body.points]))
+        line = line_of(robot.offsets_of(body))
         if line is not None:
             lines[index] = line
     return lines
 
 
 def line_of(offsets: Floats) -> Floats | None:
-    """(3,) direction of the line that points (n, 3) lie on; None if they are one, or on no line."""
+    """(3,) direction of the line through points (n, 3); None if they coincide or are not collinear."""
     _, spread, directions = np.linalg.svd(offsets - offsets.mean(axis=0))
     spread = np.concatenate([spread, np.zeros(2)])
     on_one_line = spread[0] > 0 and spread[1] <= ON_A_LINE * spread[0]

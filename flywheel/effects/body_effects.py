@@ -1,4 +1,6 @@
-"""Mass that the MJCF does not know of."""
+"""Effects on the bodies: what holds them back, and what they weigh."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping
 
@@ -8,9 +10,28 @@ import numpy as np
 from flywheel.effects.effect import ModelEffect, Parameter
 from flywheel.robots import Robot, moving_bodies
 
+LINEAR = 3  # a free joint's first velocities are linear
+
+
+class AirDrag(ModelEffect):
+    """Air, or a hose, that holds every freely moving body back, against its velocity."""
+
+    name = "air_drag"
+    sizes = (Parameter("drag", "N s/m", lambda s: 0.1 * s.weight * s.time / s.length / s.bodies),)
+    equation = "F = -c v of each body"
+    source = "Stokes' law"
+    shown_by = "swinging or rolling fast"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        free = model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
+        for first in model.jnt_dofadr[free]:
+            model.dof_damping[first : first + LINEAR] += values["drag"]
+
 
 class Payload(ModelEffect):
-    """A point mass at a tracked point."""
+    """Mass that the MJCF does not know of: a point mass at a tracked point."""
 
     name = "payload"
     where = "point"
@@ -37,6 +58,22 @@ class Payload(ModelEffect):
         inertia = inertia + _about(old, centre - together) + _about(extra, site - together)
         model.body_mass[body], model.body_ipos[body] = total, together
         _set_inertia(model, body, inertia)
+
+
+class BodyMass(ModelEffect):
+    """Bodies that are heavier or lighter than the MJCF says, all by the same share."""
+
+    name = "body_mass"
+    sizes = (Parameter("share", "-", lambda s: 0.05, low=-15.0, high=40.0),)
+    equation = "m (1 + s), I (1 + s) of every body"
+    source = "Newton's second law"
+    shown_by = "drops and fast strokes"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        model.body_mass[:] *= 1.0 + values["share"]
+        model.body_inertia[:] *= 1.0 + values["share"]
 
 
 def _about(mass: float, arm: np.ndarray) -> np.ndarray:

@@ -1,0 +1,140 @@
+"""What a robot is made of: rigid bodies, tracked points, cables and winches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from flywheel.records import Floats
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """One geometric piece of a rigid body.
+
+    Attributes:
+      name: the geom's name, or one made from its body and number.
+      shape: MuJoCo's geom type in lower case ("sphere", "cylinder", "capsule", "box", ...).
+      size: (3,) half-sizes as in MJCF [m].
+      offset: (3,) centre in the body frame [m].
+      axis: (3,) unit z-axis of the geom in the body frame.
+      mass: [kg].
+      inertia: (3,) principal moments about its centre in the geom frame [kg m^2].
+      collides: takes part in contact with the ground.
+    """
+
+    name: str
+    shape: str
+    size: Floats
+    offset: Floats
+    axis: Floats
+    mass: float
+    inertia: Floats
+    collides: bool
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body that can move.
+
+    Attributes:
+      name: as in the MJCF.
+      mass: [kg].
+      inertia: (3,) principal moments about the centre of mass [kg m^2].
+      com: (3,) centre of mass in the body frame [m].
+      primitives: its geometric pieces.
+      points: indices into `Robot.points` of the tracked points on it.
+    """
+
+    name: str
+    mass: float
+    inertia: Floats
+    com: Floats
+    primitives: tuple[Primitive, ...]
+    points: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TrackedPoint:
+    """A point whose position the robot's sensors give: an end cap, or a marker.
+
+    Attributes:
+      name: the sensor's name; recordings' columns are `<name>.x/.y/.z`.
+      body: index into `Robot.bodies`.
+      offset: (3,) in the body frame [m].
+      radius: of the sphere around it that touches the ground [m]; 0 where nothing does.
+    """
+
+    name: str
+    body: int
+    offset: Floats
+    radius: float
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Where a cable ends: `offset` [m] in the frame of body `body`, or of the world if body is -1.
+
+    Attributes:
+      body: index into `Robot.bodies`, -1 for the world.
+      offset: (3,) [m].
+      point: index of the nearest tracked point on the same body, -1 for the world. The learner,
+        which cannot see the roll, takes the cable to end there.
+    """
+
+    body: int
+    offset: Floats
+    point: int
+
+
+@dataclass(frozen=True)
+class Cable:
+    """A tension-only element between two attachments.
+
+    Attributes:
+      name: the tendon's name.
+      ends: its two attachments.
+      stiffness: [N/m].
+      damping: [N s/m].
+      rest_length: at the keyframe [m].
+      winch: index into `Robot.winches` of the winch that drives it, -1 if passive.
+    """
+
+    name: str
+    ends: tuple[Attachment, Attachment]
+    stiffness: float
+    damping: float
+    rest_length: float
+    winch: int
+
+
+@dataclass(frozen=True)
+class Winch:
+    """A motor that changes the rest length of one or several cables by the same amount.
+
+    Attributes:
+      name: of the control: the actuator's name, or that of the MJCF's tuple of several actuators;
+        recordings' column is `ctrl.<name>`.
+      kind: "rate" (control = rate of the rest length [m/s], positive pays out) or "position"
+        (control = rest length wanted [m], reached with a first-order lag).
+      cables: indices into `Robot.cables`. The first is the one whose actuator is measured, else the
+        first one of the tuple: the winch's position is its rest length.
+      actuators: indices of the MJCF's actuators that this control drives, one per cable.
+      activation: place of its position in `State.act`.
+      control_range: (low, high) of the control [m/s or m].
+      rest_range: (low, high) of the rest length of its first cable [m].
+      time_constant: of the lag of a position winch [s]; 0 for a rate winch.
+      measured: the MJCF has a sensor for its position.
+      sensor: that sensor's name, the recordings' column; "" where there is none.
+    """
+
+    name: str
+    kind: Literal["rate", "position"]
+    cables: tuple[int, ...]
+    actuators: tuple[int, ...]
+    control_range: tuple[float, float]
+    rest_range: tuple[float, float]
+    time_constant: float
+    measured: bool
+    activation: int
+    sensor: str = ""
