@@ -12,7 +12,7 @@ import numpy as np
 
 from flywheel.cli.drives import Drive, Setting
 from flywheel.cli.hidden_effects import hidden_effects
-from flywheel.cli.navigate import CHAMPION
+from flywheel.cli.options import CHAMPION
 from flywheel.cli.runs import open_run
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import LiveView

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console
-from flywheel.cli.options import Overrides, within
+from flywheel.cli.options import CHAMPION, Overrides, within
 from flywheel.quantities import SAMPLES, SEED
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from flywheel.cli.drives import Drive
     from flywheel.records import Episode
     from flywheel.runtime.pool.progress import Progress
-
-CHAMPION = "champion"
 
 SourceArgument = Annotated[
     str,

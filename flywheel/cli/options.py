@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from flywheel.robots import Robot
 
 N = TypeVar("N", int, float, None)
+CHAMPION = "champion"  # the model of a run that its gate let pass
 TYPICAL_SIZES = Bounds(0.01, 1000)  # of an effect
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 

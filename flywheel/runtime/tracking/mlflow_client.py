@@ -100,7 +100,7 @@ class MlflowReceiver:
     def _connected(self) -> MlflowClient:
         if self._client is None:
             _configure(self._config.request_seconds)
-            from mlflow import MlflowClient
+            from mlflow import MlflowClient  # slow to import
 
             uri = self._config.uri or database_uri(_database(self._folder / DATABASE))
             client = MlflowClient(tracking_uri=uri, registry_uri=uri)
@@ -142,7 +142,7 @@ class MlflowReceiver:
         self._ids[key] = run.info.run_id
 
     def _log(self, client: MlflowClient, record: Record) -> None:
-        from mlflow.entities import Metric
+        from mlflow.entities import Metric  # slow to import
 
         time = record["time"]
         metrics = [Metric(name, value, time, step) for name, step, value in record["values"]]
@@ -150,7 +150,7 @@ class MlflowReceiver:
             client.log_batch(self._id(client, record["run"]), metrics=part)
 
     def _describe(self, client: MlflowClient, record: Record) -> None:
-        from mlflow.entities import Param, RunTag
+        from mlflow.entities import Param, RunTag  # slow to import
 
         run = self._id(client, record["run"])
         have = client.get_run(run).data.params
@@ -166,7 +166,7 @@ class MlflowReceiver:
             client.log_batch(run, tags=part)
 
     def _dataset(self, client: MlflowClient, record: Record) -> None:
-        from mlflow.entities import Dataset, DatasetInput, InputTag
+        from mlflow.entities import Dataset, DatasetInput, InputTag  # slow to import
 
         digest = record["digest"]
         dataset = Dataset(
@@ -204,7 +204,7 @@ class MlflowReceiver:
         self._register(client, model, run, tags)
 
     def _upload(self, client: MlflowClient, record: Record, model: str, run: str) -> None:
-        from mlflow.entities import LoggedModelOutput
+        from mlflow.entities import LoggedModelOutput  # slow to import
 
         with tempfile.TemporaryDirectory() as folder:
             _write_pyfunc(
@@ -272,7 +272,7 @@ def _database(path: Path) -> Path:
         raise DataError(problem)
     if _missing(path):
         path.unlink(missing_ok=True)
-        from mlflow import MlflowClient
+        from mlflow import MlflowClient  # slow to import
 
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".mlflow-") as folder:
             fresh = Path(folder) / path.name
@@ -289,8 +289,8 @@ def _missing(path: Path) -> bool:
 
 def _write_pyfunc(to: Path, source: Path, shape: list[int], model: str, run: str) -> None:
     """Wrap the folder of a model as an MLflow pyfunc with a signature, without a pickle."""
-    from mlflow.models import Model, ModelSignature
-    from mlflow.types import Schema, TensorSpec
+    from mlflow.models import Model, ModelSignature  # slow to import
+    from mlflow.types import Schema, TensorSpec  # slow to import
 
     def tensors(names: dict[str, tuple[int, ...]]) -> Schema:
         return Schema(
