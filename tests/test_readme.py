@@ -117,7 +117,9 @@ def test_every_command_in_the_table_is_one() -> None:
     assert len(named) >= 9
     for words in named:
         command = words.split()
-        command = command[:2] if command[0] in {"data", "robot", "recordings"} else command[:1]
+        command = (
+            command[:2] if command[0] in {"config", "data", "robot", "recordings"} else command[:1]
+        )
         assert CliRunner().invoke(app, [*command, "--help"]).exit_code == 0, words
 
 
