@@ -3,7 +3,7 @@
 A number without an upper bound is an episode without an end, or all of the memory. So every number of
 every setting is `Annotated` with `Bounds`: with those of one of the names below, or with its own where it
 can be less. The bounds are far beyond what anybody needs, and what is multiplied is checked as a product,
-see `runtime.demand`.
+see `runtime.config.demand`.
 """
 
 from __future__ import annotations

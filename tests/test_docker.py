@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -96,6 +97,17 @@ def test_each_target_of_the_image_that_compose_may_build_is_there() -> None:
     assert set(re.findall(r'TORCH="torch==([\d.]+)', text)) == {pinned[1]}
     for copied in re.findall(r"^COPY (.+) \S+$", text, flags=re.MULTILINE):
         assert all((ROOT / name).exists() for name in copied.split())
+
+
+def test_the_image_has_what_the_package_is_built_from() -> None:
+    text = (DOCKER / "Dockerfile").read_text()
+    copied = {
+        name for line in re.findall(r"^COPY (.+) \S+$", text, re.MULTILINE) for name in line.split()
+    }
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    about = {"pyproject.toml", project["project"]["readme"], *project["project"]["license-files"]}
+    assert {*wheel["packages"], *wheel["force-include"], *about} <= copied
 
 
 def test_the_driver_says_what_it_wants() -> None:

@@ -1,5 +1,8 @@
-"""Every document's code runs: `xml` is saved under the name in its first line, `python` and `bash`
-blocks run in order in one folder per document. `console` and `text` blocks are only shown."""
+"""Documents keep their form, their links lead somewhere, and their code runs.
+
+`xml` is saved under the name in its first line, `python` and `bash` blocks run in order in one folder per
+document. `console` and `text` blocks are only shown.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -15,6 +19,9 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(p for p in (ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#]+?)(?:#[^)]*)?\)")
+RESULTS = sorted(p for p in (ROOT / "docs" / "results").glob("*.md") if p.stem != "index")
+DECISIONS = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
+HASH = re.compile(r"`(?=[0-9a-f]*[0-9])(?=[0-9a-f]*[a-f])[0-9a-f]{7,40}`")
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: p.stem)
@@ -57,3 +64,44 @@ def test_links_between_documents_lead_somewhere(document: Path) -> None:
     targets = [t for t in LINK.findall(document.read_text()) if "://" not in t]
     missing = [t for t in targets if not (document.parent / t).exists()]
     assert missing == []
+
+
+@pytest.mark.parametrize("page", RESULTS, ids=lambda p: p.stem)
+def test_a_result_is_one_page_of_one_commit(page: Path) -> None:
+    text = page.read_text()
+    assert len(text.splitlines()) <= 120
+    assert len(set(HASH.findall(text))) <= 1
+    for part in ("**Question.**", "**Command", "## What fails"):
+        assert part in text, part
+
+
+@pytest.mark.parametrize("page", DECISIONS, ids=lambda p: p.stem)
+def test_a_decision_says_context_decision_and_consequences(page: Path) -> None:
+    lines = page.read_text().splitlines()
+    assert len(lines) <= 60
+    headings = [line.removeprefix("## ") for line in lines if line.startswith("## ")]
+    assert headings == ["Context", "Decision", "Consequences"]
+
+
+def test_every_dependency_has_its_reason() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    wanted = {
+        re.split(r"[<>=!~ ]", line)[0]
+        for lines in (project["dependencies"], *extras.values())
+        for line in lines
+    } - {f"flywheel[{extra}]" for extra in extras}
+    named: set[str] = set()
+    for line in (ROOT / "docs" / "decisions" / "0002-dependencies.md").read_text().splitlines():
+        cells = [cell.strip() for cell in line.split("|")[1:-1]]
+        if cells and cells[0].strip("`") in extras:  # the second table begins with the extra
+            cells = cells[1:]
+        if len(cells) >= 2 and cells[1]:
+            named |= set(cells[0].split(", "))
+    assert wanted <= named, wanted - named
+
+
+def test_the_menu_of_the_site_has_every_page() -> None:
+    menu = (ROOT / "mkdocs.yml").read_text()
+    pages = [p.relative_to(ROOT / "docs").as_posix() for p in (ROOT / "docs").rglob("*.md")]
+    assert [page for page in pages if page not in menu] == []

@@ -29,7 +29,7 @@ from benchmarks.regression.smoke import of_run
 ROOT = Path(__file__).resolve().parents[2]
 ANSWERS = Path(__file__).with_name("answers.json")
 RENAMED = Path(__file__).with_name("renamed.json")
-COMMAND = (sys.executable, "-c", "from flywheel.cli.main import app; app()")
+COMMAND = (sys.executable, "-m", "flywheel.cli")
 FINE = (0, 10, 11, 12, 13, 20, 21)  # exit codes that are verdicts
 DROPPED = {"seconds", "cpu_seconds", "plan_seconds", "seal"}
 SHOWN = 12  # differences of one case

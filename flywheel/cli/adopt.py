@@ -1,48 +1,84 @@
-"""`flywheel adopt`: what was found becomes part of the plant."""
+"""`flywheel adopt`: what a diagnosis found becomes part of the plant."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from flywheel.cli.plants import adopted_file
-from flywheel.cli.show import console, table
-from flywheel.diagnosis.adoption import adopt
-from flywheel.diagnosis.results.answer import Answer
-from flywheel.effects import AdoptedPlant
-from flywheel.errors import DataError
-from flywheel.files import read_json
-from flywheel.robots import load_robot
+import typer
+
+from flywheel.cli.console import console, table
+from flywheel.cli.options import within
+from flywheel.quantities import Bounds
+
+ANSWERS = Bounds(1, 1000)
 
 
-def take_over(answer_file: Path, robot_name: str, folder: Path, answer: int | None) -> None:
-    """Write the next version of the plant that was diagnosed, and show what it has."""
+def adopt(
+    answer_file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="JSON", help="What `flywheel diagnose --json` wrote.", show_default=False
+        ),
+    ],
+    robot: Annotated[
+        str,
+        typer.Option(help="What was diagnosed, as it was given there.", show_default=False),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder of the versions.")] = Path("plants"),
+    answer: Annotated[
+        int | None,
+        typer.Option(
+            help="Which of several answers, from 1; also takes what held-out recordings speak against.",
+            show_default=False,
+            callback=within(ANSWERS),
+        ),
+    ] = None,
+) -> None:
+    """Make the effects that were found part of the plant, as a new version of it.
+
+    Nothing is written over: to go back, use an earlier version.
+
+    [bold]Example[/bold]
+
+    flywheel adopt answer.json --robot my_robot.xml
+    """
+    from flywheel.cli.models import adopted_file
+    from flywheel.diagnosis import adoption
+    from flywheel.diagnosis.results.answer import Answer
+    from flywheel.effects import AdoptedPlant
+    from flywheel.errors import DataError
+    from flywheel.robots import load_robot
+
     summary = _read(answer_file)
-    parent = adopted_file(robot_name)
-    robot = load_robot(robot_name) if parent is None else AdoptedPlant.read(parent)[1]
+    parent = adopted_file(robot)
+    diagnosed = load_robot(robot) if parent is None else AdoptedPlant.read(parent)[1]
     about = Answer.of(summary).robot
-    if about.digest != robot.digest:
+    if about.digest != diagnosed.digest:
         raise DataError(
             f"{answer_file} is about {about.name or 'an unknown robot'} ({about.digest[:12]}), not "
-            f"{robot.name} ({robot.digest[:12]})."
+            f"{diagnosed.name} ({diagnosed.digest[:12]})."
         )
-    path = adopt(summary, robot, folder, answer, parent)
+    path = adoption.adopt(summary, diagnosed, out, answer, parent)
     plant, _ = AdoptedPlant.read(path)
     rows = [
         (effect.effect, effect.location, name, value)
         for effect in plant.effects
         for name, value in effect.parameters.items()
     ]
-    out = console()
-    out.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
+    shown = console()
+    shown.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
     for line in (
         f"Diagnose and compare with --robot {path.parent}.",
         f"Run with effects={path}: data are then simulated on this plant.",
     ):
-        out.print(line, soft_wrap=True, markup=False)
+        shown.print(line, soft_wrap=True, markup=False)
 
 
 def _read(path: Path) -> dict[str, Any]:
+    from flywheel.errors import DataError
+    from flywheel.files import read_json
+
     summary = read_json(path, "answer", DataError)
     if not isinstance(summary, dict) or "answer_set" not in summary:
         raise DataError(f"{path} is not the JSON of `flywheel diagnose`: it has no answer_set.")

@@ -1,95 +1,57 @@
-"""`flywheel bench`: how fast this machine plans, learns, simulates and stores.
-
-What is compared is timed in turns, within one process. One thread is timed by its own computing time,
-so that a busy machine does not matter; several by the clock, for which the machine must be idle.
-"""
+"""`flywheel bench`: how fast this machine plans, learns, simulates and stores."""
 
 from __future__ import annotations
 
 import json
-import os
-import platform
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Annotated
 
-import numpy as np
-import torch
+import typer
 
-from flywheel.cli.show import console, table
-from flywheel.control import Mppi, MppiConfig
-from flywheel.data.benchmark import store_benchmark
-from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
-from flywheel.dynamics.gnn.benchmark import (
-    Speed,
-    blocked_against_unblocked,
-    fused_against_plain,
-    lean_against_paper,
-    learned_against_plant,
-    least_seconds,
-    product_fraction,
-)
-from flywheel.dynamics.plant import Plant, PlantDynamics
-from flywheel.dynamics.plant.benchmark import SIMULATIONS, STEPS, contenders
-from flywheel.dynamics.protocol import Dynamics
-from flywheel.errors import ConfigError
-from flywheel.files import shown
-from flywheel.outputs import check_outputs, write_output
-from flywheel.quantities import THREADS
-from flywheel.records import Past
-from flywheel.registry import lookup
-from flywheel.robots import Robot, load_robot
-from flywheel.runtime.pool.progress import console_progress
-from flywheel.tasks import TaskConfig, sample_task
+from flywheel.cli.console import console, table
+from flywheel.cli.options import within
+from flywheel.quantities import EPISODE_SECONDS, THREADS
 
-ENGINES = ("mujoco", "torch", "zarr", "numpy")
-STEPS_PER_S = "control steps/s"
-PLANS = (64, 200)  # K, candidates of one plan
-PLAN_SECONDS = 2.0  # H
+ROBOT = "prism3"  # that all is measured with
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """One number.
+def bench(
+    threads: Annotated[str, typer.Option(help="Numbers of threads, one after the other.")] = "1,2",
+    seconds: Annotated[
+        float,
+        typer.Option(
+            help="Shortest measurement of one thing, in seconds.",
+            callback=within(EPISODE_SECONDS),
+        ),
+    ] = 1.0,
+    only: Annotated[
+        str, typer.Option(help="Only these, e.g. plant,plan; all by default.", show_default=False)
+    ] = "",
+    output: Annotated[Path, typer.Option(help="Where the numbers go, as JSON.")] = Path(
+        "bench.json"
+    ),
+) -> None:
+    """Measure this machine: plant, network, planning and store.
 
-    Attributes:
-      of: what was measured.
-      value: at its best, among all times it was measured.
-      unit: of the value.
-      threads: computed with.
-      against: what `ratio` compares it with, or "".
-      ratio: how many times better it is than that.
+    [bold]Example[/bold]
+
+    flywheel bench --threads 1,2 --only plant,plan
     """
+    import torch
 
-    of: str
-    value: float
-    unit: str
-    threads: int
-    against: str = ""
-    ratio: float | None = None
+    from flywheel.cli.benches import BENCHES, Measurement, machine
+    from flywheel.outputs import check_outputs, write_output
+    from flywheel.registry import lookup
+    from flywheel.robots import load_robot
+    from flywheel.runtime.pool.progress import console_progress
 
-
-Bench = Callable[[Robot, int, float], list[Measurement]]
-
-
-def measure(threads: str, seconds: float, only: str, output: Path, robot: str = "prism3") -> None:
-    """Measure, print a table, write JSON.
-
-    Args:
-      threads: numbers of threads, "1,2".
-      seconds: to spend on each contender, at least [s].
-      only: names of benches, "plant,plan"; "" for all.
-      output: JSON file.
-      robot: to measure with.
-    """
     counts = parsed_threads(threads)
     chosen = [name.strip() for name in only.split(",") if name.strip()] or list(BENCHES)
     benches = {name: lookup(BENCHES, name, "bench") for name in chosen}
     check_outputs({"JSON": output})
-    loaded = load_robot(robot)
+    loaded = load_robot(ROBOT)
     found: list[Measurement] = []
     with console_progress().stage("bench", len(benches) * len(counts)) as stage:
         for done, (count, name) in enumerate((c, n) for c in counts for n in benches):
@@ -99,8 +61,8 @@ def measure(threads: str, seconds: float, only: str, output: Path, robot: str = 
     out = console()
     columns = ["what", "#value", "unit", "#threads", "against", "#times"]
     rows = [(m.of, m.value, m.unit, m.threads, m.against, m.ratio) for m in found]
-    out.print(table(f"{robot} on {machine()['processor']}", columns, rows))
-    record = {"robot": robot, "machine": machine(), "measurements": [asdict(m) for m in found]}
+    out.print(table(f"{ROBOT} on {machine()['processor']}", columns, rows))
+    record = {"robot": ROBOT, "machine": machine(), "measurements": [asdict(m) for m in found]}
     write_output(output, json.dumps(record, indent=1) + "\n")
     out.say(f"Written to {output}")
 
@@ -111,6 +73,9 @@ def parsed_threads(text: str) -> list[int]:
     Raises:
       ConfigError: it is not such a list.
     """
+    from flywheel.errors import ConfigError
+    from flywheel.files import shown
+
     parts = [part.strip() for part in text.split(",")]
     counts = [int(part) for part in parts if re.fullmatch(r"[0-9]{1,4}", part)]
     if len(counts) < len(parts) or not all(count in THREADS for count in counts):
@@ -118,137 +83,3 @@ def parsed_threads(text: str) -> list[int]:
             f"--threads is a list of whole numbers {THREADS}, e.g. 1,2; got {shown(text)}."
         )
     return counts
-
-
-def machine() -> dict[str, object]:
-    """What the numbers were measured on."""
-    return {
-        "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)),
-        "python": platform.python_version(),
-        **{name: version(name) for name in ENGINES},
-    }
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.machine()
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.machine()
-
-
-def bench_plant(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """Simulated control steps per second, beside bare `mujoco.rollout`."""
-    taken = least_seconds(contenders(robot, threads), seconds, threads)
-    rates = {name: SIMULATIONS * STEPS / each for name, each in taken.items()}
-    ratio = rates["plant"] / rates["bare"]
-    return [
-        Measurement("bare mujoco.rollout", rates["bare"], STEPS_PER_S, threads),
-        Measurement("plant", rates["plant"], STEPS_PER_S, threads, "bare mujoco.rollout", ratio),
-    ]
-
-
-def bench_network(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """The whole learned step beside bare `mujoco.rollout`."""
-    bare = contenders(robot, threads)["bare"]
-    return measured(
-        learned_against_plant(robot, bare, SIMULATIONS * STEPS, seconds, threads), threads
-    )
-
-
-def bench_kernels(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """The network's forward pass in its variants; always on one thread."""
-    if threads != 1:
-        return []
-    lean = NetworkConfig.lean()
-    speeds = (
-        *lean_against_paper(robot, lean.width, seconds),
-        *fused_against_plain(robot, lean, seconds),
-        *blocked_against_unblocked(robot, lean, seconds),
-        *product_fraction(robot, lean, seconds),
-    )
-    return measured(speeds, threads)
-
-
-def measured(speeds: Iterable[Speed], threads: int) -> list[Measurement]:
-    """Speeds of the network's own benchmarks as measurements."""
-    return [
-        Measurement(
-            of=speed.of,
-            value=speed.rate,
-            unit="flop/s" if "flop/s" in speed.of else STEPS_PER_S,
-            threads=threads,
-            against=speed.against,
-            ratio=speed.ratio or None,
-        )
-        for speed in speeds
-    ]
-
-
-def bench_plan(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """Time of one plan of MPPI, with the lean network and with the plant as its model."""
-    torch.manual_seed(0)
-    network = ChunkNetwork(robot, NetworkConfig.lean())
-    models: dict[str, Dynamics] = {
-        "lean": LearnedDynamics(robot, network, threads=threads),
-        "plant": PlantDynamics(Plant(robot, threads=threads)),
-    }
-    calls = {
-        f"MPPI plan, {name}, K = {samples}, H = {PLAN_SECONDS:g} s": _planning(model, samples)
-        for samples in PLANS
-        for name, model in models.items()
-    }
-    taken = least_seconds(calls, seconds, threads)
-    return [Measurement(name, 1e3 * each, "ms", threads) for name, each in taken.items()]
-
-
-def _planning(model: Dynamics, samples: int) -> Callable[[], object]:
-    """One plan from the keyframe to a goal; always the same one."""
-    robot = model.robot
-    planner = Mppi(model, MppiConfig(samples=samples, horizon_seconds=PLAN_SECONDS))
-    plant = Plant(robot)
-    state = plant.rest()
-    hold = robot.holding(plant.winch(state))
-    steps = max(model.history, 1)
-    past_controls = np.repeat(hold[:, None], steps, axis=1)
-    trajectory = plant.simulate(state, past_controls)
-    assert trajectory.states is not None
-    past = Past(
-        observations=trajectory.observations,
-        controls=past_controls,
-        winch=trajectory.observations.winch,
-        state=trajectory.states[:, -1],
-    )
-    points = trajectory.observations.points[0, -1]
-    task = sample_task("reach", robot, points, np.random.default_rng(0), TaskConfig())
-
-    def plan() -> object:
-        planner.reset(task, 0)
-        return planner.act(past)
-
-    return plan
-
-
-def bench_store(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """Committed bytes per second, and training windows per second beside plain memory."""
-    with TemporaryDirectory() as folder:
-        speed = store_benchmark(robot, Path(folder), repeats=max(1, round(20 * seconds)))
-    unit, windows, ram = "windows/s", speed.windows_per_s, speed.ram_windows_per_s
-    return [
-        Measurement("store, committed", speed.write_mb_per_s, "MB/s", threads),
-        Measurement("windows from plain memory", ram, unit, threads),
-        Measurement(
-            "windows from the cache", windows, unit, threads, "plain memory", windows / ram
-        ),
-    ]
-
-
-BENCHES: dict[str, Bench] = {
-    "plant": bench_plant,
-    "network": bench_network,
-    "kernels": bench_kernels,
-    "plan": bench_plan,
-    "store": bench_store,
-}

@@ -2,70 +2,119 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
 
-from flywheel.cli.logs import read_logs
-from flywheel.cli.models import PLANT, open_model
-from flywheel.cli.plants import open_plant
-from flywheel.cli.show import Out, console, table
-from flywheel.diagnosis.comparison import Comparison, compare
-from flywheel.outputs import check_outputs, write_output
-from flywheel.reports.comparison_page import sentence, write_comparison
-from flywheel.reports.comparison_video import film_window
+import typer
+
+from flywheel.cli.console import Out, console, table
+from flywheel.cli.options import DtOption, JsonOption, PlantOption, ThreadsOption, within
+from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
+
+if TYPE_CHECKING:
+    from flywheel.diagnosis.comparison import Comparison
 
 MILLI = 1000.0
 WORST_BINS = 3  # of each criterion that are shown
 
+Models = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="[LABEL=]SPEC",
+        help="plant (the default), an adopted plant's folder, a run's folder (its champion), "
+        "RUN:NAME, or a file of weights. May be given again.",
+        show_default=False,
+    ),
+]
+HorizonOption = Annotated[
+    float,
+    typer.Option(help="Predicted from each present, in seconds.", callback=within(HORIZON_SECONDS)),
+]
+DrawsOption = Annotated[
+    int,
+    typer.Option(
+        help="Draws of the noise, for what it makes of the error.", callback=within(SAMPLES)
+    ),
+]
+FitStarts = Annotated[
+    bool,
+    typer.Option(help="Also what plants leave where initial states are fitted; slow."),
+]
+VideoOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Where the last model's worst window goes as mp4, besides the page.",
+        show_default=False,
+    ),
+]
 
-def put_beside(
-    logs: Sequence[Path],
-    robot_name: str,
-    specs: Sequence[str],
-    horizon: float,
-    dt: float,
-    draws: int,
-    seed: int,
-    fit_starts: bool,
-    threads: int,
-    page: Path,
-    answer: Path | None,
-    video: Path | None,
-) -> int:
-    """Compare, print, write the page, and return the exit code."""
-    check_outputs({"page": page, "JSON": answer, "video": video}, inputs=[*logs, robot_name])
-    robot, out = open_plant(robot_name, dt).robot, console()
-    models = [open_model(spec, robot, robot_name, dt, threads) for spec in specs or (PLANT,)]
-    recordings = read_logs(logs, robot, dt, out)
-    found = compare(
+
+def compare(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="CSV...", help="Logs to predict.", show_default=False)
+    ],
+    robot: PlantOption,
+    model: Models = None,
+    horizon: HorizonOption = 1.0,
+    dt: DtOption = 0.01,
+    draws: DrawsOption = 100,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.", callback=within(SEED))] = 0,
+    fit_starts: FitStarts = False,
+    threads: ThreadsOption = 2,
+    page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("comparison.html"),
+    json: JsonOption = None,
+    video: VideoOption = None,
+) -> None:
+    """Compare models with recordings: is the error more than noise, and where is it?
+
+    The exit code speaks for the last model: 0 NOISE_ONLY, 1 MORE_THAN_NOISE.
+
+    [bold]Example[/bold]
+
+    flywheel compare monday.csv --robot my_robot.xml --model before=plant --model after=plants/my_robot-1
+    """
+    from flywheel.cli.logs import read_logs
+    from flywheel.cli.models import PLANT, open_model, open_plant
+    from flywheel.diagnosis import comparison
+    from flywheel.outputs import check_outputs
+    from flywheel.runtime.config.demand import check_predictions
+
+    check_predictions(draws, horizon, dt, "--draws, --horizon, --dt")
+    check_outputs({"page": page, "JSON": json, "video": video}, inputs=[*recordings, robot])
+    out, specs = console(), model or [PLANT]
+    predicted = open_plant(robot, dt).robot
+    models = [open_model(spec, predicted, robot, dt, threads) for spec in specs]
+    logs = read_logs(recordings, predicted, dt, out)
+    found = comparison.compare(
         models,
-        [each.trajectory for each in recordings],
+        [each.trajectory for each in logs],
         horizon=horizon,
         draws=draws,
         seed=seed,
-        names=[each.name for each in recordings],
+        names=[each.name for each in logs],
         fit_starts=fit_starts,
     )
     _show(out, found)
     about = {
-        "robot": f"{robot.name} ({robot.digest[:12]})",
-        "models": ", ".join(specs or (PLANT,)),
-        "recordings": ", ".join(path.name for path in logs),
+        "robot": f"{predicted.name} ({predicted.digest[:12]})",
+        "models": ", ".join(specs),
+        "recordings": ", ".join(path.name for path in recordings),
         "control step": f"{dt:g} s",
     }
     out.say(f"Page: {_page(out, found, page, about, video)}")
-    if answer is not None:
-        write_output(answer, json.dumps(found.summary(), indent=1) + "\n")
-        out.say(f"JSON: {answer}")
-    return found.exit_code
+    out.keep_json(json, found.summary())
+    raise typer.Exit(found.exit_code)
 
 
 def _page(
     out: Out, found: Comparison, page: Path, about: dict[str, str], video: Path | None
 ) -> Path:
-    """Films of the worst window of the last model, as each model predicts it, and the page."""
+    """Film the worst window of the last model, as each model predicts it, and write the page."""
+    from flywheel.outputs import write_output
+    from flywheel.reports.comparison_page import write_comparison
+    from flywheel.reports.comparison_video import film_window
+
     films: dict[str, Path | str] = {}
     with TemporaryDirectory() as folder:
         for number, model in enumerate(found.models):
@@ -83,6 +132,8 @@ def _page(
 
 
 def _show(out: Out, found: Comparison) -> None:
+    from flywheel.reports.comparison_page import sentence
+
     for model in found.models:
         out.say(f"{model.name}: {model.outcome}. {sentence(found, model)}", style="bold")
     moments = found.moments

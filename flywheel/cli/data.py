@@ -4,20 +4,38 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flywheel.cli.console import console, table
 from flywheel.cli.exits import FAILED
-from flywheel.cli.show import console, table
-from flywheel.data import Snapshot, TrajectoryStore
-from flywheel.errors import DataError, FlywheelError
-from flywheel.runtime.run.folder import RunFolder
-from flywheel.runtime.run.inventory import Fault, Inventory
-from flywheel.runtime.run.rewinding import rewind
+from flywheel.cli.options import RunArgument
+
+if TYPE_CHECKING:
+    from flywheel.data import Snapshot, TrajectoryStore
+    from flywheel.runtime.run.inventory import Fault
+
+app = typer.Typer(no_args_is_help=True, help="Look into the episodes of a run, and check them.")
 
 
-def verify_store(run: Path, snapshot: str) -> None:
-    """Print what is damaged, and what to do; exit with 1 if anything is."""
+@app.command()
+def verify(
+    run: RunArgument,
+    snapshot: Annotated[str, typer.Option(help="Only this one; everything by default.")] = "",
+) -> None:
+    """Read every byte again and compare; names what is damaged, exchanged, missing or foreign.
+
+    A run's folder is checked with its results, models, configuration and robot; a store with all that is in
+    it. What is damaged is printed with what to do, and the exit code is 1.
+
+    [bold]Example[/bold]
+
+    flywheel data verify runs/prism3
+    """
+    from flywheel.runtime.run.folder import RunFolder
+    from flywheel.runtime.run.inventory import Inventory
+
     folder, store = RunFolder(run), _store_to_verify(run)
     chosen = store.snapshot(snapshot) if snapshot else None
     look = Inventory(folder, store) if folder.there and chosen is None else None
@@ -41,8 +59,106 @@ def verify_store(run: Path, snapshot: str) -> None:
     out.print(f"All {what} are as they were committed.", style="green", highlight=False)
 
 
+@app.command()
+def show(
+    run: RunArgument,
+    snapshot: Annotated[
+        str, typer.Option(help="Show the episodes of this one; the snapshots by default.")
+    ] = "",
+) -> None:
+    """Show the snapshots of a run, or the episodes of one.
+
+    [bold]Example[/bold]
+
+    flywheel data show runs/prism3 --snapshot i0001-mppi
+    """
+    store = open_store(run)
+    if snapshot:
+        _show_episodes(store.snapshot(snapshot))
+    else:
+        _show_snapshots(run, store)
+
+
+@app.command()
+def rewind(
+    run: RunArgument,
+    iteration: Annotated[
+        int, typer.Argument(help="The first that has to be done again.", show_default=False)
+    ],
+) -> None:
+    """Set aside what a run did from an iteration on, so that --resume does it again.
+
+    Nothing is deleted: results and models go to RUN/aside, episodes to the store's quarantine.
+
+    [bold]Example[/bold]
+
+    flywheel data rewind runs/prism3 1
+    """
+    from flywheel.runtime.run import rewinding
+    from flywheel.runtime.run.folder import RunFolder
+
+    moved = rewinding.rewind(RunFolder(run.absolute()), open_store(run), iteration)
+    out = console()
+    for name in moved:
+        out.print(f"set aside: {name}", markup=False, soft_wrap=True, highlight=False)
+    out.print(
+        f"{len(moved)} set aside, in {run / 'aside'} and the store's quarantine/. `flywheel run CONFIG "
+        f"--folder {run} --resume` goes on from iteration {iteration}.",
+        markup=False,
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def _show_episodes(chosen: Snapshot) -> None:
+    out = console()
+    out.print(f"{chosen.name}: digest {chosen.digest}, parent {chosen.parent or 'none'}")
+    out.print(
+        table(
+            f"Episodes of {chosen.name}",
+            ["episode", "split", "controller", "data set", "duration [s]", "reached"],
+            [
+                (e.id, e.split, e.controller, e.dataset, e.seconds, _reached(e.success))
+                for e in chosen.episodes
+            ],
+        )
+    )
+
+
+def _show_snapshots(run: Path, store: TrajectoryStore) -> None:
+    """Print a row per snapshot; exit with 1 if one is damaged."""
+    from flywheel.errors import DataError
+
+    sealed, damaged = {}, []
+    for name in store.snapshots():
+        try:
+            sealed[name] = store.snapshot(name)
+        except DataError as error:
+            damaged.append(str(error))
+    names = {one.digest: name for name, one in sealed.items()}
+    rows = []
+    for name, one in sealed.items():
+        splits = Counter(e.split for e in one.episodes)
+        counts = [splits[split] for split in ("train", "validation", "test")]
+        rows.append((name, one.digest[:12], names.get(one.parent), len(one.episodes), *counts))
+    columns = ["snapshot", "digest", "parent", "#episodes", "#train", "#validation", "#test"]
+    out = console()
+    out.print(table(f"Snapshots of {run}", columns, rows))
+    out.print(f"{len(store.committed())} segments are committed.", highlight=False)
+    for words in damaged:
+        out.print(words, style="red", markup=False, soft_wrap=True, highlight=False)
+    if damaged:
+        raise typer.Exit(FAILED)
+
+
+def _reached(success: bool | None) -> str | None:
+    return None if success is None else ("yes" if success else "no")
+
+
 def _in_store(store: TrajectoryStore, chosen: Snapshot | None) -> list[Fault]:
-    """Damages of a store without a run."""
+    """What is damaged in a store without a run."""
+    from flywheel.runtime.run.inventory import Fault
+
     return [
         Fault(
             damage.kind, damage.segment, str(damage).removeprefix(f"{damage.segment}: "), idle=True
@@ -60,71 +176,16 @@ def _idle(faults: list[Fault]) -> str:
     )
 
 
-def go_back(run: Path, iteration: int) -> None:
-    """Set aside what a run did since an iteration, and say what."""
-    folder = RunFolder(run.absolute())
-    moved = rewind(folder, open_store(run), iteration)
-    out = console()
-    for name in moved:
-        out.print(f"set aside: {name}", markup=False, soft_wrap=True, highlight=False)
-    out.print(
-        f"{len(moved)} set aside, in {run / 'aside'} and the store's quarantine/. `flywheel run CONFIG "
-        f"--folder {run} --resume` goes on from iteration {iteration}.",
-        markup=False,
-        soft_wrap=True,
-        highlight=False,
-    )
-
-
-def show_store(run: Path, snapshot: str) -> None:
-    """Print the snapshots, or the episodes of one."""
-    store = open_store(run)
-    out = console()
-    if snapshot:
-        chosen = store.snapshot(snapshot)
-        out.print(f"{chosen.name}: digest {chosen.digest}, parent {chosen.parent or 'none'}")
-        out.print(
-            table(
-                f"Episodes of {snapshot}",
-                ["episode", "split", "controller", "data set", "duration [s]", "reached"],
-                [
-                    (e.id, e.split, e.controller, e.dataset, e.seconds, _reached(e.success))
-                    for e in chosen.episodes
-                ],
-            )
-        )
-        return
-    sealed, damaged = {}, []
-    for name in store.snapshots():
-        try:
-            sealed[name] = store.snapshot(name)
-        except DataError as error:
-            damaged.append(str(error))
-    names = {one.digest: name for name, one in sealed.items()}
-    rows = []
-    for name, one in sealed.items():
-        splits = Counter(e.split for e in one.episodes)
-        counts = [splits[split] for split in ("train", "validation", "test")]
-        rows.append((name, one.digest[:12], names.get(one.parent), len(one.episodes), *counts))
-    columns = ["snapshot", "digest", "parent", "#episodes", "#train", "#validation", "#test"]
-    out.print(table(f"Snapshots of {run}", columns, rows))
-    out.print(f"{len(store.committed())} segments are committed.", highlight=False)
-    for words in damaged:
-        out.print(words, style="red", markup=False, soft_wrap=True, highlight=False)
-    if damaged:
-        raise typer.Exit(FAILED)
-
-
-def _reached(success: bool | None) -> str | None:
-    return None if success is None else ("yes" if success else "no")
-
-
 def open_store(run: Path) -> TrajectoryStore:
     """The store of a run's folder, or one that lies at the path itself.
 
     Raises:
       DataError: there is neither.
     """
+    from flywheel.data import TrajectoryStore
+    from flywheel.errors import DataError
+    from flywheel.runtime.run.folder import RunFolder
+
     folder = RunFolder(run)
     if folder.there:
         return TrajectoryStore(folder.store_url(folder.config()))
@@ -135,7 +196,11 @@ def open_store(run: Path) -> TrajectoryStore:
 
 
 def _store_to_verify(run: Path) -> TrajectoryStore:
-    """The same, where the run's configuration is not to be relied on."""
+    """The store of a run whose configuration may be damaged, too."""
+    from flywheel.data import TrajectoryStore
+    from flywheel.errors import FlywheelError
+    from flywheel.runtime.run.folder import RunFolder
+
     try:
         return open_store(run)
     except FlywheelError:

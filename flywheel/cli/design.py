@@ -1,63 +1,121 @@
-"""`flywheel design`: the commands that tell rivals apart."""
+"""`flywheel design`: the commands that tell rival effects apart."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from flywheel.cli.experiment import about_plant, length_of
-from flywheel.cli.plants import open_plant
-from flywheel.cli.show import Out, console, table
-from flywheel.data.recordings.commands import write_commands
-from flywheel.diagnosis.experiments.design import Design, Designer
-from flywheel.diagnosis.selection.rivals import Rival
-from flywheel.errors import DataError
-from flywheel.outputs import check_outputs, write_output
-from flywheel.reports.experiment_page import design_sentence, write_design
-from flywheel.runtime.pool.progress import console_progress
+import typer
+
+from flywheel.cli.console import Out, console, table
+from flywheel.cli.options import (
+    TYPICAL_SIZES,
+    DtOption,
+    JsonOption,
+    NoiseOption,
+    PageOption,
+    PlantOption,
+    ThreadsOption,
+    length_of,
+    within,
+)
+from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
+
+if TYPE_CHECKING:
+    from flywheel.diagnosis.experiments.design import Design
+
+Rivals = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="RIVAL RIVAL...",
+        help="Effects, at any place (payload) or at one (payload@s2).",
+        show_default=False,
+    ),
+]
+SizeOption = Annotated[
+    float,
+    typer.Option(help="Size of the rivals, in typical sizes.", callback=within(TYPICAL_SIZES)),
+]
+SecondsOption = Annotated[
+    float,
+    typer.Option(help="Length of the script, in seconds.", callback=within(HORIZON_SECONDS)),
+]
+CandidatesOption = Annotated[
+    int,
+    typer.Option(
+        help="Scripts that are drawn; as many variations follow.", callback=within(SAMPLES)
+    ),
+]
 
 
-def propose(
-    names: Sequence[str],
-    robot_name: str,
-    noise: str,
-    size: float,
-    seconds: float,
-    count: int,
-    seed: int,
-    dt: float,
-    threads: int,
-    script: Path,
-    page: Path | None,
-    answer: Path | None,
+def design(
+    rivals: Rivals,
+    robot: PlantOption,
+    noise: NoiseOption = "0.003",
+    size: SizeOption = 1.0,
+    seconds: SecondsOption = 3.0,
+    candidates: CandidatesOption = 64,
+    seed: Annotated[
+        int, typer.Option(help="Seed of all that is random.", callback=within(SEED))
+    ] = 0,
+    dt: DtOption = 0.01,
+    threads: ThreadsOption = 2,
+    out: Annotated[Path, typer.Option(help="Where the commands go.")] = Path("commands.csv"),
+    page: PageOption = None,
+    json: JsonOption = None,
 ) -> None:
-    """Find the script, write it, and say what it is worth."""
-    check_outputs({"script": script, "page": page, "JSON": answer}, inputs=[robot_name])
+    """Write the commands that best tell effects apart between which a diagnosis could not decide.
+
+    [bold]Example[/bold]
+
+    flywheel design cable_friction capstan --robot prism3 --out to_tell.csv
+    """
+    from flywheel.cli.models import about_plant, open_plant
+    from flywheel.data.recordings.commands import write_commands
+    from flywheel.diagnosis.experiments.design import Designer
+    from flywheel.diagnosis.selection.rivals import Rival
+    from flywheel.reports.experiment_page import write_design
+    from flywheel.runtime.config.demand import check_predictions
+    from flywheel.runtime.pool.progress import console_progress
+
+    predictions = candidates * (1 + len(rivals))  # of each script, and with each rival
+    check_predictions(predictions, seconds, dt, "--candidates, rivals, --seconds, --dt")
+    _check_outputs(robot, out, page, json)
+    plant, shown = open_plant(robot, dt, threads), console()
+    named = [Rival.named(name, plant.robot) for name in rivals]
+    designer = Designer(plant, named, length_of(noise, plant.robot), size)
+    with console_progress().stage("try scripts", 2 * candidates) as stage:
+        found = designer.design(
+            seconds, candidates, seed, lambda n, best: stage.update(n, f"best {best:.1f} sigma")
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_commands(found.controls, dt, out, plant.robot)
+    _show(shown, found)
+    shown.say(f"Commands: {out}")
+    if page is not None:
+        about = {"commands": out.name, "seed": str(seed), **about_plant(plant)}
+        winches = [winch.name for winch in plant.robot.winches]
+        shown.say(f"Page: {write_design(found, page, about, winches)}")
+    shown.keep_json(json, found.summary())
+
+
+def _check_outputs(robot: str, script: Path, page: Path | None, json: Path | None) -> None:
+    """Make sure that all can be written, and that no script is lost.
+
+    Raises:
+      DataError: something cannot be written, or the script is there already.
+    """
+    from flywheel.errors import DataError
+    from flywheel.outputs import check_outputs
+
+    check_outputs({"script": script, "page": page, "JSON": json}, inputs=[robot])
     if script.exists():
         raise DataError(f"There is a file {script} already; it is not written over.")
-    plant = open_plant(robot_name, dt, threads)
-    robot, out = plant.robot, console()
-    rivals = [Rival.named(name, robot) for name in names]
-    designer = Designer(plant, rivals, length_of(noise, robot), size)
-    with console_progress().stage("try scripts", 2 * count) as stage:
-        found = designer.design(
-            seconds, count, seed, lambda n, best: stage.update(n, f"best {best:.1f} sigma")
-        )
-    script.parent.mkdir(parents=True, exist_ok=True)
-    write_commands(found.controls, dt, script, robot)
-    _show(out, found)
-    out.say(f"Commands: {script}")
-    if page is not None:
-        about = {"commands": script.name, "seed": str(seed), **about_plant(plant)}
-        winches = [winch.name for winch in robot.winches]
-        out.say(f"Page: {write_design(found, page, about, winches)}")
-    if answer is not None:
-        write_output(answer, json.dumps(found.summary(), indent=1) + "\n")
-        out.say(f"JSON: {answer}")
 
 
 def _show(out: Out, found: Design) -> None:
+    from flywheel.reports.experiment_page import design_sentence
+
     out.say(design_sentence(found), style="bold")
     columns = ("rivals", "", "#|cos|", "#apart [sigma]", "#random: |cos|", "#random: apart [sigma]")
     rows = [

@@ -1,106 +1,143 @@
-"""`flywheel diagnose`: which physical effect is missing."""
+"""`flywheel diagnose`: which physical effect is missing in the model of a robot."""
 
 from __future__ import annotations
 
-import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from flywheel.cli.logs import read_logs
-from flywheel.cli.models import open_trained
-from flywheel.cli.options import number
-from flywheel.cli.plants import open_plant
-from flywheel.cli.show import Out, console, table
-from flywheel.diagnosis import Diagnosis, diagnose
-from flywheel.diagnosis.checks.localisation import Whereabouts
-from flywheel.effects import EFFECTS, NAMED, Effect
-from flywheel.errors import ConfigError
-from flywheel.files import shown
-from flywheel.outputs import check_outputs, write_output
-from flywheel.quantities import FACTOR
-from flywheel.registry import lookup
-from flywheel.reports.diagnosis_page import (
-    doubtful,
-    held_back,
-    numbers,
-    other_form,
-    sentence,
-    write_diagnosis,
+import typer
+
+from flywheel.cli.console import Out, console, table
+from flywheel.cli.options import (
+    DtOption,
+    EffectsOption,
+    JsonOption,
+    PlantOption,
+    ThreadsOption,
+    WindowOption,
+    number,
 )
+from flywheel.quantities import FACTOR
+
+if TYPE_CHECKING:
+    from flywheel.diagnosis import Diagnosis
+    from flywheel.diagnosis.checks.localisation import Whereabouts
+    from flywheel.dynamics.plant import Plant
 
 SHOWN = 10  # candidates in the table
 
+HeldOutOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="A further log, on which the answer is only judged. May be given again.",
+        show_default=False,
+    ),
+]
+UnsureOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="EFFECT=5%",
+        help="What the MJCF says only so well (standard deviation, up to three of which are believed), "
+        "such as cable_stiffness or body_mass: fitted beside everything else. May be given again.",
+        show_default=False,
+    ),
+]
+TrainedOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[LABEL=]SPEC",
+        help="A trained model to test in the plant's stead: a run's folder (its champion), RUN:NAME, "
+        "or a file of weights.",
+        show_default=False,
+    ),
+]
 
-def explain(
-    logs: Sequence[Path],
-    held_out: Sequence[Path],
-    robot_name: str,
-    model: str | None,
-    effects: str,
-    unsure: Sequence[str],
-    window: float | None,
-    dt: float,
-    threads: int,
-    page: Path,
-    answer: Path | None,
-) -> int:
-    """Diagnose logs, print the answer, write the page, and return the verdict's exit code."""
-    check_outputs({"page": page, "JSON": answer}, inputs=[*logs, *held_out, robot_name])
-    plant = open_plant(robot_name, dt, threads)
-    robot, out = plant.robot, console()
-    found = diagnose(
+
+def diagnose(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="CSV...", help="Logs to explain.", show_default=False)
+    ],
+    robot: PlantOption,
+    held_out: HeldOutOption = None,
+    effects: EffectsOption = "",
+    unsure: UnsureOption = None,
+    window: WindowOption = None,
+    model: TrainedOption = None,
+    dt: DtOption = 0.01,
+    threads: ThreadsOption = 2,
+    page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
+    json: JsonOption = None,
+) -> None:
+    """Find out which physical effect a robot has that its MJCF, or a trained model, lacks.
+
+    The exit code is the verdict: 0 NOISE_ONLY, 10 EFFECT, 11 AMBIGUOUS, 12 PARTIAL,
+    13 OUTSIDE_LIBRARY, 20 DATA_INSUFFICIENT, 21 NOT_CONVERGED.
+
+    [bold]Example[/bold]
+
+    flywheel diagnose monday.csv tuesday.csv --held-out friday.csv --robot my_robot.xml
+    """
+    from flywheel import diagnosis
+    from flywheel.cli.logs import read_logs
+    from flywheel.cli.models import library_of, open_plant, open_trained
+    from flywheel.outputs import check_outputs
+    from flywheel.reports.diagnosis_page import write_diagnosis
+
+    others = held_out or []
+    check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, robot])
+    plant, out = open_plant(robot, dt, threads), console()
+    subject = None if model is None else open_trained(model, plant.robot)
+    found = diagnosis.diagnose(
         plant,
-        [each.trajectory for each in read_logs(logs, robot, dt, out)],
-        [each.trajectory for each in read_logs(held_out, robot, dt, out)],
+        [each.trajectory for each in read_logs(recordings, plant.robot, dt, out)],
+        [each.trajectory for each in read_logs(others, plant.robot, dt, out)],
         library_of(effects),
         window_seconds=window,
-        model=None if model is None else open_trained(model, robot).subject(robot, threads),
-        unsure=unsure_of(unsure),
+        model=None if subject is None else subject.subject(plant.robot, threads),
+        unsure=unsure_of(unsure or []),
     )
-    _show(out, found, robot_name)
-    about = {
+    _show(out, found, robot)
+    about = _about(plant, found, recordings, others)
+    out.say(f"Page: {write_diagnosis(found, page, about)}")
+    summary = {
+        **found.summary(),
+        "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
+        "recordings": [path.name for path in recordings],
+        "held_out_recordings": [path.name for path in others],
+    }
+    out.keep_json(json, summary, allow_nan=False)
+    raise typer.Exit(found.exit_code)
+
+
+def _about(
+    plant: Plant, found: Diagnosis, recordings: Sequence[Path], others: Sequence[Path]
+) -> dict[str, str]:
+    """Lines about a diagnosis, for the head of its page."""
+    robot = plant.robot
+    return {
         "robot": f"{robot.name} ({robot.digest[:12]})",
         "model under test": found.model or "the plant",
-        "recordings": ", ".join(path.name for path in logs),
-        "held out": ", ".join(path.name for path in held_out) or "none",
+        "recordings": ", ".join(path.name for path in recordings),
+        "held out": ", ".join(path.name for path in others) or "none",
         "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
-        "control step": f"{dt:g} s, MuJoCo steps of {robot.timestep:g} s",
+        "control step": f"{plant.dt:g} s, MuJoCo steps of {robot.timestep:g} s",
     }
-    out.say(f"Page: {write_diagnosis(found, page, about)}")
-    if answer is not None:
-        summary = {
-            **found.summary(),
-            "robot": {"name": robot.name, "digest": robot.digest},
-            "recordings": [path.name for path in logs],
-            "held_out_recordings": [path.name for path in held_out],
-        }
-        write_output(answer, json.dumps(summary, indent=1, allow_nan=False) + "\n")
-        out.say(f"JSON: {answer}")
-    return found.exit_code
-
-
-def _unexplained(where: Whereabouts) -> str:
-    """Where something acts that no effect explains."""
-    cable = f"; of all cables most like {where.cable}" if where.cable else ""
-    return (
-        f"unexplained: most of it in recording {where.log}, from {where.begin:.2f} to {where.end:.2f} s, "
-        f"at {where.point}{cable}"
-    )
-
-
-def library_of(effects: str) -> Mapping[str, Effect]:
-    """The effects named, with commas between; all of the library for none."""
-    names = [name.strip() for name in effects.split(",") if name.strip()]
-    return {name: lookup(NAMED, name, "effect") for name in names} or EFFECTS
 
 
 def unsure_of(statements: Sequence[str]) -> dict[str, float]:
-    """Effect -> standard deviation of what is known of its number, of "effect=number" or "effect=5%".
+    """Read how unsure one is: "effect=number" or "effect=5%".
+
+    Returns:
+      Effect -> standard deviation of what is known of its number.
 
     Raises:
       ConfigError: not of that form.
     """
+    from flywheel.errors import ConfigError
+    from flywheel.files import shown
+
     known = {}
     for statement in statements:
         name, given, text = statement.partition("=")
@@ -115,6 +152,14 @@ def unsure_of(statements: Sequence[str]) -> dict[str, float]:
 
 
 def _show(out: Out, found: Diagnosis, robot: str) -> None:
+    from flywheel.reports.diagnosis_page import (
+        doubtful,
+        held_back,
+        numbers,
+        other_form,
+        sentence,
+    )
+
     out.say(f"{found.verdict}: {sentence(found)}", style="bold")
     named = [(str(number), answer) for number, answer in enumerate(found.answers, 1)]
     rows = [
@@ -148,3 +193,12 @@ def _show(out: Out, found: Diagnosis, robot: str) -> None:
                 f"{name}: noise {1000 * errors.noise:.2f} mm, as it was {1000 * errors.baseline:.2f} mm, "
                 f"with the answer {1000 * errors.augmented:.2f} mm"
             )
+
+
+def _unexplained(where: Whereabouts) -> str:
+    """Say where something acts that no effect explains."""
+    cable = f"; of all cables most like {where.cable}" if where.cable else ""
+    return (
+        f"unexplained: most of it in recording {where.log}, from {where.begin:.2f} to {where.end:.2f} s, "
+        f"at {where.point}{cable}"
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import ValidationError
 from rich.table import Table
 
-from flywheel.cli.show import table
+from flywheel.cli.console import table
 from flywheel.errors import DataError
 from flywheel.evaluation.intervals import success_interval
 from flywheel.files import MB, read_text
@@ -17,7 +17,7 @@ from flywheel.outputs import write_output
 from flywheel.reports import style
 from flywheel.reports.figures import as_file
 from flywheel.reports.goal_figures import paths_from_above
-from flywheel.runtime.measures import Navigation, ResultRecord, Walk
+from flywheel.runtime.results import Navigation, ResultRecord, Walk
 
 LARGEST_RESULTS = 500 * MB  # [bytes]; an episode takes some kB
 
@@ -57,7 +57,7 @@ class Drive(ResultRecord):
     """One episode.
 
     Attributes:
-      setting: see there.
+      setting: what drove, and where.
       seed: of task and planner.
       walk: seen from above, with its end.
       seconds_allowed, tolerance: of the task [s], [m].
@@ -146,7 +146,7 @@ def _row(drives: Sequence[Drive]) -> list[object]:
     middle, late = np.median([drive.plan_seconds for drive in drives], axis=0)
     return [
         f"{setting.model} {setting.digest[:8]}".strip(),
-        _where(setting),
+        where_of(setting),
         ", ".join(setting.hidden) or None,
         f"{count.reached} of {count.total}",
         f"{100 * interval.low:.0f}-{100 * interval.high:.0f} %",
@@ -158,7 +158,8 @@ def _row(drives: Sequence[Drive]) -> list[object]:
     ]
 
 
-def _where(setting: Setting) -> str:
+def where_of(setting: Setting) -> str:
+    """The course or the task, and the ground where it is not flat."""
     ground = f" on {', '.join(setting.terrain)}" if setting.terrain else ""
     return f"{setting.course or setting.task}{ground}"
 
@@ -166,4 +167,4 @@ def _where(setting: Setting) -> str:
 def _title(setting: Setting) -> str:
     told = f", told {', '.join(setting.effects)}" if setting.effects else ""
     hidden = f", hidden {', '.join(setting.hidden)}" if setting.hidden else ""
-    return f"{setting.model} {setting.digest[:8]}, {_where(setting)}{told}{hidden}"
+    return f"{setting.model} {setting.digest[:8]}, {where_of(setting)}{told}{hidden}"

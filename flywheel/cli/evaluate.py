@@ -2,73 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from flywheel.cli.runs import OpenRun, open_run
-from flywheel.cli.show import console, table
-from flywheel.errors import DataError
-from flywheel.evaluation import BINS
-from flywheel.registry import lookup
-from flywheel.runtime.measures import ErrorNumbers
-from flywheel.runtime.pool.progress import console_progress
-from flywheel.runtime.run.folder import name_of
-from flywheel.runtime.run.seeds import derive_seed
-from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.sim_worker import (
-    FLOOR,
-    INFORMED_FLOOR,
-    PERSISTENCE,
-    Scores,
-    SimWorker,
-)
+import typer
+
+from flywheel.cli.console import console, table
+from flywheel.cli.options import RunArgument, within
+from flywheel.quantities import HORIZON_SECONDS, SAMPLES
+
+if TYPE_CHECKING:
+    from flywheel.cli.runs import OpenRun
+    from flywheel.runtime.results import ErrorNumbers
+    from flywheel.runtime.workers.model_weights import Weights
+    from flywheel.runtime.workers.sim_worker import Baseline, Scores
 
 ERRORS = ("e_pos MSE/L [%]", "e_pos RMSE/L [%]", "e_rot [deg]")
 SPLITS = ("train", "validation", "test")
 
 
-def score_models(
-    run: Path,
-    split: str,
-    horizon: float,
-    starts: int,
-    full: bool,
-    weights: Path | None,
-    by: str = "all",
+def evaluate(
+    run: RunArgument,
+    split: Annotated[str, typer.Option(help="Which episodes: test, validation or train.")] = "test",
+    horizon: Annotated[
+        float,
+        typer.Option(
+            help="Length of the short predictions, in seconds.", callback=within(HORIZON_SECONDS)
+        ),
+    ] = 2.0,
+    starts: Annotated[
+        int, typer.Option(help="Short predictions per episode.", callback=within(SAMPLES))
+    ] = 10,
+    full: Annotated[bool, typer.Option(help="Also predict whole episodes.")] = True,
+    weights: Annotated[
+        Path | None, typer.Option(help="Score this weights file instead of the run's own models.")
+    ] = None,
+    by: Annotated[
+        str,
+        typer.Option(help="Score apart by: controller, dataset, iteration, source, ground."),
+    ] = "all",
 ) -> None:
-    """Score and print a table.
+    """Score the models of a run on its stored episodes, beside "nothing moves".
 
-    Args:
-      run: folder of the run.
-      split: of its episodes.
-      horizon: of the short predictions [s].
-      starts: short predictions per episode.
-      full: also predict whole episodes.
-      weights: score this file instead of the run's own models.
-      by: subsets of the episodes that are scored apart, as in `evaluation.BINS`.
+    [bold]Examples[/bold]
+
+    flywheel evaluate runs/prism3 --split validation
+
+    flywheel evaluate runs/prism3 --by controller [dim](where it fails)[/dim]
     """
+    from flywheel.cli.runs import open_run
+
     opened = open_run(run)
-    episodes = episodes_of(opened, split)
+    episodes = _episodes_of(opened, split)
     groups = _groups(opened, episodes, by)
     changed = {"horizon_seconds": horizon, "starts": starts}
     evaluate = opened.config.evaluate.model_copy(update=changed)
-    config = opened.config.model_copy(update={"evaluate": evaluate})
-    worker = SimWorker(config, opened.folder.store_url(opened.config), opened.robot)
-    subjects = subjects_of(opened, weights)
-    seed = derive_seed(config.seed, "score")  # of the starts: those that the run itself used
-    known = {
-        name_of(i.iteration, i.arm): opened.result.effects_before(i.iteration + 1)
-        for i in opened.result.iterations
-    }
-    latest = opened.result.effects_before(opened.config.iterations + 1)
-    rows = []
-    asked = [(name, group) for group in groups for name in subjects]
-    with console_progress().stage("score", len(asked)) as stage:
-        for done, (name, group) in enumerate(asked):
-            stage.update(done, name if by == "all" else f"{name}, {group}")
-            effects = known.get(name, latest)
-            found = worker.score(subjects[name], groups[group], seed, full, effects)
-            about = (name,) if by == "all" else (group, name)
-            rows.append((*about, *_row(found)))
+    scored = replace(opened, config=opened.config.model_copy(update={"evaluate": evaluate}))
+    rows = _rows(scored, groups, _subjects(opened, weights), full)
     title = f"{len(episodes)} {split} episodes, {starts} starts each, {horizon:g} s ahead"
     first = ["model"] if by == "all" else [by, "model"]
     columns = [*first, *ERRORS, *(f"full {name}" for name in ERRORS), "#predictions", "problem"]
@@ -80,8 +71,43 @@ def score_models(
     )
 
 
-def episodes_of(run: OpenRun, split: str) -> list[str]:
+def _rows(
+    run: OpenRun, groups: dict[str, list[str]], subjects: dict[str, Weights | Baseline], full: bool
+) -> list[tuple[object, ...]]:
+    """One row per group of episodes and subject; the group is named unless it is the only one."""
+    from flywheel.runtime.pool.progress import console_progress
+    from flywheel.runtime.run.folder import name_of
+    from flywheel.runtime.workers.episode_plan import derive_seed
+    from flywheel.runtime.workers.sim_worker import Baseline, SimWorker
+
+    config, apart = run.config, list(groups) != ["all"]
+    worker = SimWorker(config, run.folder.store_url(config), run.robot)
+    seed = derive_seed(config.seed, "score")  # of the starts: those that the run itself used
+    known = {
+        name_of(i.iteration, i.arm): run.result.effects_before(i.iteration + 1)
+        for i in run.result.iterations
+    }
+    latest = run.result.effects_before(config.iterations + 1)
+    rows: list[tuple[object, ...]] = []
+    asked = [(name, group) for group in groups for name in subjects]
+    with console_progress().stage("score", len(asked)) as stage:
+        for done, (name, group) in enumerate(asked):
+            stage.update(done, f"{name}, {group}" if apart else name)
+            effects = known.get(name, latest)
+            subject, share = subjects[name], (groups[group], seed, full, effects)
+            found = (
+                worker.score_baseline(subject, *share)
+                if isinstance(subject, Baseline)
+                else worker.score_model(subject, *share)
+            )
+            rows.append((*((group,) if apart else ()), name, *_row(found)))
+    return rows
+
+
+def _episodes_of(run: OpenRun, split: str) -> list[str]:
     """Ids of the episodes of one split, in every segment that is committed."""
+    from flywheel.errors import DataError
+
     if split not in SPLITS:
         raise DataError(f"There is no split {split!r}. Known: {', '.join(SPLITS)}.")
     store = run.store
@@ -98,6 +124,9 @@ def episodes_of(run: OpenRun, split: str) -> list[str]:
 
 def _groups(run: OpenRun, episodes: list[str], by: str) -> dict[str, list[str]]:
     """Ids of the episodes of each subset."""
+    from flywheel.evaluation import BINS
+    from flywheel.registry import lookup
+
     bin_of = lookup(BINS, by, "subset of episodes")
     if by == "all":
         return {"all": episodes}
@@ -107,21 +136,28 @@ def _groups(run: OpenRun, episodes: list[str], by: str) -> dict[str, list[str]]:
     return dict(sorted(groups.items()))
 
 
-def subjects_of(run: OpenRun, weights: Path | None) -> dict[str, Weights | str]:
+def _subjects(run: OpenRun, weights: Path | None) -> dict[str, Weights | Baseline]:
     """What is scored: one weights file, or the run's models, between persistence and the floors."""
-    models: dict[str, Weights | str] = {}
+    from flywheel.errors import DataError
+    from flywheel.runtime.run.folder import name_of
+    from flywheel.runtime.workers.model_weights import Weights
+    from flywheel.runtime.workers.sim_worker import Baseline
+
+    models: dict[str, Weights | Baseline] = {}
     if weights is not None:
         if not weights.exists():
             raise DataError(f"There is no weights file {weights}.")
         models[weights.stem] = Weights.read(weights, run.robot)
     else:
         models = {name_of(i.iteration, i.arm): run.weights(i) for i in run.result.iterations}
-    beside = {name: name for name in (FLOOR, INFORMED_FLOOR)}
-    return {PERSISTENCE: PERSISTENCE, **models, **beside}
+    still, *floors = Baseline
+    return {still: still, **models, **{floor: floor for floor in floors}}
 
 
 def _row(scores: Scores) -> tuple[object, ...]:
     """One line of the table; a model that predicts nothing finite says so."""
+    from flywheel.runtime.results import ErrorNumbers
+
     short, full = (
         None if errors is None else ErrorNumbers.of(errors)
         for errors in (scores.short, scores.full)

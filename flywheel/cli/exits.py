@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.exceptions import TyperException
 
 FAILED = 1  # a check did not pass, or a run could not go on
@@ -66,25 +66,44 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was asked for."""
-        debug = bool(ctx.params.get("debug"))
-        try:
-            with _quiet(debug), _interruptible():
-                return super().invoke(ctx)
-        except (typer.Exit, typer.Abort, TyperException):
+        with clear_endings(bool(ctx.params.get("debug"))):
+            return super().invoke(ctx)
+
+
+class OneCommand(TyperCommand):
+    """A command on its own whose errors become a message and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        with clear_endings():
+            return super().invoke(ctx)
+
+
+@contextlib.contextmanager
+def clear_endings(debug: bool = False) -> Iterator[None]:
+    """Turn every error of the block into a message and an exit code.
+
+    Args:
+      debug: show also where an error was raised.
+    """
+    try:
+        with _quiet(debug), _interruptible():
+            yield
+    except (typer.Exit, typer.Abort, TyperException):
+        raise
+    except SystemExit as error:
+        if error.code != signal.SIGTERM:  # Ray makes this of SIGTERM while it starts
             raise
-        except SystemExit as error:
-            if error.code != signal.SIGTERM:  # Ray makes this of SIGTERM while it starts
-                raise
-            _say("interrupted")
-            raise typer.Exit(INTERRUPTED) from None
-        except (Exception, KeyboardInterrupt) as error:
-            if isinstance(error, BrokenPipeError) and _nobody_reads():
-                raise typer.Exit(NOBODY_READS) from None
-            if debug:
-                typer.echo(_trace(error), err=True)
-            ending = ending_of(error)
-            _say(ending.message)
-            raise typer.Exit(ending.code) from None
+        _say("interrupted")
+        raise typer.Exit(INTERRUPTED) from None
+    except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, BrokenPipeError) and _nobody_reads():
+            raise typer.Exit(NOBODY_READS) from None
+        if debug:
+            typer.echo(_trace(error), err=True)
+        ending = ending_of(error)
+        _say(ending.message)
+        raise typer.Exit(ending.code) from None
 
 
 def ending_of(error: BaseException) -> Ending:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from flywheel.cli.models import adopted_file
 from flywheel.cli.options import number
-from flywheel.cli.plants import adopted_file
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.effects import EFFECTS, AdoptedPlant, WrittenTerm
 from flywheel.errors import ConfigError

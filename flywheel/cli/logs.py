@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flywheel.cli.show import Out
+from flywheel.cli.console import Out
 from flywheel.data.recordings import read_recording
 from flywheel.outputs import printable
 from flywheel.records import Trajectory

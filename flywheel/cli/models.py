@@ -1,18 +1,25 @@
-"""Models by name: the plant, an adopted plant, a model of a run, a file of weights."""
+"""What names on the command line stand for: plants, trained models, effects of the library.
+
+A plant is a shipped robot, an MJCF, or an adopted plant. A model is a plant, a model of a run, or a file
+of weights.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
-from flywheel.cli.plants import adopted_file, open_plant
 from flywheel.cli.runs import open_run
 from flywheel.diagnosis.comparison import Subject
-from flywheel.dynamics.plant import RestartedPlant
-from flywheel.effects import Scales
+from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
+from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Effect, Scales
+from flywheel.effects.adopted import PLANT as PLANT_FILE
+from flywheel.effects.adopted import plant_file
 from flywheel.errors import ConfigError
-from flywheel.robots import Robot
-from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.trained import TrainedModel
+from flywheel.registry import lookup
+from flywheel.robots import Robot, load_robot
+from flywheel.runtime.workers.model_weights import TrainedModel, Weights
 
 PLANT = "plant"
 PAST = 0.36  # that a restarted plant looks back, to see speeds through noise [sqrt(L / g)]
@@ -20,6 +27,40 @@ ALLOWED = (
     f"{PLANT!r}, the folder of an adopted plant, a run's folder (its champion), RUN:NAME (another of "
     "its models), or a file of weights; each may have LABEL= in front"
 )
+
+
+def adopted_file(name: str) -> Path | None:
+    """The file of an adopted plant, where the name is its folder or the file itself."""
+    path = Path(name)
+    if path.suffix in {".yaml", ".yml"}:
+        return plant_file(path)
+    with suppress(OSError, ValueError):  # no name that a file can have
+        if (path / PLANT_FILE).exists():
+            return path / PLANT_FILE
+    return None
+
+
+def open_plant(name: str, dt: float, threads: int = 1) -> Plant:
+    """The plant that a name means.
+
+    Raises:
+      RobotError, UnknownNameError, ConfigError: there is none, or it cannot be used.
+    """
+    path = adopted_file(name)
+    if path is None:
+        return Plant(load_robot(name), dt, threads=threads)
+    adopted, robot = AdoptedPlant.read(path)
+    return with_effects(Plant(robot, dt, threads=threads), adopted.terms(robot, NAMED))
+
+
+def about_plant(plant: Plant) -> dict[str, str]:
+    """Lines about a plant, for the head of a page."""
+    robot = plant.robot
+    return {
+        "robot": f"{robot.name} ({robot.digest[:12]})",
+        "effects it has": ", ".join(term.label(robot) for term in plant.terms) or "none",
+        "control step": f"{plant.dt:g} s, MuJoCo steps of {robot.timestep:g} s",
+    }
 
 
 def open_model(spec: str, robot: Robot, robot_name: str, dt: float, threads: int) -> Subject:
@@ -85,3 +126,9 @@ def _of_run(name: str, folder: Path, model: str) -> TrainedModel:
     dataset = run.config.dataset_numbers()["recording"] if run.config.collect.recordings else 0
     effects = run.result.effects_before(iteration.iteration + 1)
     return TrainedModel(name, run.weights(iteration), dataset, effects)
+
+
+def library_of(effects: str) -> Mapping[str, Effect]:
+    """The effects of the library by name ("capstan,creep"); all of them for none."""
+    names = [name.strip() for name in effects.split(",") if name.strip()]
+    return {name: lookup(NAMED, name, "effect") for name in names} or EFFECTS

@@ -1,17 +1,23 @@
-"""Options that several commands have."""
+"""Options that several commands have, and how numbers in texts are read."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from flywheel.quantities import CONTROL_STEP, HORIZON_SECONDS, THREADS, Bounds
+from flywheel.quantities import CONTROL_STEP, FACTOR, HORIZON_SECONDS, THREADS, Bounds
+
+if TYPE_CHECKING:
+    from flywheel.robots import Robot
 
 N = TypeVar("N", int, float, None)
 TYPICAL_SIZES = Bounds(0.01, 1000)  # of an effect
+CHAMPION = "champion"  # the model that a run judged best
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 def within(bounds: Bounds) -> Callable[[N], N]:
@@ -25,12 +31,61 @@ def within(bounds: Bounds) -> Callable[[N], N]:
     return checked
 
 
+RunArgument = Annotated[
+    Path,
+    typer.Argument(metavar="RUN", help="A run's folder, e.g. runs/prism3.", show_default=False),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[KEY=VALUE]...",
+        help="Settings to change, by their path in the configuration, e.g. mppi.samples=64.",
+        show_default=False,
+    ),
+]
+PlantOption = Annotated[
+    str,
+    typer.Option(
+        help="Your .xml, a shipped robot's name, or an adopted plant's folder.", show_default=False
+    ),
+]
+EffectsOption = Annotated[
+    str, typer.Option(help="Effects to consider, by name; all of the library by default.")
+]
+WindowOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Length of the windows, in seconds; suits the robot by default.",
+        show_default=False,
+        callback=within(HORIZON_SECONDS),
+    ),
+]
+NoiseOption = Annotated[
+    str,
+    typer.Option(
+        help="Noise of each coordinate: a share of the robot's length, or a length (9mm)."
+    ),
+]
+DtOption = Annotated[
+    float, typer.Option(help="Control step, in seconds.", callback=within(CONTROL_STEP))
+]
+ThreadsOption = Annotated[
+    int, typer.Option(help="Simulations at the same time.", callback=within(THREADS))
+]
+PageOption = Annotated[
+    Path | None, typer.Option(help="Where an HTML page goes.", show_default=False)
+]
+JsonOption = Annotated[
+    Path | None, typer.Option(help="Where the answer goes as JSON.", show_default=False)
+]
+
+
 def number(text: str, what: str, bounds: Bounds) -> float:
-    """A number within bounds, of a text.
+    """Read a number within bounds.
 
     Args:
       text: to be read.
-      what: it is, at the beginning of a sentence.
+      what: the number is, at the beginning of a sentence.
       bounds: that it must be in.
 
     Raises:
@@ -48,25 +103,16 @@ def number(text: str, what: str, bounds: Bounds) -> float:
     return value
 
 
-WindowOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Length of the windows, in seconds; suits the robot by default.",
-        show_default=False,
-        callback=within(HORIZON_SECONDS),
-    ),
-]
-ThreadsOption = Annotated[
-    int, typer.Option(help="Simulations at the same time.", callback=within(THREADS))
-]
-DtOption = Annotated[
-    float, typer.Option(help="Control step, in seconds.", callback=within(CONTROL_STEP))
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[KEY=VALUE]...",
-        help="Settings to change, by their path in the configuration, e.g. mppi.samples=64.",
-        show_default=False,
-    ),
-]
+def length_of(text: str, robot: Robot) -> float:
+    """A length [m]; a number without a unit is a share of the robot's length.
+
+    Raises:
+      ConfigError: not a positive number, or another unit.
+    """
+    unit = next((name for name in UNITS if text.endswith(name)), "")
+    what = (
+        f"A length, in {', '.join(UNITS)}, or without a unit as a share of the robot's "
+        f"({robot.length:g} m), such as 9mm, 0.009m, 0.003,"
+    )
+    value = number(text.removesuffix(unit), what, FACTOR)
+    return value * (UNITS[unit] if unit else robot.length)

@@ -1,48 +1,80 @@
-"""`flywheel power`: what commands would show."""
+"""`flywheel power`: what commands would show, before an experiment is made."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from flywheel.cli.diagnose import library_of
-from flywheel.cli.experiment import about_plant, length_of
-from flywheel.cli.plants import open_plant
-from flywheel.cli.show import Out, console, table
-from flywheel.data.recordings.commands import read_commands
-from flywheel.diagnosis.experiments.power import ENOUGH, Power, Prospect, power
-from flywheel.outputs import check_outputs, write_output
-from flywheel.reports.experiment_page import confusions, power_sentence, write_power
+import typer
+
+from flywheel.cli.console import Out, console, table
+from flywheel.cli.options import (
+    TYPICAL_SIZES,
+    DtOption,
+    EffectsOption,
+    JsonOption,
+    NoiseOption,
+    PageOption,
+    PlantOption,
+    ThreadsOption,
+    WindowOption,
+    length_of,
+    within,
+)
+
+if TYPE_CHECKING:
+    from flywheel.diagnosis.experiments.power import Power, Prospect
 
 
-def foretell(
-    commands: Path,
-    robot_name: str,
-    noise: str,
-    size: float,
-    effects: str,
-    window: float | None,
-    dt: float,
-    threads: int,
-    page: Path | None,
-    answer: Path | None,
+def power(
+    commands: Annotated[
+        Path,
+        typer.Argument(metavar="CSV", help="Columns time and ctrl.<actuator>.", show_default=False),
+    ],
+    robot: PlantOption,
+    noise: NoiseOption = "0.003",
+    size: Annotated[
+        float,
+        typer.Option(
+            help="At which effects are told apart, in typical sizes.",
+            callback=within(TYPICAL_SIZES),
+        ),
+    ] = 1.0,
+    effects: EffectsOption = "",
+    window: WindowOption = None,
+    dt: DtOption = 0.01,
+    threads: ThreadsOption = 2,
+    page: PageOption = None,
+    json: JsonOption = None,
 ) -> None:
-    """Say what a script would show; print it, and write page and JSON if asked."""
-    check_outputs({"page": page, "JSON": answer}, inputs=[commands, robot_name])
-    plant = open_plant(robot_name, dt, threads)
-    robot, out = plant.robot, console()
-    controls, sigma = read_commands(commands, robot, dt), length_of(noise, robot)
-    found = power(plant, controls, sigma, library_of(effects), size, seconds=window)
+    """Say before an experiment what it could show: how small an effect, and what it is taken for.
+
+    [bold]Example[/bold]
+
+    flywheel power commands.csv --robot prism3 --noise 5mm --page power.html
+    """
+    from flywheel.cli.models import about_plant, library_of, open_plant
+    from flywheel.data.recordings.commands import read_commands
+    from flywheel.diagnosis.experiments.power import power as foreseen
+    from flywheel.outputs import check_outputs
+    from flywheel.reports.experiment_page import write_power
+
+    check_outputs({"page": page, "JSON": json}, inputs=[commands, robot])
+    plant, out = open_plant(robot, dt, threads), console()
+    controls = read_commands(commands, plant.robot, dt)
+    sigma = length_of(noise, plant.robot)
+    found = foreseen(plant, controls, sigma, library_of(effects), size, seconds=window)
     _show(out, found)
     if page is not None:
         about = {"commands": commands.name, **about_plant(plant)}
         out.say(f"Page: {write_power(found, page, about)}")
-    if answer is not None:
-        write_output(answer, json.dumps(found.summary(), indent=1) + "\n")
-        out.say(f"JSON: {answer}")
+    out.keep_json(json, found.summary())
 
 
 def _show(out: Out, found: Power) -> None:
+    from flywheel.diagnosis.experiments.power import ENOUGH
+    from flywheel.reports.experiment_page import confusions, power_sentence
+
     out.say(power_sentence(found), style="bold")
     columns = ("effect", "at", "#smallest seen", "unit", "#/ typical", "most like", "#|cos|")
     title = f"noise {1000 * found.sigma:.2f} mm; {ENOUGH:g} sigma count as seen, and as told apart"

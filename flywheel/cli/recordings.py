@@ -6,34 +6,158 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 
-from flywheel.cli.show import Out, console, table
-from flywheel.data import TrajectoryStore
-from flywheel.data.recordings import (
-    Imported,
-    ImportReport,
-    Told,
-    counted,
-    read_map,
-    read_recording,
-    store_recording,
-    stored_recordings,
-    write_recording,
-)
-from flywheel.errors import DataError, FlywheelError
-from flywheel.files import MB
+from flywheel.cli.console import Out, console, table
+from flywheel.cli.options import DtOption
 from flywheel.outputs import check_folder, printable
-from flywheel.records import Split
-from flywheel.robots import Robot, load_robot
-from flywheel.runtime.pool.progress import Bars, Progress, Quiet, Stage
+
+if TYPE_CHECKING:
+    from flywheel.data import TrajectoryStore
+    from flywheel.data.recordings import Imported, ImportReport, Told
+    from flywheel.records import Split
+    from flywheel.robots import Robot
+    from flywheel.runtime.pool.progress import Progress, Stage
+
+app = typer.Typer(no_args_is_help=True, help="Bring logs of a real robot in, and out.")
 
 ROOM = 3_000_000  # coordinates that are kept until all logs are read; the others are read again
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+StoreArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RUN_OR_STORE",
+        help="A run's folder, or a folder of episodes.",
+        show_default=False,
+    ),
+]
+RobotOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Your .xml, or a shipped robot's name; by default the run's.", show_default=False
+    ),
+]
+
+
+class SplitChoice(StrEnum):
+    """What recordings are for; `auto` lets the hash of the content decide."""
+
+    auto = "auto"
+    train = "train"
+    validation = "validation"
+    test = "test"
+
+
+@app.command("import")
+def import_(
+    logs: Annotated[list[Path], typer.Argument(metavar="CSV...", show_default=False)],
+    store: Annotated[
+        Path,
+        typer.Option(
+            metavar="RUN_OR_STORE",
+            help="A run's folder, or a folder of episodes; made if there is none.",
+            show_default=False,
+        ),
+    ],
+    robot: RobotOption = None,
+    split: Annotated[
+        SplitChoice, typer.Option(help="What the episodes are for, for ever.")
+    ] = SplitChoice.auto,
+    dt: DtOption = 0.01,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            help="YAML with names, units and axes for all of them; by default the one of the same "
+            "name beside each.",
+            show_default=False,
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Read and report, but store nothing.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Make episodes of CSV logs, and say what was masked, repaired or resampled.
+
+    If one of them cannot be used, none is stored, and the message says why.
+
+    [bold]Examples[/bold]
+
+    flywheel recordings import monday.csv --robot prism3 --store runs/prism3/store --dry-run
+
+    flywheel recordings import logs/*.csv --robot my.xml --store mine --split test
+    """
+    from flywheel.data.recordings import read_map, read_recording
+
+    owner = _robot(store, robot)
+    place = None if dry_run else _store(store)
+    how = read_map(map_file) if map_file else None
+    chosen = None if split is SplitChoice.auto else cast("Split", split.value)
+
+    def read(log: Path) -> Imported:
+        with _progress().stage(escape(printable(log.name)), 1.0) as stage:
+            return read_recording(log, owner, how=how, dt=dt, split=chosen, told=_told(stage))
+
+    found = _read_all(logs, read, keep=not dry_run)
+    outcomes = [("not stored (dry run)", "") for _ in found]
+    if place is not None:
+        outcomes = [_stored(place, one, read) for one in found]
+    _show_imported(found, outcomes, as_json)
+
+
+@app.command()
+def show(
+    store: StoreArgument,
+    as_json: AsJson = False,
+) -> None:
+    """Show the recordings in a store, and the setting that lets a run learn from them.
+
+    [bold]Example[/bold]
+
+    flywheel recordings show runs/prism3/store
+    """
+    from flywheel.cli.data import open_store
+
+    opened = open_store(store)
+    rows = _stored_rows(opened)
+    if as_json:
+        typer.echo(json.dumps(rows, indent=1))
+    else:
+        _show_stored(opened, rows)
+
+
+@app.command()
+def export(
+    store: StoreArgument,
+    episode: Annotated[str, typer.Argument(metavar="EPISODE", show_default=False)],
+    output: Annotated[Path, typer.Argument(metavar="OUT.csv", show_default=False)],
+    robot: RobotOption = None,
+) -> None:
+    """Write an episode, recorded or simulated, as the CSV that a robot's log would be.
+
+    [bold]Example[/bold]
+
+    flywheel recordings export runs/prism3 i0001-mppi-collect-0000 episode.csv
+    """
+    from flywheel.cli.data import open_store
+    from flywheel.data.recordings import write_recording
+
+    owner = _robot(store, robot)
+    found = open_store(store).read(episode)
+    left = write_recording(found, output, owner)
+    out = console()
+    steps = found.trajectory.steps
+    out.say(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.")
+    if left:
+        out.say(f"A log has no place for: {', '.join(left)}; the CSV does not have it.")
 
 
 @dataclass(frozen=True)
@@ -53,35 +177,10 @@ class Read:
     imported: Imported | None
 
 
-def import_logs(
-    logs: Sequence[Path],
-    place: Path,
-    robot_name: str | None,
-    split: str | None,
-    dt: float,
-    mapping: Path | None,
-    dry_run: bool,
-    as_json: bool,
+def _show_imported(
+    found: Sequence[Read], outcomes: Sequence[tuple[str, str]], as_json: bool
 ) -> None:
-    """Read all logs, and only if all can be used, store them; print what became of each.
-
-    Raises:
-      DataError: a log cannot be used; the others are not stored either.
-    """
-    robot = _robot(place, robot_name)
-    store = None if dry_run else _store(place)
-    how = read_map(mapping) if mapping else None
-
-    def read(log: Path) -> Imported:
-        with _progress().stage(escape(printable(log.name)), 1.0) as stage:
-            return read_recording(
-                log, robot, how=how, dt=dt, split=cast("Split | None", split), told=_told(stage)
-            )
-
-    found = _read_all(logs, read, keep=not dry_run)
-    outcomes = [("not stored (dry run)", "") for _ in found]
-    if store is not None:
-        outcomes = [_stored(store, one, read) for one in found]
+    """Print what became of each log: (state, segment), the segment "" where it was not stored."""
     if as_json:
         shown = [_as_json(one, *outcome) for one, outcome in zip(found, outcomes, strict=True)]
         typer.echo(json.dumps(shown, indent=1))
@@ -94,12 +193,11 @@ def import_logs(
         _show_setting(out, segments)
 
 
-def show_stored(place: Path, as_json: bool) -> None:
-    """Print the recordings in a store."""
-    from flywheel.cli.data import open_store
+def _stored_rows(store: TrajectoryStore) -> list[dict[str, object]]:
+    """The recordings of a store, as plain values."""
+    from flywheel.data.recordings import stored_recordings
 
-    store = open_store(place)
-    rows = []
+    rows: list[dict[str, object]] = []
     for segment, summaries in stored_recordings(store).items():
         for summary, episode in zip(summaries, store.read_segment(segment), strict=True):
             valid = episode.trajectory.observations.valid
@@ -115,9 +213,10 @@ def show_stored(place: Path, as_json: bool) -> None:
                     "conditions": episode.provenance.conditions,
                 }
             )
-    if as_json:
-        typer.echo(json.dumps(rows, indent=1))
-        return
+    return rows
+
+
+def _show_stored(store: TrajectoryStore, rows: Sequence[dict[str, object]]) -> None:
     out = console()
     if not rows:
         out.say(f"There is no recording in {store.url}.")
@@ -147,22 +246,11 @@ def show_stored(place: Path, as_json: bool) -> None:
     _show_setting(out, list(dict.fromkeys(str(row["segment"]) for row in rows)))
 
 
-def export_episode(place: Path, episode: str, output: Path, robot_name: str | None) -> None:
-    """Write an episode as CSV, and say what a CSV has no place for."""
-    from flywheel.cli.data import open_store
-
-    robot = _robot(place, robot_name)
-    found = open_store(place).read(episode)
-    left = write_recording(found, output, robot)
-    out = console()
-    steps = found.trajectory.steps
-    out.say(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.")
-    if left:
-        out.say(f"A log has no place for: {', '.join(left)}; the CSV does not have it.")
-
-
 def _robot(place: Path, name: str | None) -> Robot:
     """The robot that was named, else that of the run."""
+    from flywheel.errors import DataError
+    from flywheel.robots import load_robot
+
     if name is not None:
         return load_robot(name)
     if not _is_run(place):
@@ -177,6 +265,8 @@ def _robot(place: Path, name: str | None) -> Robot:
 
 def _store(place: Path) -> TrajectoryStore:
     """The store of a run, or the one at a path; a new one where there is nothing."""
+    from flywheel.data import TrajectoryStore
+
     check_folder(place, "store")
     if _is_run(place):
         from flywheel.cli.data import open_store
@@ -186,18 +276,22 @@ def _store(place: Path) -> TrajectoryStore:
 
 
 def _is_run(place: Path) -> bool:
-    """Whether it is a run's folder, asked without its classes, which load the network's engine."""
+    """Whether it is a run's folder, asked without its classes, whose import takes seconds."""
     return (place / "config.yaml").exists()
 
 
 def _progress() -> Progress:
     """Bars on a terminal; nothing in logs and pipes."""
+    from flywheel.runtime.pool.progress import Bars, Quiet
+
     errors = Console(stderr=True)
     return Bars(errors) if errors.is_terminal else Quiet()
 
 
 def _told(stage: Stage) -> Told:
     """Shows which share of a file is read, and how fast."""
+    from flywheel.files import MB
+
     began = time.monotonic()
 
     def told(read: int, total: int) -> None:
@@ -218,6 +312,8 @@ def _read_all(logs: Sequence[Path], read: Callable[[Path], Imported], keep: bool
     Raises:
       DataError: with the faults of all that cannot be used; or one log is there twice.
     """
+    from flywheel.errors import DataError, FlywheelError
+
     found, wrong, room = [], [], ROOM
     for path in logs:
         try:
@@ -240,6 +336,9 @@ def _read_all(logs: Sequence[Path], read: Callable[[Path], Imported], keep: bool
 
 
 def _stored(store: TrajectoryStore, log: Read, read: Callable[[Path], Imported]) -> tuple[str, str]:
+    from flywheel.data.recordings import store_recording
+    from flywheel.errors import DataError
+
     one = log.imported or read(log.path)
     if one.report.digest != log.report.digest:
         raise DataError(f"{log.report.file} changed since it was read; it was not stored.")
@@ -252,6 +351,8 @@ def _as_json(log: Read, state: str, segment: str) -> dict[str, Any]:
 
 
 def _show(out: Out, log: Read, state: str) -> None:
+    from flywheel.data.recordings import counted
+
     report = log.report
     out.print(
         f"[bold]{escape(report.file)}[/bold]: {report.rows} rows, {report.seconds:.4g} s at "

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from flywheel.cli.show import console
-from flywheel.reports import write_page
+from flywheel.cli.console import console
+from flywheel.cli.options import RunArgument
 
 
-def make_page(run: Path) -> None:
-    """Write the page and say where it is."""
+def report(run: RunArgument) -> None:
+    """Make the page of a run, finished or not: one HTML file without any other.
+
+    [bold]Example[/bold]
+
+    flywheel report runs/prism3
+    """
+    from flywheel.reports import write_page
+
     console().say(f"Page: {write_page(run)}")

@@ -6,73 +6,99 @@ import json
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-import yaml
 
+from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import FAILED
-from flywheel.cli.show import Out, console, table
-from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
-from flywheel.dynamics.gnn.graph import RobotGraph
-from flywheel.dynamics.plant import Plant, Settling, settling
-from flywheel.errors import ConfigError, MjcfError, ModelError, RobotError, UnknownNameError
-from flywheel.evaluation.statistics import shows_turn
-from flywheel.records import Floats, State
-from flywheel.robots import COURSES, ROBOTS, Attachment, Robot, load_robot
-from flywheel.robots.mjcf_source import read_mjcf
-from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.run.suitability import misfits
 
-NETWORKS = {"lean": NetworkConfig.lean(), "paper": NetworkConfig.paper()}
+if TYPE_CHECKING:
+    from flywheel.dynamics.plant import Settling
+    from flywheel.records import Floats, State
+    from flywheel.robots import Attachment, Robot
+
+app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
+
 EDGES = ("body", "cable", "contact")
 DT = 0.01  # between commands, unless it is given: what all commands take [s]
 NEAR = 0.01  # of the robot's length: nearer counts as where the keyframe says
-CONFIG = "configs/prism3.yaml"
+CONFIG = "prism3"  # that a robot of one's own is run with
 
 
-def check_robot(mjcf: str, dt: float | None) -> None:
-    """Print what the MJCF says; exit with 1 if it is none of a robot that can be used.
+@app.command()
+def check(
+    mjcf: Annotated[
+        str, typer.Argument(metavar="MJCF", help="Your .xml, or a shipped robot's name.")
+    ],
+    dt: Annotated[
+        float | None,
+        typer.Option(
+            max=1.0,
+            help="Time between commands, in seconds; 0.01 or what is nearest to it by default.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Say what is read off an MJCF, whether it settles, what a model of it would hold, and how to run it.
 
-    Args:
-      mjcf: a file, or a shipped robot's name.
-      dt: time between commands [s]; what suits the robot by default.
+    The exit code is 1 if it is none of a robot that can be used.
+
+    [bold]Example[/bold]
+
+    flywheel robot check my_robot.xml
+    """
+    from flywheel.dynamics.plant import Plant, settling
+    from flywheel.errors import ModelError
+
+    out = console()
+    found = _loaded(out, mjcf)
+    step = _control_step(found, dt)
+    _show_robot(out, found)
+    _show_graph(out, found)
+    try:
+        end = settling(Plant(found, step))
+    except ModelError as error:
+        out.say(str(error), style="red")
+        raise typer.Exit(FAILED) from None
+    usable, words = _verdict(found, end)
+    out.say(words, style="red" if not usable else "green" if end.still else "yellow")
+    if not usable:
+        raise typer.Exit(FAILED)
+    for remark in _remarks(found, end, step):
+        out.say(remark, style="yellow")
+    command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, found, step)])
+    out.say(f"Run it with: {command}", style="bold")
+
+
+def _loaded(out: Out, mjcf: str) -> Robot:
+    """The robot of a file or a name; says why it is none that can be used, and exits with 1.
 
     Raises:
       MjcfError: there is no such file, it is no MJCF, or has too much in it or numbers that are none.
       UnknownNameError: no such robot.
-      ConfigError: `dt` is no multiple of the MJCF's timestep.
     """
-    out = console()
+    from flywheel.errors import MjcfError, RobotError
+    from flywheel.robots import load_robot
+    from flywheel.robots.mjcf_source import read_mjcf
+
     if _is_file(mjcf):
         read_mjcf(mjcf)  # which says why a file cannot be read
     try:
-        robot = load_robot(mjcf)
+        return load_robot(mjcf)
     except MjcfError as error:  # there is no robot in it to be checked
         raise MjcfError(f"{mjcf}: {error}") from None
     except RobotError as error:
         out.say(f"{mjcf} cannot be used:", style="red")
         out.say(str(error))
         raise typer.Exit(FAILED) from None
-    step = _control_step(robot, dt)
-    _show_robot(out, robot)
-    _show_graph(out, robot)
-    try:
-        found = settling(Plant(robot, step))
-    except ModelError as error:
-        out.say(str(error), style="red")
-        raise typer.Exit(FAILED) from None
-    usable, words = _verdict(robot, found)
-    out.say(words, style="red" if not usable else "green" if found.still else "yellow")
-    if not usable:
-        raise typer.Exit(FAILED)
-    for remark in _remarks(robot, found, step):
-        out.say(remark, style="yellow")
-    command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, robot, step)])
-    out.say(f"Run it with: {command}", style="bold")
 
 
 def _is_file(mjcf: str) -> bool:
     """Whether a file is meant; if not, it is a shipped robot."""
+    from flywheel.errors import UnknownNameError
+    from flywheel.robots import ROBOTS
+
     if mjcf in ROBOTS:
         return False
     if Path(mjcf).suffix != ".xml":
@@ -83,6 +109,13 @@ def _is_file(mjcf: str) -> bool:
 
 
 def _control_step(robot: Robot, dt: float | None) -> float:
+    """The control step [s]: as given, or what suits the robot.
+
+    Raises:
+      ConfigError: it is no multiple of the MJCF's timestep.
+    """
+    from flywheel.errors import ConfigError
+
     steps = robot.control_steps(DT if dt is None else dt)
     if dt is not None and steps != (dt,):
         raise ConfigError(
@@ -113,6 +146,8 @@ def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
 
 def _remarks(robot: Robot, found: Settling, step: float) -> Iterator[str]:
     """What can be used, but will surprise."""
+    from flywheel.evaluation.statistics import shows_turn
+
     if found.moved > NEAR * robot.length and found.rest is not None:
         yield (
             f"Its keyframe is {100 * found.moved / robot.length:.3g} % of L from where it rests, so every "
@@ -146,6 +181,10 @@ def key_line(state: State) -> str:
 
 def _overrides(mjcf: str, robot: Robot, step: float) -> Iterator[str]:
     """`key=value` with which the shipped configurations can be run with the robot."""
+    from flywheel.robots import COURSES
+    from flywheel.runtime.config.run_config import RunConfig
+    from flywheel.runtime.run.suitability import misfits
+
     # Quotes for what YAML would take for a list or a number.
     plain = _is_plain(mjcf)
     yield f"robot={mjcf if plain else json.dumps(mjcf)}"
@@ -155,6 +194,8 @@ def _overrides(mjcf: str, robot: Robot, step: float) -> Iterator[str]:
 
 def _is_plain(text: str) -> bool:
     """Whether YAML reads a text as that very text."""
+    import yaml
+
     try:
         return bool(yaml.safe_load(text) == text)
     except yaml.YAMLError:
@@ -228,8 +269,12 @@ def _end(robot: Robot, end: Attachment) -> str:
 
 def _show_graph(out: Out, robot: Robot) -> None:
     """What the two graph networks hold of the robot."""
+    from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
+    from flywheel.dynamics.gnn.graph import RobotGraph
+
+    networks = {"lean": NetworkConfig.lean(), "paper": NetworkConfig.paper()}
     rows = []
-    for name, config in NETWORKS.items():
+    for name, config in networks.items():
         graph = RobotGraph(robot, config)
         edges = [
             len(graph.relations[kind].senders) if kind in graph.relations else 0 for kind in EDGES

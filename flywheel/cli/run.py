@@ -4,42 +4,79 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from flywheel.cli.show import Out, console, table
-from flywheel.files import file_name
-from flywheel.reports.page import PAGE_FILE
-from flywheel.runtime.config.run_config import load_config
-from flywheel.runtime.loop import run
-from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation
-from flywheel.runtime.pool.progress import console_progress
-from flywheel.runtime.results import RunResult
-from flywheel.runtime.run.folder import name_of
-from flywheel.runtime.tracking.dashboard import DATABASE
+import typer
+
+from flywheel.cli.console import Out, console, table
+from flywheel.cli.options import Overrides
+
+if TYPE_CHECKING:
+    from flywheel.runtime.results import ErrorNumbers, Errors, Navigation, RunResult
 
 RUNS = Path("runs")
 
 
-def turn(
-    config: Path, overrides: list[str], *, resume: bool, address: str | None, folder: Path | None
+def run(
+    config: Annotated[
+        str,
+        typer.Argument(
+            help="A configuration that comes with flywheel, e.g. prism3 (flywheel list configs), or "
+            "a YAML file.",
+            show_default=False,
+        ),
+    ],
+    overrides: Overrides = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the run in the folder, from its files.")
+    ] = False,
+    address: Annotated[
+        str | None,
+        typer.Option(help="An existing Ray cluster (host:port, auto); else one is started here."),
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the run goes; runs/<name of the configuration> by default.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
-    """Run, then print a summary and where to look.
+    """Turn the flywheel: collect, train, evaluate, decide, again and again.
 
-    Args:
-      config: YAML file.
-      overrides: "key=value" on top of it.
-      resume: go on with the run in the folder.
-      address: of an existing Ray cluster.
-      folder: of the run; by default runs/<name of the file>.
+    [bold]Examples[/bold]
+
+    flywheel run smoke [dim](minutes; shows that all works)[/dim]
+
+    flywheel run prism3 seed=1 iterations=3
+
+    flywheel run configs/my_own.yaml --resume [dim](after Ctrl-C, a crash, a power cut)[/dim]
     """
-    settings = load_config(config, overrides)
-    place = folder or RUNS / file_name(config.stem)
-    result = run(settings, place, resume=resume, address=address, progress=console_progress())
-    show_summary(console(), result, place)
+    from flywheel.files import file_name
+    from flywheel.runtime import loop
+    from flywheel.runtime.config.run_config import load_config
+    from flywheel.runtime.config.shipped import config_file
+    from flywheel.runtime.pool.progress import console_progress
+
+    settings = load_config(config_file(config), overrides or [])
+    place = folder or RUNS / file_name(run_name(config))
+    progress = console_progress()
+    result = loop.run(settings, place, resume=resume, address=address, progress=progress)
+    show_result(console(), result, place)
 
 
-def show_summary(out: Out, result: RunResult, folder: Path) -> None:
-    """One line per model, the lines they are judged by, and where the rest is."""
-    out.print(table(f"{result.name}: {result.robot}", COLUMNS, summary_rows(result)))
+def run_name(config: str) -> str:
+    """The name of a run: that of the file, or of the shipped configuration ("paper-prism3")."""
+    path = Path(config)
+    return path.stem if path.suffix in (".yaml", ".yml") else config.replace("/", "-")
+
+
+def show_result(out: Out, result: RunResult, folder: Path) -> None:
+    """Print a line per model, the lines they are judged by, and where the rest is."""
+    from flywheel.reports.page import PAGE_FILE
+    from flywheel.runtime.tracking.dashboard import DATABASE
+
+    out.print(table(f"{result.name}: {result.robot}", COLUMNS, _rows(result)))
     for note in result.notes:
         out.say(note)
     out.say(f"Page:      {folder / PAGE_FILE}")
@@ -59,8 +96,10 @@ COLUMNS = (
 )
 
 
-def summary_rows(result: RunResult) -> list[tuple[object, ...]]:
+def _rows(result: RunResult) -> list[tuple[object, ...]]:
     """Errors on the pooled tests and success, of every model, floors, persistence and oracle."""
+    from flywheel.runtime.run.folder import name_of
+
     rows = [
         (
             name_of(each.iteration, each.arm),

@@ -32,12 +32,12 @@ class OpenRun:
 
     @property
     def robot(self) -> Robot:
-        """It is about."""
+        """The robot that the run is about."""
         return self.folder.robot(self.config)
 
     @property
     def store(self) -> TrajectoryStore:
-        """Of its episodes."""
+        """The store of its episodes."""
         return TrajectoryStore(self.folder.store_url(self.config))
 
     def champion(self) -> IterationResult:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from flywheel.cli.show import console, table
-from flywheel.reports.seeds import SeedRow, summarise
-from flywheel.reports.verdicts import rate
-from flywheel.runtime.results import RunResult
+import typer
+
+from flywheel.cli.console import console, table
+
+if TYPE_CHECKING:
+    from flywheel.reports.seeds import SeedRow
 
 COLUMNS = (
     "model",
@@ -21,14 +24,32 @@ COLUMNS = (
 )
 
 
-def show_seeds(runs: list[Path]) -> None:
-    """Print means over the runs with lowest and highest, and success over all tasks."""
+def summary(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Folders of runs with different seeds.")
+    ],
+) -> None:
+    """Put several seeds of one configuration into one table.
+
+    Shows means over the runs with the lowest and the highest value, and success over all tasks.
+
+    [bold]Examples[/bold]
+
+    flywheel run prism3 seed=1 --folder runs/prism3-1
+
+    flywheel summary runs/prism3 runs/prism3-1
+    """
+    from flywheel.reports.seeds import summarise
+    from flywheel.runtime.results import RunResult
+
     rows = summarise([RunResult.load(run) for run in runs])
-    out = console()
-    out.print(table(f"{len(runs)} seeds: mean (lowest-highest)", COLUMNS, map(_cells, rows)))
+    title = f"{len(runs)} seeds: mean (lowest-highest)"
+    console().print(table(title, COLUMNS, [_cells(row) for row in rows]))
 
 
 def _cells(row: SeedRow) -> tuple[object, ...]:
+    from flywheel.reports.verdicts import rate
+
     return (
         row.name,
         row.e_pos_mse,

@@ -8,24 +8,29 @@ import os
 import signal
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
+from typing import Annotated
 
-from flywheel.cli.show import console
+import typer
+
+from flywheel.cli.console import console
+from flywheel.cli.options import RunArgument
 from flywheel.errors import ConfigError, DataError, RunError
 from flywheel.faults import told
 from flywheel.runtime.pool.caretaker import GRACE, Caretaker
 from flywheel.runtime.tracking.dashboard import DATABASE, HOST, damage, ui_command
 
 
-def serve(run: Path, port: int) -> None:
-    """Serve until Ctrl-C or SIGTERM.
+def ui(
+    run: RunArgument,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="To serve at.")] = 5000,
+) -> None:
+    """Serve the MLflow dashboard of a run on this machine, until Ctrl-C or SIGTERM.
 
-    Raises:
-      DataError: the run has no database of MLflow's, or a damaged one.
-      ConfigError: the port cannot be used.
-      RunError: MLflow's server ended by itself.
+    [bold]Example[/bold]
+
+    flywheel ui runs/prism3 --port 5001
     """
     database = run / DATABASE
     if not database.exists():
@@ -38,9 +43,7 @@ def serve(run: Path, port: int) -> None:
     check_port(port)
     command, settings, url = ui_command(run, port)
     console().say(f"Open {url}   (Ctrl-C ends it)")
-    # A group of its own, ended as a whole: MLflow's server has children, and does not end them.
-    server = subprocess.Popen(command, env={**os.environ, **settings}, start_new_session=True)
-    with Caretaker(group=server.pid), _ended(server):
+    with _served(command, settings) as server:
         code = server.wait()
     raise RunError(f"MLflow's server ended by itself, with the exit code {code}.")
 
@@ -65,12 +68,30 @@ def check_port(port: int) -> None:
 
 
 @contextmanager
-def _ended(server: subprocess.Popen[bytes]) -> Iterator[None]:
-    """The server's group ends with the block; the caretaker sees to those that do not want to."""
+def _served(
+    command: Sequence[str], settings: Mapping[str, str]
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A server with a process group of its own, which ends as a whole with the block.
+
+    MLflow's server has children and does not end them. A caretaker sees to the group where this process
+    is killed. What interrupts while the caretaker starts ends the server, too.
+    """
+    server = subprocess.Popen(command, env={**os.environ, **settings}, start_new_session=True)
+    caretaker = None
     try:
-        yield
+        caretaker = Caretaker(group=server.pid)
+        yield server
     finally:
+        _end(server)
+        if caretaker is not None:
+            caretaker.close()
+
+
+def _end(server: subprocess.Popen[bytes]) -> None:
+    """End the group of a server: politely, and after a while at once."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(server.pid, signal.SIGTERM)
+            os.killpg(server.pid, number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             server.wait(GRACE)
+            return

@@ -9,8 +9,7 @@ import numpy as np
 
 from flywheel.errors import DataError
 from flywheel.runtime.config.loading import differences
-from flywheel.runtime.measures import Errors, Navigation, Success
-from flywheel.runtime.results import RunResult
+from flywheel.runtime.results import Errors, Navigation, RunResult, Success
 
 SEED_ONLY = ("seed", "name", "workers", "tracking", "store")
 

@@ -14,7 +14,7 @@ from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
-from flywheel.runtime.tracking.charts import COLOURS
+from flywheel.runtime.tracking.publish import COLOURS
 
 INK = "#1f2933"
 FAINT = "#9aa5b1"

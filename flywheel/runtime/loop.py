@@ -1,4 +1,4 @@
-"""A whole run: from an empty folder, or from wherever it was stopped, to its last iteration."""
+"""The loop: a whole run, from an empty folder or from where it was stopped, to its final result."""
 
 from __future__ import annotations
 
@@ -13,32 +13,34 @@ from flywheel.errors import ConfigError
 from flywheel.outputs import check_folder
 from flywheel.reports import write_report
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.conclusion import conclude
 from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
-from flywheel.runtime.iteration import run_iteration
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.jobs import Group
 from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import Progress, Quiet
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.results import RESULT_FILE, RunResult
-from flywheel.runtime.run.context import HELPERS, Run
+from flywheel.runtime.results import RESULT_FILE, ErrorNumbers, IterationResult, RunResult
+from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.run.inventory import check_sound
-from flywheel.runtime.run.provenance import end_rests_on, result_so_far, start_tags
+from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far, start_tags
 from flywheel.runtime.run.suitability import check_suits
+from flywheel.runtime.stages import Tally, collect, decide, diagnose, evaluate, snapshot, train
+from flywheel.runtime.stages.final_evaluation import evaluate_finally
+from flywheel.runtime.stages.video import filmed
 from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
 from flywheel.runtime.tracking.mlflow_client import open_tracker
-from flywheel.runtime.tracking.outbox import OUTBOX_FILE
-from flywheel.runtime.tracking.publish import publish_end, publish_start
-from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
+from flywheel.runtime.tracking.publish import publish_end, publish_iteration_start, publish_start
+from flywheel.runtime.tracking.tracker import OUTBOX_FILE, Tracker, TrackingConfig
 from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 
-OVERBOOKED = 16  # times the cores of a machine: each is a process of some 300 MB
-HURRY = 3.0  # seconds for the tracker when a run ends early; the rest is delivered on its resume
+OVERBOOKED = 16  # most configured cores per core of this machine; each is a process of about 300 MB
+HURRY = (
+    3.0  # that the tracker may deliver when a run ends early [s]; a resumed run delivers the rest
+)
 OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
 
 
@@ -55,18 +57,18 @@ def run(
 
     Args:
       config: what to run.
-      folder: where; made if need be.
-      resume: go on with the run that is there. Begins one if there is none.
-      address: of an existing Ray cluster; a local one is started by default.
-      tracker: opens where the run is published; None publishes nothing.
-      progress: shows people how far it is.
+      folder: of the run; made if it is missing.
+      resume: go on with the run in the folder, or begin one if there is none.
+      address: of an existing Ray cluster; by default a local one is started.
+      tracker: opens the tracker of the run; None for a run that is not tracked.
+      progress: shows people how far the run is.
 
     Raises:
-      ConfigError: the folder is in use, cannot be written, holds a run and `resume` is false, holds a run
-        of another configuration; the robot cannot do what is asked for; or the cluster is too small.
+      ConfigError: the folder is in use, cannot be written, holds a run although `resume` is false, or holds a
+        run of another configuration; the robot cannot do what is asked for; or the cluster is too small.
       RobotError: the MJCF cannot be used.
-      RunError: the run cannot go on, or what it would go on from is not what it left there; the message
-        says why. What is finished is kept.
+      RunError: the run cannot go on, or its files were changed since it stopped; the message says why. What
+        is finished is kept.
       Interrupted: the user asked to stop.
     """
     cluster = ClusterConfig(address, cores_of(config.workers, address))
@@ -97,19 +99,19 @@ def run(
             cores = config.workers.cores or ray.cpus
             with _pool(config, files, robot, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))
-                return turn(Run(config, files, robot, store, pool, log, shown), identity)
+                return finish(Run(config, files, robot, store, pool, log, shown), identity)
 
 
 def finished_run(files: RunFolder) -> RunResult | None:
-    """What a run produced, if it has come to its end."""
+    """The result of a run that is finished; None for one that is not."""
     if not (files.path / RESULT_FILE).exists():
         return None
     result = RunResult.load(files.path)
     return result if result.finished else None
 
 
-def turn(run: Run, identity: Identity) -> RunResult:
-    """Do whatever of a run is not done yet, and conclude it."""
+def finish(run: Run, identity: Identity) -> RunResult:
+    """Do all of a run that is not done yet, and return its result."""
     if run.tracker is not None:
         plain = run.config.model_dump(mode="json")
         publish_start(run.tracker, plain, start_tags(run.config, identity, run.robot.digest))
@@ -120,7 +122,7 @@ def turn(run: Run, identity: Identity) -> RunResult:
             run.progress.say(problem)
         result = result_so_far(run, identity, problems)
         result.save(run.folder.path)
-    result = conclude(run, result)
+    result = evaluate_finally(run, result)
     if run.tracker is not None:
         videos = [run.folder.path / each.video for each in result.unseen if each.video]
         publish_end(run.tracker, result, [*write_report(result, run.folder.path), *videos])
@@ -151,9 +153,6 @@ def _pool(
             config.training.threads,
         ),
     ]
-    if workers.remote_rollouts:
-        helpers = workers.remote_rollouts
-        groups.append(Group(HELPERS, SimWorker, arguments, helpers, threads=config.sim_threads))
     ray.check_fits(groups)
     patience = Patience(workers.start_seconds, workers.stall_seconds, workers.drain_seconds)
     pool = WorkerPool(RayBackend(), groups, cores, patience, stop)
@@ -171,7 +170,7 @@ def _tracked(
     tracker: OpenTracker | None,
     progress: Progress,
 ) -> Iterator[Tracker | None]:
-    """The tracker, told how the run ended, and given some time to deliver."""
+    """Open the tracker; at the end of the block log how the run ended, and deliver for some time."""
     if tracker is None:
         yield None
         return
@@ -195,10 +194,10 @@ def _tracked(
 
 
 def cores_of(workers: WorkersConfig, address: str | None) -> int:
-    """Cores of a local cluster: as configured, or those this process may use.
+    """The cores of a local cluster: as configured, or all that this process may use.
 
     Raises:
-      ConfigError: no cluster's address is given, and this machine has far fewer.
+      ConfigError: this machine has far fewer than are configured, and no cluster's address is given.
     """
     there = len(os.sched_getaffinity(0))
     cores = workers.cores or there
@@ -208,3 +207,58 @@ def cores_of(workers: WorkersConfig, address: str | None) -> int:
             "booked here. A cluster is named with --address."
         )
     return cores
+
+
+def run_iteration(run: Run, iteration: int) -> list[str]:
+    """Do one iteration in every arm that has not done it yet.
+
+    Returns:
+      Sentences about what went wrong on the way.
+    """
+    arms = [arm for arm in run.arms(iteration) if run.folder.finished(iteration, arm) is None]
+    if not arms:
+        return []
+    tally = Tally()
+    if run.tracker is not None:
+        for arm in arms:
+            publish_iteration_start(run.tracker, iteration, arm)
+    if run.config.diagnose.on and iteration:
+        with tally.timed("diagnose"):
+            diagnose(run, iteration, tally)
+    with tally.timed("collect"):
+        collected = collect(run, iteration, arms, tally)
+    with tally.timed("snapshot"):
+        outcomes = snapshot(run, iteration, collected)
+    with tally.timed("train"):
+        outcomes = train(run, iteration, outcomes, tally)
+    with tally.timed("evaluate"):
+        outcomes = evaluate(run, iteration, outcomes, tally)
+    for result in decide(run, iteration, outcomes, tally):
+        keep(run, filmed(run, result))
+        run.progress.say(summary(result))
+    return tally.problems
+
+
+def summary(result: IterationResult) -> str:
+    """One line about an iteration, for people."""
+    words = [f"iteration {result.iteration}"]
+    if result.arm != "mppi":
+        words[0] += f" ({result.arm} arm)"
+    words.append(f"{result.episodes} episodes")
+    if result.test is not None:
+        words.append(f"test {_errors(result.test.short)}")
+    if result.recordings is not None:
+        words.append(f"recordings {_errors(result.recordings.short)}")
+    if result.diagnosis is not None:
+        words.append(f"diagnosis: {result.diagnosis.reason}")
+    if result.navigation is not None:
+        success = result.navigation.success
+        words.append(f"{success.reached} of {success.total} goals reached")
+    if result.gate is not None:
+        words.append(result.gate.reason)
+    return "; ".join(words)
+
+
+def _errors(numbers: ErrorNumbers) -> str:
+    rotation = "" if numbers.turnless else f", e_rot {numbers.e_rot:.2f} deg"
+    return f"e_pos {numbers.e_pos_rmse:.2f} %{rotation}"

@@ -1,38 +1,293 @@
-"""What an iteration and a run produced: the records that the loop writes and reports read."""
+"""What a run measured, produced and decided: the records that the loop writes and reports read.
+
+All are frozen pydantic models with a JSON round trip. Paths and overlays are thinned in time. A value that
+could not be measured is None; one that is not finite is kept (JSON "NaN"). Position errors are given both as
+MSE/L and as RMSE/L [%], as defined in `flywheel.evaluation.errors`.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import MappingProxyType
-from typing import Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import Field, ValidationError
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
+from flywheel.evaluation.errors import ErrorTable
+from flywheel.evaluation.intervals import success_interval
 from flywheel.files import MB, read_bytes
 from flywheel.outputs import write_output
-from flywheel.runtime.measures import (
-    DiagnosisNote,
-    ErrorNumbers,
-    Errors,
-    GateDecision,
-    LeadTimes,
-    Navigation,
-    Overlay,
-    PathInside,
-    ResultRecord,
-    Success,
-    TrainingPoint,
-    Walk,
-)
+from flywheel.robots import Box
 from flywheel.runtime.run.identity import read_begun
 from flywheel.seals import Seal, Unsound, check_seal, sealed, unsealed
 from flywheel.validation import first_problem
+
+
+def _inside(path: str) -> str:
+    parts = PurePosixPath(path).parts
+    if path.startswith("/") or ".." in parts or not path.isprintable():
+        raise ValueError("the path leaves the run's folder")
+    return path
+
+
+PathInside = Annotated[str, AfterValidator(_inside)]  # relative to the run folder, or ""
+
+
+class ResultRecord(BaseModel):
+    """Base of every result: frozen, no unknown fields, NaN survives JSON."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="strings")
+
+
+class Success(ResultRecord):
+    """How many tasks were reached in time, out of how many."""
+
+    reached: int = 0
+    total: int = 0
+
+    @property
+    def rate(self) -> float:
+        """The share of tasks that were reached, 0 to 1; NaN without a task."""
+        return self.reached / self.total if self.total else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the rate; (0, 1) without a task."""
+        interval = success_interval(self.reached, self.total)
+        return (interval.low, interval.high)
+
+    def __add__(self, other: Success) -> Success:
+        return Success(reached=self.reached + other.reached, total=self.total + other.total)
+
+
+class DiagnosisNote(ResultRecord):
+    """The answer of a diagnosis between two iterations, and the plant's effects after it.
+
+    Attributes:
+      verdict: in one word.
+      effects: of the plant from here on.
+      adopted: whether these are not the effects of before.
+      reason: a sentence for people.
+      noise: of the measurements [m].
+      baseline, augmented: root mean square of measured minus predicted, with fitted initial states, by the
+        plant as it was and by the plant with the answer, on the recordings that were fitted [m].
+      held_out_baseline, held_out_augmented: the same on the recordings kept for tests; None without any [m].
+      answer: `Diagnosis.summary()`.
+      page: path relative to the run folder.
+    """
+
+    verdict: str
+    effects: tuple[WrittenTerm, ...] = ()
+    adopted: bool = False
+    reason: str = ""
+    noise: float
+    baseline: float
+    augmented: float
+    held_out_baseline: float | None = None
+    held_out_augmented: float | None = None
+    answer: dict[str, Any] = {}
+    page: PathInside = ""
+
+
+class ErrorNumbers(ResultRecord):
+    """The totals of one error table, over `windows` windows or whole episodes."""
+
+    e_pos_mse: float  # [%] squared CoM error / L
+    e_pos_rmse: float  # [%] root of the mean squared CoM error / L
+    e_rot: float  # [deg]
+    windows: int = 0
+
+    @classmethod
+    def of(cls, table: ErrorTable) -> Self:
+        """The totals of a table."""
+        return cls(
+            e_pos_mse=table.e_pos_mse,
+            e_pos_rmse=table.e_pos_rmse,
+            e_rot=table.e_rot,
+            windows=table.windows,
+        )
+
+    @property
+    def diverged(self) -> bool:
+        """Whether a rollout was not finite, so that there is no error."""
+        return math.isnan(self.e_pos_rmse)
+
+    @property
+    def turnless(self) -> bool:
+        """Whether there is no `e_rot`, because each body has only one tracked point."""
+        return math.isnan(self.e_rot) and not self.diverged
+
+
+class LeadTimes(ResultRecord):
+    """Short-horizon errors by lead time; all tuples are equally long."""
+
+    seconds: tuple[float, ...]
+    e_pos_mse: tuple[float, ...]
+    e_pos_rmse: tuple[float, ...]
+    e_rot: tuple[float, ...]
+
+    @classmethod
+    def of(cls, table: ErrorTable, every_seconds: float = 0.1) -> Self:
+        """A table's rows, thinned to one per `every_seconds`; the last row is always kept."""
+        lead = table.by_lead_time()
+        stride = max(1, round(every_seconds / table.dt))
+        rows = np.arange(len(lead.seconds))[::-1][::stride][::-1]
+        return cls(
+            seconds=tuple(lead.seconds[rows].tolist()),
+            e_pos_mse=tuple(lead.e_pos_mse[rows].tolist()),
+            e_pos_rmse=tuple(lead.e_pos_rmse[rows].tolist()),
+            e_rot=tuple(lead.e_rot[rows].tolist()),
+        )
+
+
+class Errors(ResultRecord):
+    """A dynamics model's errors on one set of episodes.
+
+    Attributes:
+      short: over the short horizon, from random starts.
+      full: over whole episodes; None where these were not predicted.
+      by_lead_time: over the short horizon, by lead time.
+      by_episode: episode id -> e_pos_mse from random starts in it [%].
+    """
+
+    short: ErrorNumbers
+    full: ErrorNumbers | None = None
+    by_lead_time: LeadTimes | None = None
+    by_episode: dict[str, float] = {}
+
+    @classmethod
+    def of(
+        cls,
+        short: ErrorTable,
+        full: ErrorTable | None = None,
+        by_episode: Mapping[str, ErrorTable] = MappingProxyType({}),
+    ) -> Self:
+        """The errors of the tables that `evaluation.score` and `evaluation.score_full` give."""
+        return cls(
+            short=ErrorNumbers.of(short),
+            full=None if full is None else ErrorNumbers.of(full),
+            by_lead_time=LeadTimes.of(short),
+            by_episode={name: table.e_pos_mse for name, table in by_episode.items()},
+        )
+
+
+class Walk(ResultRecord):
+    """One evaluation episode seen from above.
+
+    Attributes:
+      path: (x, y) of the CoM [m], thinned to about two per second.
+      goal: (x, y) [m].
+      reached: whether the goal was reached in time.
+      seconds: time to the goal, or to the end of the episode [s].
+      distance: to the goal at the end [m].
+      seed: of the episode.
+      obstacles: of the task.
+    """
+
+    path: tuple[tuple[float, float], ...] = ()
+    goal: tuple[float, float]
+    reached: bool
+    seconds: float
+    distance: float
+    seed: int = 0
+    obstacles: tuple[Box, ...] = ()
+
+
+class Navigation(ResultRecord):
+    """Closed-loop episodes of one controller on the evaluation tasks.
+
+    Attributes:
+      controller: e.g. "mppi", "mppi on the plant".
+      walks: one per episode; an invalid episode has none.
+      seconds_allowed: to reach the goal [s].
+      tolerance: radius of the goal [m].
+      plan_seconds: wall time of the plans, thinned to at most some thousands [s].
+    """
+
+    controller: str = "mppi"
+    walks: tuple[Walk, ...] = ()
+    seconds_allowed: float = 60.0
+    tolerance: float = 0.0
+    plan_seconds: tuple[float, ...] = ()
+
+    @property
+    def success(self) -> Success:
+        """How many episodes reached the goal."""
+        return Success(reached=sum(w.reached for w in self.walks), total=len(self.walks))
+
+    @property
+    def seconds_to_goal(self) -> tuple[float, ...]:
+        """Times to the goal of the episodes that reached it, ascending [s]."""
+        return tuple(sorted(w.seconds for w in self.walks if w.reached))
+
+    @property
+    def median_seconds(self) -> float:
+        """Median time to the goal of the episodes that reached it [s]; NaN if none did."""
+        reached = self.seconds_to_goal
+        return float(np.median(reached)) if reached else math.nan
+
+    def plan_quantile(self, q: float) -> float:
+        """Quantile of the planning time [s]; NaN where none was recorded."""
+        return float(np.quantile(self.plan_seconds, q)) if self.plan_seconds else math.nan
+
+
+class TrainingPoint(ResultRecord):
+    """One point of the training curve; `validation_*` is None where there was no validation."""
+
+    step: int
+    loss: float
+    learning_rate: float | None = None
+    validation_e_pos_rmse: float | None = None
+    validation_e_rot: float | None = None
+    seconds: float = 0.0
+
+
+class GateDecision(ResultRecord):
+    """Whether this iteration's model became the champion.
+
+    Attributes:
+      promoted: whether it did.
+      measure: what was compared, with its unit ("validation e_rot at 2 s [deg]").
+      number: the measure of the candidate.
+      reference: the measure of the champion so far; None for the first model.
+      ratio, low, high: number over reference, and the ends of its 95 % interval; None where unknown.
+      reason: one sentence for people.
+    """
+
+    promoted: bool
+    measure: str
+    number: float
+    reference: float | None = None
+    ratio: float | None = None
+    low: float | None = None
+    high: float | None = None
+    reason: str = ""
+
+
+class Overlay(ResultRecord):
+    """One test window, measured and predicted, thinned in time.
+
+    Attributes:
+      seconds: (T,) lead times [s].
+      measured: (T, P, 3) tracked points [m].
+      predicted: (T, P, 3) [m].
+      rods: pairs of indices into P that belong to one rod.
+    """
+
+    seconds: tuple[float, ...]
+    measured: tuple[tuple[tuple[float, float, float], ...], ...]
+    predicted: tuple[tuple[tuple[float, float, float], ...], ...]
+    rods: tuple[tuple[int, int], ...] = ()
+    episode: str = ""
+
 
 Arm = Literal["mppi", "control"]
 RESULT_FILE, RESULT = "result.json", "result"
@@ -41,12 +296,13 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class IterationResult(ResultRecord):
-    """One turn of the flywheel in one arm.
+    """One iteration in one arm.
 
     Attributes:
-      iteration: 0 is gaits, random controls and drops.
+      iteration: its number; 0 has the gaits, random controls and drops.
       arm: "mppi", or "control" (as many episodes and optimiser steps, but random controls).
-      snapshot, parent_snapshot: digests of the data the model was trained on, and of the former.
+      snapshot, parent_snapshot: digests of the data that the model was trained on, and of the arm's data
+        before.
       model: digest of the weights.
       validation, test: errors; None where not run. Tests are simulated episodes.
       recordings: errors on the recordings that are kept for tests, the same ones in every iteration;
@@ -54,10 +310,10 @@ class IterationResult(ResultRecord):
       navigation: closed-loop evaluation with this model; None where not run.
       episodes, steps: of training data in the snapshot, in all.
       new_episodes, new_steps: collected by this iteration.
-      restarts, quarantined, invalid: workers restarted, tasks set aside, episodes thrown away.
+      restarts, quarantined, invalid: numbers of workers restarted, episodes set aside, episodes thrown away.
       seconds: wall time per stage ("collect", "snapshot", "train", "evaluate", "decide") [s].
-      cpu_seconds: that the workers' processes spent on it, of all arms: in the result of "mppi" [s].
-      diagnosis: what the plant was found to lack before this iteration; None where nobody asked.
+      cpu_seconds: processor time of the workers for all arms, in the result of "mppi" only [s].
+      diagnosis: of the plant before this iteration; None where there was none.
       video: path relative to the run folder, or "".
     """
 
@@ -87,7 +343,7 @@ class IterationResult(ResultRecord):
 
 
 class PooledTest(ResultRecord):
-    """Errors of one iteration's model on the test episodes of *all* iterations."""
+    """The errors of one iteration's model on the test episodes of all iterations."""
 
     arm: Arm
     iteration: int
@@ -115,10 +371,10 @@ class RunResult(ResultRecord):
     """A run so far. The loop saves it after every iteration; reports read it, finished or not.
 
     Attributes:
-      name, key: for people; and the unique key that resume and MLflow find the run by.
-      config, config_digest: as resolved and validated; sha256 of it.
-      code, versions: of this project; of the engines it stands on.
-      robot, robot_digest, length: L is the characteristic length [m].
+      name, key: a name for people, and the unique key by which MLflow finds the run.
+      config, config_digest: the resolved and validated configuration, and sha256 of what decides results.
+      code, versions: version of this project, and of the engines it uses.
+      robot, robot_digest, length: name, digest and characteristic length L [m] of the robot.
       iterations: in the order in which they ended, both arms.
       pooled: every model on the pooled test set (filled at the end).
       floor: MuJoCo restarted from the same partial observations, on the pooled test set,
@@ -164,21 +420,21 @@ class RunResult(ResultRecord):
         return tuple(i for _, i in sorted((shared | own).items()))
 
     def effects_before(self, iteration: int) -> tuple[WrittenTerm, ...]:
-        """What the plant had beyond its MJCF before a diagnosis in this iteration."""
+        """The plant's effects before a diagnosis in this iteration."""
         earlier = [t for t in self.of_arm("mppi") if t.iteration < iteration and t.diagnosis]
         if earlier and earlier[-1].diagnosis is not None:
             return earlier[-1].diagnosis.effects
         return tuple(WrittenTerm.model_validate(e) for e in self.config.get("effects", ()))
 
     def pooled_errors(self, result: IterationResult) -> Errors | None:
-        """Of an iteration's model on the pooled test set; None where that was not run."""
+        """The errors of an iteration's model on the pooled test set; None where that was not run."""
         for pooled in self.pooled:
             if (pooled.arm, pooled.iteration) == (result.arm, result.iteration):
                 return pooled.errors
         return None
 
     def test_errors(self, result: IterationResult) -> Errors | None:
-        """On the pooled test set if that was run, else on the iteration's own test episodes."""
+        """The errors on the pooled test set if that was run, else on the iteration's own test episodes."""
         return self.pooled_errors(result) or result.test
 
     def save(self, folder: str | Path, rests_on: Mapping[str, str] = NOTHING) -> Path:
@@ -186,7 +442,7 @@ class RunResult(ResultRecord):
 
         Args:
           folder: of the run.
-          rests_on: see `seals.Seal`.
+          rests_on: name -> digest of what else the result needs, for the seal.
         """
         return save(self, Path(folder) / RESULT_FILE, Seal(RESULT, RESULT, self.key, rests_on))
 
@@ -207,7 +463,11 @@ class RunResult(ResultRecord):
 
     @classmethod
     def read(cls, folder: str | Path) -> tuple[Self, Seal | None]:
-        """Result and seal; see `load`."""
+        """Read the result with its seal, which is None in files of earlier versions.
+
+        Raises:
+          DataError: as `load`.
+        """
         owner = ""
         with suppress(Unsound):  # what run.json has is told by `flywheel data verify`
             owner = read_begun(Path(folder)).owner
@@ -223,16 +483,16 @@ def save(record: ResultRecord, path: Path, seal: Seal) -> Path:
 
 
 def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
-    """Read a record that `save` wrote, and its seal; none in files of before.
+    """Read a record that `save` wrote, with its seal, which is None in files of earlier versions.
 
     Args:
-      kind: of record.
+      kind: class of the record.
       path: of the file.
-      wanted: what its seal has to name; without an owner, anyone's and none will do.
+      wanted: the seal that the file has to have. If its owner is "", any owner and no seal are accepted.
 
     Raises:
-      DataError: no such file, or its contents are not such a record.
-      Unsound: it was altered, or is another's.
+      DataError: there is no such file, or its contents are no such record.
+      Unsound: the file was altered, or belongs to another run.
     """
     if not os.path.lexists(path):
         message = f"There is no {path.name} in {path.parent}; has the run begun?"
@@ -250,25 +510,3 @@ def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
         return kind.model_validate(values), seal
     except ValidationError as error:
         raise Unsound(f"{what} is not a {kind.__name__}: {first_problem(error)}.") from None
-
-
-__all__ = [
-    "RESULT_FILE",
-    "Arm",
-    "DiagnosisNote",
-    "ErrorNumbers",
-    "Errors",
-    "GateDecision",
-    "IterationResult",
-    "LeadTimes",
-    "Navigation",
-    "Overlay",
-    "PooledTest",
-    "ResultRecord",
-    "RunResult",
-    "Success",
-    "TrainingPoint",
-    "Walk",
-    "read",
-    "save",
-]

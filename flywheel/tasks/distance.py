@@ -37,7 +37,7 @@ class Grid:
     """Distances to a goal known at the corners of square cells, bilinear in between.
 
     Attributes:
-      origin: (2,) of the corner [0, 0] [m].
+      origin: (2,) place [m] of the corner [0, 0].
       cell: side of a cell [m].
       values: (X, Y) distances at the corners [m].
       reachable: (X, Y) corners from which a way leads to the goal; the values at the others lead

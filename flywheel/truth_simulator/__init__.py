@@ -1,4 +1,8 @@
-"""A truth simulator with hidden effects, to test a diagnosis that does not share its code.
+"""A second simulator, which stands in for reality: its recordings have a known answer.
+
+It moves a robot with effects that the model under test is not told of, in a loop and by laws of its own. It
+shares no code with the plant or the library of effects: a diagnosis that names the effect does not owe that
+to a mistake that both make. A test checks what it imports.
 
 `HIDDEN` are the effects that a diagnosis is expected to name, `OUTSIDE` those it should say it has no
 name for.

@@ -1,6 +1,6 @@
 """Kill drivers and workers at random instants until there were enough, and compare every outcome.
 
-    python -m tests.chaos.random_kills --kills 30 --work FOLDER --report docs/results/faults.md
+    python -m tests.chaos.random_kills --kills 30 --work FOLDER --report faults.md
 
 Each run is killed several times, resumed, and has to end with the digests, errors and walks of a
 run that was left in peace.

@@ -20,7 +20,7 @@ from flywheel.effects import AdoptedPlant
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.measures import ResultRecord
+from flywheel.runtime.results import ResultRecord
 from flywheel.validation import validated
 
 SETTINGS = (RunConfig, RandomConfig, AdoptedPlant)

@@ -8,13 +8,12 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import cloudpickle
 import numpy as np
 import psutil
 
-from flywheel.runtime.pool.jobs import Beat, Colleagues
+from flywheel.runtime.pool.jobs import Beat
 
 
 def by_value() -> None:
@@ -66,10 +65,6 @@ class Stunt:
     def fail(self) -> None:
         """Raise."""
         raise ValueError("a mistake in the job")
-
-    def ask(self, colleagues: Colleagues, calls: list[tuple[Any, ...]]) -> list[Any]:
-        """Let colleagues draw."""
-        return colleagues.ask("draw", calls)
 
     def threads(self) -> tuple[str, int]:
         """What this process believes about threads."""

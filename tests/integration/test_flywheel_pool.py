@@ -6,15 +6,19 @@ import threading
 import time
 
 import numpy as np
-import psutil
 import pytest
 
 from flywheel.errors import ConfigError, RunError
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.jobs import Group, Job, JobFailed
 from flywheel.runtime.pool.pool import Patience, WorkerPool
-from flywheel.runtime.pool.preflight import check_fits, check_reachable
-from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
+from flywheel.runtime.pool.ray_backend import (
+    Cluster,
+    ClusterConfig,
+    RayBackend,
+    check_fits,
+    check_reachable,
+)
 from tests.integration.stunt_workers import Stunt, at_work
 
 pytestmark = pytest.mark.ray
@@ -147,25 +151,3 @@ def test_a_cluster_that_is_not_there_is_told_at_once(monkeypatch):
         Cluster(ClusterConfig(address="127.0.0.1:1")),
     ):
         pass
-
-
-def test_workers_ask_colleagues_and_hear_which_are_gone(local_ray, tmp_path):
-    groups = [Group(name, Stunt, (str(tmp_path),), count=1) for name in ("stunt", "helper")]
-    pool = WorkerPool(RayBackend(), groups, 2, PATIENCE)
-    try:
-        helpers = pool.colleagues("helper")
-        asking = Job("ask", "stunt", "ask", (helpers, [(5,), (6,)]))
-        answers = pool.run([asking]).results["ask"]
-        assert [number for number, _ in answers] == [
-            float(np.random.default_rng(seed).normal()) for seed in (5, 6)
-        ]
-        psutil.Process(answers[0][1]).kill()
-        assert pool.run([asking]).results["ask"] == [None, None]
-        assert (
-            pool.run([Job("ask", "stunt", "ask", (pool.colleagues("helper"), [(5,)]))]).results[
-                "ask"
-            ][0][0]
-            == answers[0][0]
-        ), "a dead colleague is replaced"
-    finally:
-        pool.close()

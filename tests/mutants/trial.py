@@ -22,7 +22,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-COPIED = ("flywheel", "benchmarks", "configs", "tests", "docs", "README.md", "pyproject.toml")
+COPIED = (
+    "flywheel",
+    "benchmarks",
+    "configs",
+    "pipelines",
+    "tests",
+    "docs",
+    "README.md",
+    "pyproject.toml",
+)
 HEAVY = (
     "numpy", "scipy.spatial.transform", "scipy.optimize", "torch", "torch_geometric", "mujoco", "zarr",
     "pydantic", "hypothesis", "pytest", "xdist", "typer", "rich", "matplotlib", "plotly",

@@ -1,10 +1,17 @@
-"""From YAML files and `key=value` arguments to a validated model, with errors one can act on."""
+"""Reads a configuration: YAML files, `key=value` overrides and `${a.b}` references become a validated model.
+
+OmegaConf can do much more with `${...}`: read the environment, run functions, refer to references. None of
+that is let through. So a run is made only from what stands in its files, and a few lines cannot become
+gigabytes.
+"""
 
 from __future__ import annotations
 
+import copy
 import io
 import os
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,25 +23,28 @@ from pydantic import BaseModel
 
 from flywheel.errors import ConfigError
 from flywheel.files import LARGEST_YAML, parsed_yaml, read_text, shown
-from flywheel.runtime.config.overrides import MOST_VALUES, merged, overridden
-from flywheel.runtime.config.references import check_texts, resolved
+from flywheel.runtime.config.shipped import shipped_configs
 from flywheel.validation import LONGEST_PROBLEM, M, validated
 
 EXTENDS = "extends"
-MOST_FILES = 50  # that one configuration is made of
-MOST_NAMES = 20  # of files that are there
+MOST_FILES = 50  # that one configuration may be made of
+MOST_NAMES = 20  # of existing files that an error lists
 
 
-def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()) -> M:
+def read_config(
+    schema: type[M], path: str | Path, overrides: Sequence[str] = (), retired: Iterable[str] = ()
+) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
-    A file may begin with `extends: other.yaml`, relative to itself, and hold only what differs; or with
-    a list of others, of which later ones win. `${a.b}` stands for the single value at that key.
+    A file may begin with `extends: other.yaml`, relative to itself, or `extends: prism3`, a configuration
+    that comes with flywheel, and hold only what differs; or with a list of others, of which later ones win.
+    `${a.b}` stands for the single value at that key.
 
     Args:
       schema: what the result must be.
       path: of the YAML file.
       overrides: "a.b=value", the value in YAML; later ones win.
+      retired: "section.key" of settings that an earlier version had; they are ignored.
 
     Raises:
       ConfigError: no such file, not YAML, an unknown key or a wrong value; the message lists the
@@ -44,11 +54,14 @@ def read_config(schema: type[M], path: str | Path, overrides: Sequence[str] = ()
     defaults = schema.model_construct().model_dump(mode="json")
     changed = overridden(values, overrides, defaults)
     plain = resolved(changed, f"The configuration {path}")
+    for section, _, key in (name.partition(".") for name in retired):
+        if isinstance(plain.get(section), dict):
+            plain[section].pop(key, None)
     return validated(schema, plain, f"{path} is not a valid configuration", ConfigError)
 
 
 def yaml_of(model: BaseModel) -> str:
-    """A model as the text of a file that `read_config` reads as the same model."""
+    """The YAML text that `read_config` reads as the same model."""
     return OmegaConf.to_yaml(OmegaConf.create(model.model_dump(mode="json")))
 
 
@@ -65,12 +78,12 @@ def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
 def _with_parents(
     path: Path, read: dict[str, dict[Any, Any]], children: tuple[str, ...]
 ) -> dict[Any, Any]:
-    """The values of a file, on top of those of the files that it extends.
+    """The values of a file on top of those of the files that it extends.
 
     Args:
       path: of the file.
-      read: values of the files that were read already, so that none is read twice.
-      children: files that led here.
+      read: values of the files that were already read, so that none is read twice.
+      children: the chain of files that extend this one.
     """
     own = _identity(path)
     if own in children:
@@ -82,13 +95,14 @@ def _with_parents(
     values = _values(path)
     below: dict[Any, Any] = {}
     for name in _names(path, values.pop(EXTENDS, [])):
-        below = merged(below, _with_parents(path.parent / name, read, (*children, own)))
+        parent = shipped_configs().get(name, path.parent / name)
+        below = merged(below, _with_parents(parent, read, (*children, own)))
     read[own] = merged(below, values)
     return read[own]
 
 
 def _identity(path: Path) -> str:
-    """The same for the same file, however it is named."""
+    """A name that is the same for the same file, however its path is written."""
     try:
         return os.path.realpath(path)
     except ValueError:  # a NUL in it; no such file
@@ -96,7 +110,7 @@ def _identity(path: Path) -> str:
 
 
 def _values(path: Path) -> dict[Any, Any]:
-    """Of one file, by itself."""
+    """The values of one file by itself."""
     what = f"The configuration {path}"
     try:
         text = read_text(path, "configuration", ConfigError, LARGEST_YAML)
@@ -115,7 +129,7 @@ def _values(path: Path) -> dict[Any, Any]:
 
 
 def _names(path: Path, extended: Any) -> list[str]:
-    """Of the files that one extends."""
+    """The names of the files that a file extends."""
     names = extended if isinstance(extended, list) else [extended]
     if not all(isinstance(name, str) and name for name in names):
         raise ConfigError(
@@ -125,7 +139,7 @@ def _names(path: Path, extended: Any) -> list[str]:
 
 
 def _near(path: Path) -> str:
-    """The configurations beside one that is not there."""
+    """A sentence with the configurations beside a missing one; "" if it is not missing."""
     with suppress(OSError):
         if not path.exists():
             folder = path.parent if path.parent.is_dir() else Path()
@@ -133,3 +147,166 @@ def _near(path: Path) -> str:
             more = f" and {len(known) - MOST_NAMES} more" if len(known) > MOST_NAMES else ""
             return f" There are: {', '.join(known[:MOST_NAMES])}{more}." if known else ""
     return ""
+
+
+MOST_OVERRIDES = 1000  # of a command; a configuration has fewer settings
+MOST_VALUES = 10_000  # of a file or an override, as many as OmegaConf reads
+_KEY = re.compile(r"[^.\[\]]+(\.[^.\[\]]+){0,20}")
+
+
+def merged(old: Any, new: Any) -> Any:
+    """The new value on top of the old one: mappings are merged, anything else is replaced."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        return {**old, **{key: merged(old.get(key), value) for key, value in new.items()}}
+    return new
+
+
+def overridden(
+    values: dict[Any, Any], overrides: Sequence[str], defaults: dict[str, Any]
+) -> dict[Any, Any]:
+    """The values with the overrides put on top; later overrides win.
+
+    Args:
+      values: of a file.
+      overrides: "a.b=value", the value in YAML; "a.0.b" or "a[0].b" is in the first entry of a list.
+      defaults: used where an override changes an entry of a list that the values do not have.
+
+    Raises:
+      ConfigError: an override is not of this form or not YAML, or a list does not have the entry.
+    """
+    if len(overrides) > MOST_OVERRIDES:
+        raise ConfigError(
+            f"There are {len(overrides):,} overrides; at most {MOST_OVERRIDES:,} are read. Put them into "
+            "a file."
+        )
+    for override in overrides:
+        key, value = _parsed(override)
+        values = _changed(values, key, value, defaults, override)
+    return values
+
+
+def _parsed(override: str) -> tuple[list[str], Any]:
+    """The parts of the key of an override, and its value."""
+    key, equals, text = override.partition("=")
+    plain = re.sub(r"\[(\w+)\]", r".\1", key)
+    if not equals or not _KEY.fullmatch(plain):
+        raise ConfigError(
+            "An override is key=value, e.g. training.initial.steps=500 or datasets.0.name=soft; got "
+            f"{shown(override)}."
+        )
+    what = f"The value of {shown(override)}"
+    check_texts(parsed_yaml(text, what, ConfigError, MOST_VALUES), what)
+    try:
+        parsed = OmegaConf.from_dotlist([f"value={text}"])
+    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
+        raise ConfigError(f"{what} cannot be read: {error}") from None
+    values = OmegaConf.to_container(parsed)
+    assert isinstance(values, dict)
+    return plain.split("."), values["value"]
+
+
+def _changed(here: Any, key: list[str], value: Any, default: Any, override: str) -> Any:
+    """A copy of `here` with the value at the key."""
+    if not key:
+        return merged(here, value)
+    part, rest = key[0], key[1:]
+    if here is None and isinstance(default, list):
+        here = copy.deepcopy(default)
+    if isinstance(here, list):
+        number = _place(part, here, override)
+        inner = _changed(here[number], rest, value, None, override)
+        return [*here[:number], inner, *here[number + 1 :]]
+    here = here if isinstance(here, dict) else {}
+    default = default.get(part) if isinstance(default, dict) else None
+    return {**here, part: _changed(here.get(part), rest, value, default, override)}
+
+
+def _place(part: str, entries: list[Any], override: str) -> int:
+    """The index of an entry of a list."""
+    number = int(part) if re.fullmatch(r"[0-9]{1,6}", part) else len(entries)
+    if number >= len(entries):
+        there = f"0 to {len(entries) - 1}" if entries else "none"
+        raise ConfigError(
+            f"{shown(override)}: the list has no entry {shown(part)}; there are {len(entries)} ({there}). "
+            "To add one, give the whole list."
+        )
+    return number
+
+
+MOST_REFERENCES = 100
+LONGEST_WITH_REFERENCES = 500  # characters
+LONGEST_TEXT = 10_000  # characters
+MISSING = "???"
+_BEGIN = "${"
+_REFERENCE = re.compile(r"(?<!\\)\$\{([^${}:\[\]]+)\}")
+
+
+def check_texts(values: Any, what: str) -> None:
+    """Refuse long texts, and `${...}` that is not the key of a value.
+
+    Args:
+      values: plain values: mappings, lists, texts, numbers.
+      what: their name, at the beginning of a sentence.
+
+    Raises:
+      ConfigError: a text is too long, a reference is not a plain one, or there are too many.
+    """
+    texts = list(_texts(values))
+    for text in texts:
+        most = LONGEST_WITH_REFERENCES if _BEGIN in text else LONGEST_TEXT
+        if len(text) > most:
+            raise ConfigError(
+                f"{what} has a text of {len(text):,} characters, {shown(text)}; at most {most:,}."
+            )
+        if _BEGIN in _REFERENCE.sub("", text):
+            raise ConfigError(
+                f"{what} has {shown(text)}. ${{a.b}} stands for the value at that key; nothing else, such "
+                "as the environment, is looked up."
+            )
+    if sum(len(_REFERENCE.findall(text)) for text in texts) > MOST_REFERENCES:
+        raise ConfigError(f"{what} has more than {MOST_REFERENCES} references (${{a.b}}).")
+
+
+def resolved(values: dict[Any, Any], what: str) -> Any:
+    """The values with each reference replaced by the single value that it refers to.
+
+    Raises:
+      ConfigError: a reference to nothing, to several values, or to a reference; a value that is still
+        to be given ("???").
+    """
+    check_texts(values, what)
+    for text in _texts(values):
+        for key in _REFERENCE.findall(text):
+            found = _at(values, key.split("."))
+            if isinstance(found, dict | list) or _BEGIN in str(found):
+                raise ConfigError(
+                    f"{what}: ${{{key}}} refers to {shown(found)}, not to a single value."
+                )
+            if found is None:
+                raise ConfigError(f"{what}: ${{{key}}} refers to nothing that is given there.")
+    try:
+        return OmegaConf.to_container(OmegaConf.create(values), resolve=True, throw_on_missing=True)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{what}: {str(error).splitlines()[0]}.") from None
+
+
+def _texts(values: Any) -> Iterator[str]:
+    if isinstance(values, str):
+        yield values
+    elif isinstance(values, dict):
+        for key, value in values.items():
+            yield from _texts(key)
+            yield from _texts(value)
+    elif isinstance(values, list):
+        for value in values:
+            yield from _texts(value)
+
+
+def _at(values: Any, key: list[str]) -> Any:
+    """The value at a key, or None."""
+    for part in key:
+        if isinstance(values, list) and re.fullmatch(r"[0-9]{1,6}", part):
+            values = dict(enumerate(values)).get(int(part))
+        else:
+            values = values.get(part) if isinstance(values, dict) else None
+    return values

@@ -4,48 +4,239 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
+    BaseModel,
     BeforeValidator,
+    ConfigDict,
     Field,
+    StringConstraints,
+    field_validator,
     model_validator,
 )
 
 from flywheel.control import MppiConfig
+from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
-from flywheel.effects import AdoptedPlant, WrittenTerm
+from flywheel.effects import NAMED, AdoptedPlant, WrittenTerm
 from flywheel.effects.adopted import MOST_EFFECTS
-from flywheel.errors import ConfigError, FlywheelError, UnknownNameError
+from flywheel.errors import ConfigError, DataError, FlywheelError, UnknownNameError
 from flywheel.files import shown
-from flywheel.quantities import Bounds, Name, Place, Seed, Threads
-from flywheel.registry import lookup
-from flywheel.robots import TerrainConfig, load_robot
-from flywheel.runtime.config.demand import problems
-from flywheel.runtime.config.loading import read_config
-from flywheel.runtime.config.parts import (
-    CollectConfig,
-    DiagnoseConfig,
-    EvaluateConfig,
-    GateConfig,
-    Part,
-    WorkersConfig,
+from flywheel.quantities import (
+    Bounds,
+    Episodes,
+    EpisodeSeconds,
+    Factor,
+    HorizonSeconds,
+    Name,
+    PartialShare,
+    Patience,
+    Place,
+    Samples,
+    Seed,
+    Share,
+    Threads,
+    WaitingSeconds,
 )
+from flywheel.registry import lookup
+from flywheel.robots import TerrainConfig, load_course, load_robot
+from flywheel.runtime.config.demand import DISK, PREDICTED, Demand
+from flywheel.runtime.config.loading import read_config
 from flywheel.runtime.tracking.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
 from flywheel.training.config import MOST_DATASETS
 
+MOST_RECORDINGS = 5_000  # that one configuration may name
+MOST_COURSES = 100
+MOST_EPISODES = 100_000  # of a run; each has its own files, and every stage lists all of them
+# Estimates of memory; measured on prism3 and icosa6, for networks by counting their numbers.
+EPISODE = 2e3  # for each step of an episode [bytes]
+WEIGHTS = 160  # for a layer, per width squared: ten numbers, their gradients, two moments [bytes]
+GRADIENT = 1.5e3  # for a prediction chunk in a layer, per width, until its gradient exists [bytes]
+STARTS = 256  # short predictions that `evaluation.score` makes at a time
+WHOLE = 64  # predictions of whole episodes that `evaluation.score_full` makes at a time
+# The names that the store gives its segments.
+SegmentName = Annotated[Name, StringConstraints(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
+# The most is a cluster of a hundred machines with a hundred cores each.
+Workers = Annotated[int, Bounds(1, 10_000)]
+Processors = Annotated[float, Bounds(0, 1000)]
+
+
+class Part(BaseModel):
+    """Base of the configuration's parts: frozen, and unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class CollectConfig(Part):
+    """Which episodes are recorded for training.
+
+    Attributes:
+      gaits, random, drops: episodes of each kind in iteration 0, spread over the data sets.
+      gait_seconds, random_seconds, drop_seconds: their durations [s].
+      gait_variation: largest random change of the cable lengths of a gait's targets, as a share [-]. Each
+        gait starts from where the robot came to rest after a random drop.
+      mppi: episodes that each later iteration adds.
+      mppi_seconds: their longest duration [s].
+      mppi_samples: plans that MPPI tries at a time for them; None for `mppi.samples`. Data needs variety,
+        a goal the best plan.
+      validation: share of the episodes of each kind that is kept for validation.
+      test: share of the episodes of each kind of iteration 0 that is kept for tests.
+      recordings: segments already in the store that belong to the data from iteration 0 on.
+    """
+
+    gaits: Episodes = 6
+    gait_seconds: EpisodeSeconds = 30.0
+    gait_variation: Annotated[float, Bounds(0, 0.5)] = 0.15
+    random: Episodes = 10
+    random_seconds: EpisodeSeconds = 30.0
+    drops: Episodes = 4
+    drop_seconds: EpisodeSeconds = 5.0
+    mppi: Annotated[int, Bounds(1, 10_000)] = 10
+    mppi_seconds: EpisodeSeconds = 30.0
+    mppi_samples: Samples | None = None
+    validation: PartialShare = 0.2
+    test: PartialShare = 0.2
+    recordings: tuple[SegmentName, ...] = Field(default=(), max_length=MOST_RECORDINGS)
+
+
+class EvaluateConfig(Part):
+    """How models are judged.
+
+    Predictions start from the measurements. Those of a simulated episode are compared with its true states,
+    those of a recording with its own measurements.
+
+    Attributes:
+      tasks: closed-loop episodes per model, each as long as `task.seconds` at most; the same tasks
+        for every model.
+      horizon_seconds: of the short-horizon errors [s].
+      starts: predictions per episode, for the short-horizon errors.
+      full: also predict whole episodes.
+      oracle: also run the tasks with a planner that knows the plant (the ceiling).
+      floor: also score the plant restarted from partial observations (the floor).
+      floor_window: past steps from which the floor estimates velocities; more than 1 for noisy points.
+      video: render one episode per iteration, and per unseen course.
+      unseen: courses, as in `task.course`, that the last champion drives through at the end, once for each
+        task. Nothing is learned from them.
+    """
+
+    tasks: Episodes = 8
+    horizon_seconds: HorizonSeconds = 2.0
+    starts: Samples = 10
+    full: bool = True
+    oracle: bool = True
+    floor: bool = True
+    floor_window: Annotated[int, Bounds(1, 1000, "steps")] = 1
+    video: bool = True
+    unseen: tuple[Place, ...] = Field(default=(), max_length=MOST_COURSES)
+
+    @field_validator("unseen")
+    @classmethod
+    def _can_be_read(cls, courses: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            for course in courses:
+                load_course(course)
+        except FlywheelError as error:
+            raise ValueError(str(error)) from None
+        return courses
+
+
+class DiagnoseConfig(Part):
+    """Whether a run diagnoses its plant with the recordings before it collects again.
+
+    An effect that is found, and confirmed by the recordings that are kept for tests, is added to the plant.
+    The episodes of the first iteration are then simulated again, and those of the old plant are left out.
+
+    Attributes:
+      on: diagnose, from iteration 1 on.
+      effects: names of those that may be missing; by default all of the library.
+      unsure: effect -> standard deviation of what the MJCF says about it, see
+        `diagnosis.fitting.nuisance`.
+      seconds: of recordings that are used, at most; as many again of those kept for tests [s].
+      window_seconds: length of the windows [s]; None for a length that suits the robot.
+    """
+
+    on: bool = False
+    effects: tuple[Name, ...] = Field(default=(), max_length=len(NAMED))
+    unsure: dict[Name, Factor] = Field(default_factory=dict, max_length=len(NAMED))
+    seconds: HorizonSeconds = 12.0
+    window_seconds: HorizonSeconds | None = None
+
+    @field_validator("effects")
+    @classmethod
+    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            for name in names:
+                lookup(NAMED, name, "effect")
+        except UnknownNameError as error:
+            raise ValueError(str(error)) from None
+        return names
+
+    @field_validator("unsure")
+    @classmethod
+    def _can_be(cls, unsure: dict[str, float]) -> dict[str, float]:
+        try:
+            unsure_terms(unsure)
+        except (DataError, UnknownNameError) as error:
+            raise ValueError(str(error)) from None
+        return unsure
+
+
+class GateConfig(Part):
+    """When a new model replaces the champion.
+
+    Attributes:
+      error_ratio: the new model's validation error may be at most this times the champion's on the same
+        data. The lower end of the ratio's 95 % interval counts.
+      success_drop: the new model's success rate may be at most this much lower than the champion's.
+    """
+
+    error_ratio: Factor = 1.0
+    success_drop: Share = 0.25
+
+
+class WorkersConfig(Part):
+    """The workers that compute. Nothing here changes a result.
+
+    Attributes:
+      sim: workers that record episodes and score models.
+      trainers: workers that train; None for one per arm.
+      trainer_cpus: cores that a trainer books; 0 if it takes turns with the other workers.
+      trainer_gpus: GPUs that a trainer books.
+      cores: threads that may compute at once; None for all cores of this machine or of the cluster.
+      start_seconds: longest time that a worker may take to start [s].
+      stall_seconds: longest time without progress before a busy worker is replaced [s].
+      drain_seconds: time that running episodes have to end when the run is asked to stop [s].
+      least_episodes: share of a stage's episodes that must be recorded for the run to go on.
+      least_free_gb: free disk space that a run needs to begin [GB].
+    """
+
+    sim: Workers = 2
+    trainers: Workers | None = None
+    trainer_cpus: Processors = 0.0
+    trainer_gpus: Processors = 0.0
+    cores: Workers | None = None
+    start_seconds: Patience = 180.0
+    stall_seconds: Patience = 300.0
+    drain_seconds: WaitingSeconds = 10.0
+    least_episodes: Share = 0.5
+    least_free_gb: Annotated[float, Bounds(0, 1e9, "GB")] = 2.0
+
+
 NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
-# What may differ between a run and its continuation: it changes who computes where, not a number.
+# The parts that may differ between a run and its continuation: they decide who computes where, no number.
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
+# Settings of earlier versions, still in the files of their runs. None of them changed a result.
+RETIRED = ("workers.remote_rollouts",)
 
 
 def _with_preset(network: Any) -> Any:
-    """`{preset: paper, width: 128}`: one of the network's named shapes, with changes."""
+    """The network of `{preset: paper, width: 128}`: one of the named shapes, with changes."""
     if not isinstance(network, dict) or "preset" not in network:
         return network
     if not isinstance(network["preset"], str):
@@ -79,14 +270,14 @@ class RunConfig(Part):
       seed: that every other seed is derived from.
       iterations: after iteration 0.
       control_arm: beside MPPI's, train a model on as many episodes with random controls.
-      effects: what every plant has beyond the MJCF; in a file also the path of an adopted plant, whose
+      effects: of every plant, beyond its MJCF. A file may give the path of an adopted plant instead, whose
         effects are then taken over.
       datasets: variations of the plant; MPPI collects and is judged on the first.
       measurement: between the plant and everything that learns or plans.
       terrain: that episodes are recorded on.
-      collect, task, mppi, network, training, evaluate, diagnose, gate: see each.
-      sim_threads: of each sim worker.
-      workers, tracking: see each; change no result.
+      collect, task, mppi, network, training, evaluate, diagnose, gate: described in their own classes.
+      sim_threads: threads of each simulation worker.
+      workers, tracking: described in their own classes; they change no result.
       store: URL of the trajectory store; "" for `store/` in the run folder.
     """
 
@@ -157,7 +348,7 @@ class RunConfig(Part):
 
     @model_validator(mode="after")
     def _can_be_done(self) -> Self:
-        if found := problems(self):
+        if found := _not_doable(self):
             raise ValueError("; ".join(found))
         try:
             self.mppi.steps(self.network.dt)
@@ -175,9 +366,18 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
     """Read a run's configuration from a YAML file and `key=value` arguments.
 
     Raises:
-      ConfigError: see `config_files.read_config`.
+      ConfigError: the file or an override cannot be read, or a value is wrong.
     """
     return read_config(RunConfig, path, overrides)
+
+
+def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
+    """Read the configuration that a run was begun with, by this or an earlier version.
+
+    Raises:
+      ConfigError: the file or an override cannot be read, or a value is wrong.
+    """
+    return read_config(RunConfig, path, overrides, RETIRED)
 
 
 def decisive(config: RunConfig) -> dict[str, Any]:
@@ -189,3 +389,83 @@ def decisive(config: RunConfig) -> dict[str, Any]:
 def config_digest(config: RunConfig) -> str:
     """sha256 of the part of a configuration that decides the results."""
     return hashlib.sha256(json.dumps(decisive(config), sort_keys=True).encode()).hexdigest()
+
+
+def _not_doable(config: RunConfig) -> list[str]:
+    """Why no machine could do the run, as sentences; empty if one could."""
+    too_large = [str(demand) for demand in _demands(config) if demand.bytes > demand.most]
+    return [*_too_short(config), *_too_many(config), *too_large]
+
+
+def _episodes(config: RunConfig) -> dict[str, tuple[int, float]]:
+    """For each setting of a duration: how many such episodes the whole run has, and their length [s]."""
+    collect, evaluate = config.collect, config.evaluate
+    trained = config.iterations * (1 + config.control_arm)
+    driven = 1 + trained + evaluate.oracle + (1 + evaluate.oracle) * len(evaluate.unseen)
+    kinds = {
+        "collect.gait_seconds": (collect.gaits, collect.gait_seconds),
+        "collect.random_seconds": (collect.random, collect.random_seconds),
+        "collect.drop_seconds": (collect.drops, collect.drop_seconds),
+        "collect.mppi_seconds": (trained * collect.mppi, collect.mppi_seconds),
+        "task.seconds": (driven * evaluate.tasks, config.task.seconds),
+    }
+    return {name: kind for name, kind in kinds.items() if kind[0]}
+
+
+def _too_short(config: RunConfig) -> Iterator[str]:
+    dt = config.network.dt
+    times = {
+        **{name: seconds for name, (_, seconds) in _episodes(config).items()},
+        "evaluate.horizon_seconds": config.evaluate.horizon_seconds,
+        "training.validation_seconds": config.training.validation_seconds,
+    }
+    for name, seconds in times.items():
+        if round(seconds / dt) < 1:
+            yield f"{name} ({seconds:g} s) is shorter than a control step, network.dt ({dt:g} s)"
+
+
+def _too_many(config: RunConfig) -> Iterator[str]:
+    episodes = sum(count for count, _ in _episodes(config).values())
+    if episodes > MOST_EPISODES:
+        yield (
+            f"the run has {episodes:,} episodes (collect, iterations, evaluate.tasks); at most "
+            f"{MOST_EPISODES:,} are allowed"
+        )
+
+
+def _demands(config: RunConfig) -> Iterator[Demand]:
+    recorded, dt = _episodes(config), config.network.dt
+    network, training, evaluate = config.network, config.training, config.evaluate
+    step = f"in control steps of {dt:g} s (network.dt)"
+    for name, (count, seconds) in recorded.items():
+        about = f"of {seconds:g} s ({name}) {step}"
+        yield Demand(f"episodes {about}", EPISODE * seconds / dt)
+        if evaluate.full:
+            whole = PREDICTED * min(WHOLE, count) * seconds / dt
+            yield Demand(f"predictions (evaluate.full) of whole episodes {about}", whole)
+    everything = sum(count * seconds for count, seconds in recorded.values())
+    about = f"{everything:,.0f} s of episodes (collect, iterations, evaluate.tasks) {step}"
+    yield Demand(f"all {about}", EPISODE * everything / dt, DISK)
+
+    samples = max(config.mppi.samples, config.collect.mppi_samples or 0)
+    for name, number, seconds in (
+        (f"{samples:,} plans (mppi.samples)", samples, config.mppi.horizon_seconds),
+        ("predictions (evaluate.horizon_seconds)", STARTS, evaluate.horizon_seconds),
+        (
+            f"{training.validation_windows:,} predictions (training.validation_windows)",
+            training.validation_windows,
+            training.validation_seconds,
+        ),
+    ):
+        yield Demand(f"{name} of {seconds:g} s {step}", PREDICTED * number * seconds / dt)
+
+    layers = network.rounds * network.mlp_layers
+    shape = f"a network of {network.rounds} rounds (network.rounds) of {network.mlp_layers} layers "
+    shape += f"(network.mlp_layers) of width {network.width:,} (network.width)"
+    yield Demand(f"the weights of {shape}", WEIGHTS * layers * network.width**2)
+    stages = (*training.initial.stages, *training.fine_tuning.stages)
+    chunks = max(
+        training.chunks_per_batch, training.least_windows * max(stage.chunks for stage in stages)
+    )
+    batch = f"{chunks:,} chunks (training.chunks_per_batch, or least_windows of a stage's chunks)"
+    yield Demand(f"batches of {batch} in {shape}", GRADIENT * chunks * layers * network.width)

@@ -1,8 +1,9 @@
-"""Tidying up after a process, however it ends: not even a killed one leaves processes or folders behind.
+"""Tidies up after a process, however it ends: not even a killed one leaves processes or folders behind.
 
-A `Caretaker` is a small process of its own that runs this file. It waits for the end of a pipe, which the
-kernel closes when the process that holds the other end is gone; then it ends what that process started.
-It stands on the standard library alone and is run without site packages: it costs some 20 ms and 9 MB.
+A `Caretaker` is a small process that runs this file. It waits for the end of a pipe, which the kernel closes
+when the process at the other end is gone; then it ends what that process started. This file imports only the
+standard library and is run without site packages, so that a caretaker costs about 20 ms and 9 MB. Hence it
+is a module of its own.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
 
-MARK = "FLYWHEEL_RAY_FOLDER"  # environment variable of the processes that belong to a folder
+MARK = "FLYWHEEL_RAY_FOLDER"  # environment variable that names the folder of a process
 GRACE = 5.0  # that processes have to end by themselves [s]
 TICK = 0.05  # between two looks at them [s]
 
@@ -27,8 +28,8 @@ class Caretaker:
     """Tidies up when this process, or the `with` block, has ended.
 
     Args:
-      folder: is removed, with the processes that have `MARK` set to it.
-      group: a process group that is ended.
+      folder: to remove, after its processes (those with `MARK` set to it) have ended.
+      group: a process group to end.
     """
 
     def __init__(self, folder: Path | None = None, group: int | None = None) -> None:
@@ -43,7 +44,7 @@ class Caretaker:
         )
 
     def close(self) -> None:
-        """Have it tidy up now, and wait for it."""
+        """Tidy up now, and wait until that is done."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -62,11 +63,11 @@ class Caretaker:
 
 
 def remove(folder: Path, grace: float = GRACE) -> None:
-    """Remove a folder once the processes that are marked with it are gone, and end them if need be.
+    """End the processes that belong to a folder, then remove it.
 
     Args:
       folder: to remove.
-      grace: that the processes have to end by themselves [s].
+      grace: time that the processes have to end by themselves [s].
     """
     _wait_until(lambda: not any(marked(folder)), grace)
     for process in marked(folder):
@@ -84,7 +85,7 @@ def marked(folder: Path) -> Iterator[int]:
 
 
 def _belongs(process: Path, folder: Path) -> bool:
-    """Whether it is marked, or one of Ray's that has files there: a new title may cover the mark."""
+    """Whether a process is marked, or is one of Ray's with files there: a title may hide the mark."""
     if f"{MARK}={folder}".encode() in (process / "environ").read_bytes().split(b"\0"):
         return True
     if not (process / "comm").read_text().startswith("ray"):
@@ -93,7 +94,7 @@ def _belongs(process: Path, folder: Path) -> bool:
 
 
 def end_group(group: int) -> None:
-    """End a process group: politely, and after a while at once."""
+    """End a process group with SIGTERM, and with SIGKILL if it is still there after `GRACE`."""
     _send(-group, signal.SIGTERM)
     _wait_until(lambda: not _there(-group), GRACE)
     _send(-group, signal.SIGKILL)

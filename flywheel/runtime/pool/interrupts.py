@@ -13,13 +13,13 @@ EXIT_CODE = 130
 
 
 class Interrupted(FlywheelError):
-    """The run was asked to stop, and did; `--resume` goes on from here."""
+    """The run stopped because it was asked to; `--resume` goes on from there."""
 
 
 class StopRequest:
-    """Callable that turns true when the user asks to stop; a context manager for the signals.
+    """Is called to learn whether the user asked to stop. As a context manager it catches the signals.
 
-    Inside a thread that is not the main one no signal can be caught, and `ask` is the only way.
+    In a thread other than the main one no signal can be caught; there `ask` is the only way.
     """
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM)

@@ -1,4 +1,4 @@
-"""What the pool is asked to do, and what came of it. Nothing here knows about Ray."""
+"""The jobs of a worker pool and their answers. Nothing here knows about Ray."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from flywheel.errors import FlywheelError
 
 
 class WorkerDied(FlywheelError):
-    """The worker went away before it could answer. The job itself is not to blame (yet)."""
+    """The worker was gone before it could answer; the job may be done again."""
 
 
 class JobFailed(FlywheelError):
-    """A job raised an error of its own; doing it again would raise it again.
+    """A job raised an error, and would raise it again.
 
     Attributes:
-      trace: where, as text from the worker.
+      trace: the worker's traceback, as text.
     """
 
     def __init__(self, message: str, trace: str = "") -> None:
@@ -30,13 +30,13 @@ class Group:
     """Workers of one kind.
 
     Attributes:
-      name: that jobs ask for ("sim", "trainer").
+      name: that jobs ask for, e.g. "sim" or "trainer".
       factory: makes the worker inside its process.
       arguments: of the factory.
-      count: how many of them.
-      cpus: that each books from the cluster; 0 where groups take turns on the same cores.
-      gpus: that each books.
-      threads: that each may compute with; a running job takes as many of the pool's cores.
+      count: number of workers.
+      cpus: that each worker books from the cluster; 0 if groups take turns on the same cores.
+      gpus: that each worker books.
+      threads: of each worker; a running job takes as many of the pool's cores.
     """
 
     name: str
@@ -50,14 +50,14 @@ class Group:
 
 @dataclass(frozen=True)
 class Job:
-    """One piece of work that may be done again, with the same result, should its worker die.
+    """One piece of work. It can be done again with the same result if its worker dies.
 
     Attributes:
       id: unique within the run; the same work has the same id in a resumed run.
-      group: which workers can do it.
-      method: of the worker.
-      arguments: of the method; large ones shared beforehand (`WorkerPool.share`).
-      size: expected amount of work, for progress (any unit, the same for all jobs of one call).
+      group: name of the workers that can do it.
+      method: name of the worker's method.
+      arguments: of the method; large ones are shared beforehand (`WorkerPool.share`).
+      size: expected amount of work, for progress, in any unit that all jobs of one call share.
     """
 
     id: str
@@ -69,7 +69,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Beat:
-    """A sign of progress of a worker that is busy with a job.
+    """A sign of progress of a busy worker.
 
     Attributes:
       done: share of the job that is done, 0 to 1.
@@ -84,7 +84,7 @@ class Beat:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a worker gives back.
+    """The answer of a worker to a job.
 
     Attributes:
       value: that the job's method returned.
@@ -105,7 +105,7 @@ class Quarantined:
 
 @dataclass
 class PoolReport:
-    """What one call of `WorkerPool.run` did.
+    """The outcome of one call of `WorkerPool.run`.
 
     Attributes:
       results: by job id.
@@ -120,26 +120,15 @@ class PoolReport:
     cpu_seconds: float = 0.0
 
 
-class Colleagues(Protocol):
-    """Workers that another worker may ask directly, without the driver."""
-
-    def ask(self, method: str, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a method once per tuple of arguments, spread over all of them, and wait.
-
-        The result of a call whose worker is gone is None; errors of the method are raised.
-        """
-        ...
-
-
 class Backend(Protocol):
-    """Where workers live. `cluster.RayBackend` in earnest, a plain fake in tests."""
+    """Starts, asks and ends workers: `ray_backend.RayBackend`, or a fake in tests."""
 
     def start(self, group: Group) -> Any:
         """Begin to start a worker and return its handle, without waiting."""
         ...
 
     def ready(self, worker: Any) -> Hashable:
-        """A ticket that is finished once the worker has started."""
+        """A ticket that is finished when the worker has started."""
         ...
 
     def submit(self, worker: Any, job: Job) -> Hashable:
@@ -147,11 +136,11 @@ class Backend(Protocol):
         ...
 
     def wait(self, tickets: Sequence[Any], seconds: float) -> list[Any]:
-        """Those tickets that are finished, as soon as there is one or `seconds` are over."""
+        """The finished tickets, as soon as there is one or `seconds` have passed."""
         ...
 
     def result(self, ticket: Any) -> Answer:
-        """The answer of a finished ticket; an empty one where a worker has started.
+        """The answer of a finished ticket; an empty one for the start of a worker.
 
         Raises:
           WorkerDied: the worker is gone.
@@ -165,10 +154,6 @@ class Backend(Protocol):
 
     def kill(self, worker: Any) -> None:
         """End the worker at once."""
-        ...
-
-    def colleagues(self, workers: Sequence[Any]) -> Colleagues:
-        """Let other workers ask these; pass the result as an argument."""
         ...
 
     def share(self, value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""At most one driver per run folder, and at most one trainer per model folder."""
+"""Lock files: at most one driver per run folder, and one trainer per model folder."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ LOCK_FILE = "run.lock"
 def hold(path: Path, what: str, wait_seconds: float = 0.0) -> Iterator[None]:
     """Hold the lock file `path` for as long as the block runs.
 
-    The kernel gives the lock back when its process dies, however it dies, so that a lock is never
-    stale. Works between processes of one machine, and over NFS v4.
+    The kernel releases the lock when its process ends, however it ends, so that no lock is stale. It works
+    between the processes of one machine, and over NFS v4.
 
     Args:
-      path: of the lock file; made if missing, left behind afterwards.
-      what: it guards, for the message ("The run in runs/a").
-      wait_seconds: how long to wait for another holder to go.
+      path: of the lock file; made if it is missing, and kept afterwards.
+      what: name of what it guards, for the message, e.g. "The run in runs/a".
+      wait_seconds: how long to wait for another holder [s].
 
     Raises:
       ConfigError: another process holds it; the message names its pid and host.

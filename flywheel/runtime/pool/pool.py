@@ -1,11 +1,11 @@
-"""A pool of workers that dies gracefully: every job is done once, or reported.
+"""A pool of workers that survives their deaths: every job is done once, or reported as set aside.
 
 * Workers start when there is work for them. At most one job per worker, and at most as many threads
   as there are cores, are busy at once.
 * A worker that dies, or shows no sign of progress for too long, is replaced, and its job is done
   again by whoever is free. Jobs carry their own seeds, so the result is the same.
 * A job that takes `DEATHS_ALLOWED` workers down with it is set aside; the others go on.
-* If workers do not come (back), the pool stops with a message instead of waiting for ever.
+* If workers do not start, the pool stops with a message instead of waiting for ever.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ STARTS_ALLOWED = 3
 
 @dataclass(frozen=True)
 class Patience:
-    """How long the pool waits [s].
+    """How long the pool waits, in seconds.
 
     Attributes:
       start: for a worker to start.
@@ -66,12 +66,12 @@ class WorkerPool:
     """Runs jobs on groups of workers.
 
     Args:
-      backend: where the workers live.
-      groups: what workers there are.
+      backend: starts and asks the workers.
+      groups: of workers.
       cores: threads that may compute at the same time.
-      patience: how long to wait for what.
-      stop: turns true when the run is to end.
-      clock: for tests.
+      patience: how long to wait.
+      stop: returns true when the run is to end.
+      clock: gives the time [s]; tests replace it.
     """
 
     def __init__(
@@ -97,30 +97,6 @@ class WorkerPool:
         """Put a large argument where every worker can read it."""
         return self._backend.share(value)
 
-    def colleagues(self, name: str) -> Any:
-        """Workers of a group for others to ask directly; they get no jobs. Dead ones are replaced."""
-        group = self._groups[name]
-        own = [worker for worker in self._workers if worker.group is group]
-        for worker in own:
-            worker.ticket = self._backend.ready(worker.handle)
-        finished = self._backend.wait([worker.ticket for worker in own], 1.0)
-        for worker in own:
-            if worker.ticket in finished and not self._answers(worker):
-                self._workers.remove(worker)
-                self.restarts += 1
-        there = [worker for worker in self._workers if worker.group is group]
-        there += [self._started(group) for _ in range(group.count - len(there))]
-        self._workers = [w for w in self._workers if w.group is not group] + there
-        return self._backend.colleagues([worker.handle for worker in there])
-
-    def _answers(self, worker: _Worker) -> bool:
-        try:
-            self._backend.result(worker.ticket)
-        except WorkerDied:
-            return False
-        worker.ready = True
-        return True
-
     def run(
         self,
         jobs: Sequence[Job],
@@ -128,19 +104,19 @@ class WorkerPool:
         progress: Progress | None = None,
         title: str = "jobs",
     ) -> PoolReport:
-        """Do every job and return what came of them.
+        """Do every job and return the outcome.
 
         Args:
-          jobs: in order of preference. One whose workers are all busy is overtaken; one whose worker is
-            only starting is not.
-          on_result: called here, in the driver, as soon as a job is done.
+          jobs: in order of preference. A later job overtakes one whose workers are all busy, but not one
+            whose worker is just starting.
+          on_result: is called in this process as soon as a job is done.
           progress: shows how far the jobs are.
           title: of the work, for people.
 
         Raises:
           JobFailed: a job raised an error.
-          RunError: the workers do not start, or too many are gone.
-          Interrupted: the run was asked to stop; finished jobs have been reported before.
+          RunError: the workers do not start, or too many have died.
+          Interrupted: the run was asked to stop; finished jobs were reported before.
         """
         if strangers := {job.group for job in jobs} - set(self._groups):
             raise RunError(f"No workers are called {strangers}; there are {sorted(self._groups)}.")
@@ -227,7 +203,7 @@ class WorkerPool:
     # --- steps of these ---------------------------------------------------------------------
 
     def _staff(self, jobs: Sequence[Job]) -> None:
-        """Start the workers that these jobs can use and that are not there yet."""
+        """Start the workers that these jobs need and that do not run yet."""
         for group in self._groups.values():
             there = sum(worker.group.name == group.name for worker in self._workers)
             useful = min(group.count, sum(job.group == group.name for job in jobs))
@@ -292,7 +268,7 @@ class WorkerPool:
 
 @dataclass
 class _Turn:
-    """One call of `run`."""
+    """The state of one call of `run`."""
 
     queue: deque[Job]
     report: PoolReport

@@ -1,4 +1,4 @@
-"""How far a run is: a live bar with rate and ETA on a terminal, plain lines elsewhere."""
+"""Shows how far the work is: live bars on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from flywheel.outputs import printable
 
 
 class Stage(Protocol):
-    """One piece of work that is being shown."""
+    """One piece of work whose progress is shown."""
 
     def update(self, done: float, note: str = "") -> None:
         """Say that `done` of the stage's total is done."""
@@ -32,14 +32,14 @@ class Stage(Protocol):
 
 
 class Progress(Protocol):
-    """Where the loop tells people how far it is."""
+    """Shows people how far the work is."""
 
     def say(self, text: str) -> None:
-        """One line about what has happened."""
+        """Show one line about what has happened."""
         ...
 
     def stage(self, title: str, total: float) -> AbstractContextManager[Stage]:
-        """`with progress.stage("collect", 12) as stage: stage.update(3)`."""
+        """Show a stage while a block runs: `with progress.stage("collect", 12) as stage: stage.update(3)`."""
         ...
 
 
@@ -47,15 +47,15 @@ class Quiet:
     """Shows nothing."""
 
     def say(self, text: str) -> None:
-        """Nothing."""
+        """Show nothing."""
 
     @contextmanager
     def stage(self, title: str, total: float) -> Iterator[Stage]:
-        """Nothing."""
+        """Show nothing."""
         yield self
 
     def update(self, done: float, note: str = "") -> None:
-        """Nothing."""
+        """Show nothing."""
 
 
 class Lines:

@@ -1,8 +1,9 @@
-"""The Ray door: the only file that imports ray.
+"""Workers on a Ray cluster. This is the only module that imports ray.
 
-A worker is a plain class. Here it becomes an actor with a second, tiny thread of its own that
-answers "how far are you?" while the job runs. Ray's own restarts and retries stay off: the pool
-counts and reports them instead.
+A worker is a plain class. Here it becomes an actor with a second thread, which answers how far the job is
+while it runs. Ray's own restarts and retries are off: the pool counts and reports them instead.
+
+A local cluster has a temporary folder of its own, with a short path, which is removed afterwards.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import contextlib
 import logging
 import os
 import re
+import socket
+import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,15 +32,21 @@ os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
 import ray
 from ray import exceptions
 
-from flywheel.errors import FlywheelError, RunError
+from flywheel.errors import ConfigError, FlywheelError, RunError
 from flywheel.faults import fault_of
+from flywheel.outputs import check_folder
+from flywheel.runtime.pool.caretaker import MARK, Caretaker, remove
 from flywheel.runtime.pool.jobs import Answer, Beat, Group, Job, JobFailed, WorkerDied
-from flywheel.runtime.pool.preflight import check_fits, check_reachable
-from flywheel.runtime.pool.ray_folder import marking, ray_folder
+from flywheel.runtime.pool.lock import hold
 
 LOG = logging.getLogger(__name__)
-STARTS = 3  # of a local cluster, on a machine so busy that its start takes too long
+STARTS = 3  # attempts to start a local cluster; on a busy machine the first may take too long
 OBJECT_STORE_BYTES = 200_000_000
+FOLDER_PREFIX = "flywheel-ray-"
+FOLDER_LOCK = "driver.lock"
+# A Unix socket's path has at most 107 bytes; Ray adds "/session_<date>_<time>_<pid>/sockets/plasma_store".
+LONGEST_FOLDER = 42  # bytes of the folder's path
+YOUNG_FOLDER = 60.0  # age up to which another driver may still be making its folder [s]
 _DEATHS = (
     exceptions.RayActorError,  # also ActorDiedError and ActorUnavailableError
     exceptions.WorkerCrashedError,
@@ -50,7 +59,7 @@ _DEATHS = (
 
 @dataclass(frozen=True)
 class ClusterConfig:
-    """Where the workers live.
+    """The cluster on which the workers run.
 
     Attributes:
       address: of an existing cluster ("host:6379", "auto"), or None to start one here.
@@ -125,21 +134,21 @@ class Cluster:
 
     @property
     def cpus(self) -> int:
-        """Cores of the whole cluster."""
+        """The cores of the whole cluster."""
         return int(ray.cluster_resources().get("CPU", 1))
 
     def check_fits(self, groups: Iterable[Group]) -> None:
-        """Compare what the groups book with what the cluster has.
+        """Refuse groups that book more than the cluster has; Ray would wait for ever without a word.
 
         Raises:
-          ConfigError: too little; Ray itself would wait for ever without a word.
+          ConfigError: the cluster is too small.
         """
         check_fits(groups, ray.cluster_resources())
 
 
 @contextmanager
 def _translated(address: str | None) -> Any:
-    """Turn Ray's connection errors into one line of advice."""
+    """Turn Ray's connection errors into a RunError with one line of advice."""
     try:
         yield
     except FlywheelError:
@@ -168,7 +177,7 @@ def _no_connection(error: Exception, address: str | None) -> RunError:
 
 
 def _log_obituaries() -> None:
-    """Ray prints a paragraph about every dead worker on stdout, whatever `log_to_driver` says."""
+    """Log what Ray would print on stdout about every dead worker, whatever `log_to_driver` says."""
     from ray._private import worker  # no public switch; without this attribute nothing changes
 
     if hasattr(worker, "print_to_stdstream"):
@@ -179,10 +188,10 @@ def _log_obituaries() -> None:
 
 @contextmanager
 def _loopback_only() -> Iterator[None]:
-    """Have Ray listen to this machine alone: whoever reaches its ports can run programs.
+    """Have Ray listen only to this machine: whoever reaches its ports can run programs.
 
-    Ray has a switch for machines that are in no cluster, though it is named for others; it is read when
-    Ray is imported, so that it is set here for this process and for those that are started.
+    Ray's switch for this is named after Windows and macOS. It is read when Ray is imported, so it is set both
+    in this process and in the environment of those that it starts.
     """
     from ray._private import (
         ray_constants,
@@ -199,7 +208,7 @@ def _loopback_only() -> Iterator[None]:
 
 
 class _Actor:
-    """Holds a plain worker and answers for it."""
+    """The actor that holds a plain worker."""
 
     def __init__(self, factory: type, arguments: tuple[Any, ...]) -> None:
         self._worker = factory(*arguments)
@@ -221,39 +230,9 @@ class _Actor:
 
 
 def _name_thread(name: str) -> None:
-    """Show what this thread does in `top -H` and /proc; Ray's own process titles do not last."""
+    """Name this thread after its job, for `top -H` and /proc; Ray's own process titles do not last."""
     with contextlib.suppress(OSError):
         Path(f"/proc/self/task/{threading.get_native_id()}/comm").write_text(name[:15])
-
-
-class RayColleagues:
-    """Actors that other actors ask (`jobs.Colleagues`).
-
-    Args:
-      workers: the actors.
-      seconds: that an answer may take [s].
-    """
-
-    def __init__(self, workers: Sequence[Any], seconds: float = 60.0) -> None:
-        self._workers, self._seconds = tuple(workers), seconds
-
-    def ask(self, method: str, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a method of them all at once and wait; None where one is gone."""
-        asked = [
-            self._workers[i % len(self._workers)].work.remote(method, method, *call)
-            for i, call in enumerate(calls)
-        ]
-        return [self._answer(ticket) for ticket in asked]
-
-    def _answer(self, ticket: Any) -> Any:
-        try:
-            return ray.get(ticket, timeout=self._seconds).value
-        except exceptions.RayTaskError as error:
-            if isinstance(error.cause, FlywheelError):
-                raise error.cause from None
-            raise
-        except (*_DEATHS, exceptions.GetTimeoutError):
-            return None
 
 
 class RayBackend:
@@ -277,16 +256,16 @@ class RayBackend:
         return actor.remote(group.factory, group.arguments)
 
     def ready(self, worker: Any) -> Any:
-        """A ticket for the end of its start."""
+        """A ticket that is finished when the actor has started."""
         return worker.ready.remote()
 
     def submit(self, worker: Any, job: Job) -> Any:
-        """Send the job."""
+        """Send the job to the actor; returns its ticket."""
         self._beats.pop(worker, None)
         return worker.work.remote(job.id, job.method, *job.arguments)
 
     def wait(self, tickets: Sequence[Any], seconds: float) -> list[Any]:
-        """Those that are finished."""
+        """The tickets that are finished."""
         if not tickets:
             return []
         done, _ = ray.wait(list(tickets), num_returns=1, timeout=seconds)
@@ -295,7 +274,7 @@ class RayBackend:
         return done
 
     def result(self, ticket: Any) -> Answer:
-        """Of a finished ticket."""
+        """The answer of a finished ticket."""
         try:
             answer: Answer = ray.get(ticket, timeout=60)
             return answer
@@ -308,7 +287,7 @@ class RayBackend:
             raise WorkerDied(_obituary(error)) from None
 
     def beat(self, worker: Any) -> Beat | None:
-        """The last one known; asks for the next without waiting."""
+        """The last known sign of progress; asks for the next one without waiting."""
         question, known = self._beats.get(worker, (None, None))
         if question is not None:
             if not ray.wait([question], timeout=0)[0]:
@@ -322,21 +301,17 @@ class RayBackend:
         return known
 
     def kill(self, worker: Any) -> None:
-        """End it at once."""
+        """End the actor at once."""
         self._beats.pop(worker, None)
         ray.kill(worker, no_restart=True)
 
-    def colleagues(self, workers: Sequence[Any]) -> RayColleagues:
-        """Let other actors ask these."""
-        return RayColleagues(workers)
-
     def share(self, value: Any) -> Any:
-        """Put it in the object store once; workers on a node share one copy, read-only."""
+        """Put a value in the object store; the workers of a node share one copy, read-only."""
         return ray.put(value)
 
 
 def _obituary(error: BaseException) -> str:
-    """One line of Ray's paragraph about a dead actor."""
+    """The one line about a dead actor that matters in Ray's paragraph."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if lines and "creation task" in lines[0]:
         return f"it could not be made: {lines[-1][:300]}"
@@ -345,6 +320,108 @@ def _obituary(error: BaseException) -> str:
     return f"{type(error).__name__}: {detail.group(1) if detail else text[:200]}"
 
 
-def versions() -> dict[str, str]:
-    """Of Ray, for the record of a run."""
-    return {"ray": ray.__version__}
+def check_fits(groups: Iterable[Group], there: dict[str, float]) -> None:
+    """Refuse groups that book more than the resources `there`, e.g. {"CPU": 2.0}.
+
+    Raises:
+      ConfigError: too little of anything; the message holds a table.
+    """
+    groups = list(groups)
+    rows = [
+        (
+            group.name,
+            str(group.count),
+            f"{group.cpus * group.count:g}",
+            f"{group.gpus * group.count:g}",
+        )
+        for group in groups
+    ]
+    cpus = sum(group.cpus * group.count for group in groups)
+    gpus = sum(group.gpus * group.count for group in groups)
+    has = (there.get("CPU", 0.0), there.get("GPU", 0.0))
+    if cpus <= has[0] and gpus <= has[1]:
+        return
+    rows += [("wanted", "", f"{cpus:g}", f"{gpus:g}"), ("there", "", f"{has[0]:g}", f"{has[1]:g}")]
+    table = "\n".join(
+        f"  {a:<10}{b:>8}{c:>8}{d:>8}"
+        for a, b, c, d in [("workers", "count", "CPUs", "GPUs"), *rows]
+    )
+    raise ConfigError(
+        "The cluster is too small for the workers that the configuration asks for:\n"
+        f"{table}\nAsk for fewer (workers.sim=...), or give the cluster more."
+    )
+
+
+def check_reachable(address: str, seconds: float = 5.0) -> None:
+    """Refuse an address at which nobody listens; Ray itself would try for minutes.
+
+    Raises:
+      ConfigError: the address has another form.
+      ConnectionError: nobody listens there.
+    """
+    if address in ("auto", "local"):
+        return
+    host, _, port = address.rpartition(":")
+    if "//" in address or not host or not port.isdigit():
+        raise ConfigError(
+            f"The address of a cluster is host:port (of its head, usually port 6379) or auto, got "
+            f"{address!r}. From outside the cluster, use `ray job submit`."
+        )
+    try:
+        socket.create_connection((host, int(port)), timeout=seconds).close()
+    except OSError as error:
+        raise ConnectionError(f"{error}.") from None
+
+
+@contextmanager
+def ray_folder() -> Iterator[Path]:
+    """A temporary folder for Ray while the block runs.
+
+    A `Caretaker` removes it even if this process is killed. Folders that killed drivers left
+    behind are removed first.
+
+    Raises:
+      RunError: no temporary folder has a short enough path, or none can be written.
+    """
+    place = _place()
+    sweep(place)
+    folder = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX, dir=place))
+    with Caretaker(folder), hold(folder / FOLDER_LOCK, f"The folder {folder}"):
+        yield folder
+
+
+@contextmanager
+def marking(folder: Path) -> Iterator[None]:
+    """Mark the processes that are started in the block as belonging to the folder."""
+    os.environ[MARK] = str(folder)
+    try:
+        yield
+    finally:
+        del os.environ[MARK]
+
+
+def sweep(place: Path) -> None:
+    """Remove the folders of drivers that have ended, and end the processes that belong to them."""
+    for folder in place.glob(f"{FOLDER_PREFIX}*"):
+        with contextlib.suppress(OSError, ConfigError):  # of another user; gone meanwhile; in use
+            about = folder.lstat()
+            young = time.time() - about.st_mtime < YOUNG_FOLDER
+            if about.st_uid != os.getuid() or young or not (folder / FOLDER_LOCK).is_file():
+                continue
+            with hold(folder / FOLDER_LOCK, f"The folder {folder}"):
+                remove(folder, grace=0.0)
+
+
+def _place() -> Path:
+    """The place for temporary folders: RAY_TMPDIR, Python's own, or the system's."""
+    named = [os.environ.get("RAY_TMPDIR"), tempfile.gettempdir(), Path(os.sep, "tmp")]
+    refused = []
+    for place in dict.fromkeys(Path(name).absolute() for name in named if name):
+        try:
+            if len(os.fsencode(place / f"{FOLDER_PREFIX}12345678")) > LONGEST_FOLDER:
+                raise ConfigError(f"The path {place} is too long for Ray's sockets.")
+            check_folder(place, "temporary folder of Ray")
+            return place
+        except FlywheelError as error:
+            refused.append(str(error))
+    raise RunError(f"Ray finds no temporary folder; set RAY_TMPDIR to one. {' '.join(refused)}")

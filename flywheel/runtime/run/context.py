@@ -1,4 +1,4 @@
-"""A run that is under way: what every stage has at hand, and what files say about the past."""
+"""A run that is under way: what every stage needs, and what the run's files say about earlier iterations."""
 
 from __future__ import annotations
 
@@ -14,21 +14,18 @@ from flywheel.faults import fault_of, told
 from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.measures import Errors
 from flywheel.runtime.pool.jobs import Job, JobFailed, PoolReport
 from flywheel.runtime.pool.pool import WorkerPool
 from flywheel.runtime.pool.progress import Progress
-from flywheel.runtime.results import Arm, IterationResult
+from flywheel.runtime.results import Arm, Errors, IterationResult
 from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluation
 from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.sharded import Helpers
 from flywheel.runtime.workers.sim_worker import EpisodeNote
 
-# Roughly how long a core is busy with a second of an episode [s]; for the time left that is shown.
+# Roughly how long a core is busy with one second of an episode [s]; for the remaining time that is shown.
 SIMULATING, PLANNING = 0.02, 0.3
-HELPERS = "rollout"
 
 
 @dataclass(frozen=True)
@@ -36,9 +33,9 @@ class Model:
     """A trained model.
 
     Attributes:
-      arm, iteration: that made it.
+      arm, iteration: in which it was trained.
       digest: of the weights.
-      path: of the weights.
+      path: of the weights' file.
     """
 
     arm: Arm
@@ -54,11 +51,11 @@ class Run:
     Attributes:
       config: resolved.
       folder: its files.
-      robot: it is about.
+      robot: of the run.
       store: of its episodes.
       pool: of its workers.
-      tracker: None where nothing is tracked.
-      progress: shows people how far it is.
+      tracker: None if the run is not tracked.
+      progress: shows people how far the run is.
     """
 
     config: RunConfig
@@ -69,26 +66,25 @@ class Run:
     tracker: Tracker | None
     progress: Progress
     _shared: dict[str, Any] = field(default_factory=dict)
-    _helpers: Any = None
 
     def arms(self, iteration: int) -> list[Arm]:
         """Arms that have an iteration of their own; iteration 0 is common to both."""
         return ["mppi", "control"] if iteration and self.config.control_arm else ["mppi"]
 
     def arm_of(self, iteration: int, arm: Arm) -> Arm:
-        """Whose iteration it is that an arm builds on."""
+        """The arm whose iteration an arm builds on: in iteration 0 all build on "mppi"."""
         return arm if arm in self.arms(iteration) else "mppi"
 
     def finished(self, arm: Arm) -> list[IterationResult]:
-        """What an arm has produced so far, iteration 0 included."""
+        """The results of an arm so far, iteration 0 included."""
         iterations = range(self.config.iterations + 1)
         results = [self.folder.finished(i, self.arm_of(i, arm)) for i in iterations]
         return [result for result in results if result is not None]
 
     def latest(self, arm: Arm) -> IterationResult | None:
-        """The iteration that an arm goes on from; None before the first.
+        """The iteration whose model an arm goes on from; None before the first.
 
-        That is the champion's; the control arm, without a gate, goes on from its last usable model.
+        It is the champion's iteration. The control arm has no gate and goes on from its last usable model.
         """
         chosen = [r for r in self.finished(arm) if r.gate is None or r.gate.promoted]
         return next((r for r in reversed(chosen) if usable(r.validation)), None)
@@ -103,8 +99,8 @@ class Run:
         path = self.folder.weights(result.iteration, result.arm)
         return Model(result.arm, result.iteration, result.model, path)
 
-    def weights(self, model: Model) -> Any:
-        """The model's weights, shared with all workers once, for as long as the run lasts."""
+    def shared_weights(self, model: Model) -> Any:
+        """A reference to the model's weights, for jobs. They are shared with all workers only once."""
         if model.digest not in self._shared:
             self._shared[model.digest] = self.pool.share(
                 Weights.read(model.path, self.robot, model.digest)
@@ -116,24 +112,24 @@ class Run:
         return self.store.snapshot(name) if name in self.store.snapshots() else None
 
     def effects(self, iteration: int) -> Effects:
-        """What an iteration's plant has beyond the MJCF."""
+        """The effects of an iteration's plant, beyond the MJCF."""
         note = self.folder.diagnosis(self.plant_since(iteration))
         return self.config.effects if note is None else note.effects
 
     def plant_since(self, iteration: int) -> int:
-        """The iteration that first had the plant that this one has."""
+        """The first iteration with the plant that this iteration has."""
         changed = (i for i in range(iteration, 0, -1) if self.changes_plant(i))
         return next(changed, 0)
 
     def changes_plant(self, iteration: int) -> bool:
-        """A diagnosis before this iteration added to the plant."""
+        """Whether a diagnosis before this iteration changed the plant."""
         note = self.folder.diagnosis(iteration)
         return note is not None and note.adopted
 
     def test_episodes(self, iteration: int) -> list[str]:
-        """Ids of simulated test episodes on the plant of an iteration.
+        """Ids of the simulated test episodes on an iteration's plant.
 
-        Those of the first collection on it, and closed-loop ones up to the iteration.
+        These are those of the first collection on the plant, and the closed-loop ones up to the iteration.
         """
         begun = self.plant_since(iteration)
         first = self.store.snapshot(name_of(begun, "mppi"))
@@ -143,11 +139,7 @@ class Run:
         own = [e.id for e in first.episodes if e.split == "test" and e.source == "sim"]
         return own + [p for p in plans if p in there]
 
-    def test_recordings(self) -> list[str]:
-        """Ids of the recordings that are kept for tests; the same ones in every iteration."""
-        return self.logs("test")
-
-    def logs(self, split: Split) -> list[str]:
+    def recordings(self, split: Split) -> list[str]:
         """Ids of the recordings of a split; the same ones in every iteration."""
         first = self.store.snapshot(name_of(0, "mppi"))
         return [e.id for e in first.episodes if e.split == split and e.source == "recording"]
@@ -156,10 +148,9 @@ class Run:
         """Run jobs on the pool.
 
         Raises:
-          RunError: the operating system refused something: the disk is full, say.
+          RunError: the operating system refused something, e.g. because the disk is full.
           JobFailed: a job raised an error.
         """
-        self._helpers = None  # whoever asks next finds out who is still there
         if not jobs:
             return PoolReport()
         try:
@@ -170,36 +161,39 @@ class Run:
                 raise RunError(told(cause)) from error
             raise
 
-    def recordings(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
-        """Jobs that record episodes. Those already in the store only report what they are."""
+    def episode_jobs(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
+        """Jobs that record episodes. For an episode that is in the store already, the job only reports it.
+
+        Args:
+          plans: of the episodes.
+          model: that MPPI plans with.
+
+        Raises:
+          RunError: MPPI plans an episode, and there is no model.
+        """
         return [
             Job(
                 plan.id,
                 "sim",
                 "record",
-                (plan, *(self._planning(model) if plan.controller == "mppi" else ())),
+                (plan, self._planner(model)) if plan.controller == "mppi" else (plan,),
                 size=plan.seconds * (SIMULATING if plan.task_seed is None else PLANNING),
             )
             for plan in plans
         ]
 
-    def _planning(self, model: Model | None) -> tuple[Any, ...]:
-        """Weights to plan with, and those who roll them out if that is not the planner itself."""
+    def _planner(self, model: Model | None) -> Any:
+        """Shared weights of the model that MPPI plans with."""
         if model is None:
             raise RunError("MPPI wants to collect, but there is no model yet.")
-        weights = self.weights(model)
-        if not self.config.workers.remote_rollouts:
-            return (weights,)
-        if self._helpers is None:
-            self._helpers = self.pool.colleagues(HELPERS)
-        return (weights, Helpers(self._helpers, weights))
+        return self.shared_weights(model)
 
 
 def usable(errors: Errors | None) -> bool:
-    """The errors are finite numbers."""
+    """Whether there are errors and they are finite."""
     return errors is not None and math.isfinite(errors.short.e_pos_rmse)
 
 
-def notes(report: PoolReport, plans: Sequence[EpisodePlan]) -> list[EpisodeNote]:
-    """What came of planned episodes, in the order of the plans; quarantined ones are missing."""
+def episode_notes(report: PoolReport, plans: Sequence[EpisodePlan]) -> list[EpisodeNote]:
+    """The reports about planned episodes, in the order of the plans, without those set aside."""
     return [report.results[plan.id] for plan in plans if plan.id in report.results]

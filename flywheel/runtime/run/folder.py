@@ -1,16 +1,16 @@
-"""Where a run keeps what, and whether a folder may be begun or continued.
+"""The files of a run's folder, and whether a run may be begun or continued there.
 
     config.yaml               resolved configuration
-    run.json                  who the run is
+    run.json                  identity of the run
     run.lock                  held by its one driver
     store/                    trajectory store (unless the configuration names another)
-    cache/<snapshot>/         windows for training, made from a snapshot; may be deleted
+    cache/<snapshot>/         training windows made from a snapshot; may be deleted
     models/i0001-mppi/        checkpoints and weights
-    iterations/i0001-mppi.json  what the iteration produced; its presence means that it is done
-    iterations/i0001-diagnosis.json  what the plant was found to lack before it, with a page
+    iterations/i0001-mppi.json  result of the iteration; it is done when this file is there
+    iterations/i0001-diagnosis.json  diagnosis of the plant before the iteration, with a page
     result.json               the run so far, for reports
 
-There is no file that says how far a run is: what is there says it.
+No file says how far a run is: the files that are there do.
 """
 
 from __future__ import annotations
@@ -28,12 +28,17 @@ from flywheel.errors import ConfigError, RunError
 from flywheel.files import file_name
 from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.runtime.config.loading import differences, yaml_of
-from flywheel.runtime.config.run_config import RunConfig, config_digest, decisive, load_config
-from flywheel.runtime.measures import DiagnosisNote
+from flywheel.runtime.config.run_config import (
+    RunConfig,
+    config_digest,
+    decisive,
+    load_stored_config,
+)
 from flywheel.runtime.results import (
     NOTHING,
     RESULT_FILE,
     Arm,
+    DiagnosisNote,
     IterationResult,
     read,
     save,
@@ -44,7 +49,7 @@ from flywheel.seals import Seal, file_sha256
 from flywheel.validation import lines
 
 ITERATION, DIAGNOSIS = "iteration", "diagnosis"
-UNFINISHED = re.compile(r"\..*|.*\.(lock|part|tmp)")  # or left by someone who was killed
+UNFINISHED = re.compile(r"\..*|.*\.(lock|part|tmp)")  # being written, or left by a killed process
 POOLED = "pooled-tests"  # the snapshot of the test episodes of all iterations
 SEGMENT, SNAPSHOT = "segments/", "snapshots/"  # begin the names of what is in a store, on a seal
 ARMS: tuple[Arm, ...] = ("mppi", "control")
@@ -62,40 +67,40 @@ class RunFolder:
 
     @property
     def lock(self) -> Path:
-        """Held by the driver."""
+        """The lock that the driver holds."""
         return self.path / "run.lock"
 
     @property
     def there(self) -> bool:
-        """A run was begun here, whatever is left of it."""
+        """Whether a run was begun here, whatever is left of it."""
         return self.config_file.exists() or os.path.lexists(self.path / RUN_FILE)
 
     @property
     def config_file(self) -> Path:
-        """Resolved configuration."""
+        """The resolved configuration."""
         return self.path / "config.yaml"
 
     @property
     def robot_file(self) -> Path:
-        """Copy of the MJCF that the run was begun with."""
+        """The copy of the MJCF that the run was begun with."""
         return self.path / "robot.xml"
 
     def config(self) -> RunConfig:
         """The configuration that the run was begun with.
 
         Raises:
-          Unsound: the file, or run.json, is not what it was then.
+          Unsound: the file or run.json was changed since then.
           ConfigError: it is not a configuration.
         """
         read_begun(self.path).check(self.path, self.config_file.name)
-        return load_config(self.config_file)
+        return load_stored_config(self.config_file)
 
     def robot(self, config: RunConfig) -> Robot:
         """The robot that the run was begun with, wherever its MJCF is now.
 
         Raises:
-          Unsound: its copy is not what it was then.
-          RobotError: a run from before there were copies, and the MJCF cannot be used.
+          Unsound: the copy of its MJCF was changed since then.
+          RobotError: the run of an earlier version has no copy, and the MJCF cannot be used.
         """
         if self.config_file.exists():
             read_begun(self.path).check(self.path, self.robot_file.name)
@@ -105,63 +110,63 @@ class RunFolder:
 
     @property
     def cache(self) -> Path:
-        """Windows for training; made again where missing."""
+        """The folder of the training windows, which are made again where they are missing."""
         return self.path / "cache"
 
     def store_url(self, config: RunConfig) -> str:
-        """Where the episodes are."""
+        """URL of the store with the run's episodes."""
         return config.store or str((self.path / "store").absolute())
 
     def model(self, iteration: int, arm: Arm) -> Path:
-        """Folder of an iteration's checkpoints and weights."""
+        """The folder of an iteration's checkpoints and weights."""
         return (self.path / "models" / name_of(iteration, arm)).absolute()
 
     def model_files(self, iteration: int, arm: Arm) -> list[Path]:
-        """All files in that folder that are not being written."""
+        """The files in that folder, without those that are being written."""
         found = sorted(self.model(iteration, arm).rglob("*"))
         return [path for path in found if not path.is_dir() and not UNFINISHED.fullmatch(path.name)]
 
     def weights(self, iteration: int, arm: Arm) -> Path:
-        """The weights of an iteration's model, in a folder that `served.read_served` reads."""
+        """The weights of an iteration's model, in a folder that `pyfunc_model.read_model` reads."""
         return self.model(iteration, arm) / "served" / WEIGHTS
 
     def finished(self, iteration: int, arm: Arm) -> IterationResult | None:
-        """What an iteration produced, or None if it is not done.
+        """The result of an iteration; None if it is not done.
 
         Raises:
-          Unsound: the file that says so was altered, or is another's.
+          Unsound: its file was altered, or belongs to another run.
         """
         found = self.kept(iteration, arm)
         return None if found is None else found[0]
 
     def kept(self, iteration: int, arm: Arm) -> tuple[IterationResult, Seal | None] | None:
-        """The same with its seal, which names all that it rests on."""
+        """The result of an iteration with its seal, which names all that it needs; None if it is not done."""
         path = self._result(iteration, arm)
         if not os.path.lexists(path):
             return None
         return read(IterationResult, path, Seal(ITERATION, path.stem, self.begun().owner))
 
     def finish(self, result: IterationResult, rests_on: Mapping[str, str] = NOTHING) -> None:
-        """Note that an iteration is done, in one atomic step.
+        """Write the result of an iteration in one atomic step; with it, the iteration is done.
 
         Args:
-          result: of it.
-          rests_on: see `seals.Seal`.
+          result: of the iteration.
+          rests_on: name -> digest of what else the iteration left, for the seal.
         """
         path = self._result(result.iteration, result.arm)
         save(result, path, Seal(ITERATION, path.stem, self.begun().identity.key, rests_on))
 
     def diagnosis(self, iteration: int) -> DiagnosisNote | None:
-        """What was found before an iteration; None if nobody asked yet.
+        """The diagnosis before an iteration; None if there is none (yet).
 
         Raises:
-          Unsound: the file that says so was altered, or is another's.
+          Unsound: its file was altered, or belongs to another run.
         """
         found = self._kept_diagnosis(iteration)
         return None if found is None else found[0]
 
     def page_of(self, iteration: int) -> Mapping[str, str]:
-        """Path and sha256 of the page about a diagnosis, where that is known."""
+        """Path -> sha256 of the page about a diagnosis; empty where unknown."""
         found = self._kept_diagnosis(iteration)
         return found[1].rests_on if found and found[1] else NOTHING
 
@@ -172,7 +177,11 @@ class RunFolder:
         return read(DiagnosisNote, path, Seal(DIAGNOSIS, path.stem, self.begun().owner))
 
     def keep_diagnosis(self, iteration: int, note: DiagnosisNote, page: str) -> DiagnosisNote:
-        """Write the page, then the note: with it, the diagnosis is done."""
+        """Write the page, then the note; with the note, the diagnosis is done.
+
+        Returns:
+          The note with the page's path.
+        """
         path = self._diagnosis(iteration)
         path.parent.mkdir(parents=True, exist_ok=True)
         html = path.with_suffix(".html")
@@ -183,12 +192,8 @@ class RunFolder:
         save(note, path.with_suffix(".json"), seal)
         return note
 
-    def forget(self, iteration: int, arm: Arm) -> None:
-        """Take an iteration as not done, so that it is done again."""
-        self._result(iteration, arm).unlink(missing_ok=True)
-
     def begun(self) -> Begun:
-        """Who the run is, and what it was begun with.
+        """The identity of the run, and the digests of the files that it was begun with.
 
         Raises:
           Unsound: run.json is missing or was altered.
@@ -196,11 +201,11 @@ class RunFolder:
         return read_begun(self.path)
 
     def begin(self, config: RunConfig, resume: bool) -> Identity:
-        """Begin a run here, or go on with the one that is here.
+        """Begin a run here, or go on with the run that is here.
 
         Raises:
-          ConfigError: there is a run and `resume` is false, or its configuration or MJCF was another.
-          Unsound: what the run was begun with is not what it was then.
+          ConfigError: there is a run and `resume` is false, or it has another configuration or MJCF.
+          Unsound: a file that the run was begun with was changed.
           RobotError: the MJCF cannot be used.
         """
         if not self.config_file.exists():
@@ -232,7 +237,7 @@ class RunFolder:
             )
 
     def _check_robot(self, config: RunConfig) -> None:
-        """Refuse an MJCF that was edited since; one that is gone is not missed."""
+        """Refuse an MJCF that was edited since the run was begun; it may be gone, as the run has a copy."""
         if config.robot.endswith(".xml") and not Path(config.robot).exists():
             return
         now, kept = load_robot(config.robot), self.robot(config)
@@ -244,7 +249,11 @@ class RunFolder:
             )
 
     def check_space(self, least_gb: float) -> None:
-        """Raises RunError where the disk is almost full."""
+        """Refuse a disk that is almost full.
+
+        Raises:
+          RunError: less than `least_gb` is free.
+        """
         free = shutil.disk_usage(self.path).free / 1e9
         if free < least_gb:
             raise RunError(
@@ -278,10 +287,10 @@ class RunFolder:
 
 
 def _plain(name: str) -> str:
-    """A name in the few letters that keys of runs are made of."""
+    """A name in the characters that a run's key may have."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", file_name(name)).strip("-") or "run"
 
 
 def name_of(iteration: int, arm: Arm) -> str:
-    """What snapshots, models and results of an iteration are called."""
+    """The name of an iteration's snapshot, model and result, e.g. "i0001-mppi"."""
     return f"i{iteration:04d}-{arm}"

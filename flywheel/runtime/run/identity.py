@@ -1,4 +1,4 @@
-"""Who a run is: the file run.json, whose key is on the seal of every other file of the run."""
+"""The identity of a run: the file run.json, whose key is on the seal of every other file of the run."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ HOW = "Put a copy of it back, or begin a new run in another folder."
 
 
 class Identity(BaseModel):
-    """Who a run is.
+    """The identity of a run.
 
     Attributes:
       key: unique; MLflow finds the run by it.
-      config_digest: of what decides its results.
+      config_digest: of the configuration's part that decides the results.
       begun: local time.
     """
 
@@ -35,12 +35,12 @@ class Identity(BaseModel):
 
 @dataclass(frozen=True)
 class Begun:
-    """What run.json says.
+    """The contents of run.json.
 
     Attributes:
       identity: of the run.
-      files: name -> sha256 of the files that it was begun with; empty in runs of before.
-      sealed: the run's files have seals; those of runs of before have none.
+      files: name -> sha256 of the files that it was begun with; empty in runs of earlier versions.
+      sealed: whether the run's files have seals; in runs of earlier versions they have none.
     """
 
     identity: Identity
@@ -49,14 +49,14 @@ class Begun:
 
     @property
     def owner(self) -> str:
-        """On the seal of every file of the run; "" where files without a seal are its own, too."""
+        """The owner on the seal of every file of the run; "" if the run also has files without a seal."""
         return self.identity.key if self.sealed else ""
 
     def check(self, folder: Path, name: str) -> None:
         """Refuse a file that is not what the run was begun with.
 
         Raises:
-          Unsound: it is not, or is missing.
+          Unsound: it was altered, or is missing.
         """
         path = folder / name
         try:
@@ -77,7 +77,7 @@ def read_begun(folder: Path) -> Begun:
     """Read run.json.
 
     Raises:
-      Unsound: there is none, or it was altered.
+      Unsound: there is no such file, or it was altered.
     """
     try:
         return _read(folder / RUN_FILE)

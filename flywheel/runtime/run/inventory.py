@@ -1,6 +1,6 @@
-"""What lies in a run's folder and its store, and whether that is what the run left there.
+"""Checks a run's folder and store: whether everything in them is what the run left there.
 
-Everything that a later step relies on has a seal, or is named with its digest on the seal of another file:
+Every file that a later step needs has a seal, or is named with its digest on the seal of another file:
 
     run.json                         config.yaml, robot.xml
     iterations/i0001-mppi.json       its snapshot, the episodes it recorded, its model's files, its video
@@ -48,12 +48,12 @@ class Fault:
     """Something in a run's folder or store that is not what the run left there.
 
     Attributes:
-      kind: of what is wrong.
-      where: path in the folder, or in the store.
-      what: is wrong.
-      since: the first iteration that rests on it, which has to be done again; one more than the last for
-        the end of the run; None where the run itself rests on it.
-      idle: nothing that a run does rests on it.
+      kind: of the fault.
+      where: path in the folder or in the store.
+      what: the fault, in words.
+      since: the first iteration that needs the file and has to be done again; one more than the last for the
+        end of the run; None if the whole run needs it.
+      idle: whether nothing that the run does needs it.
     """
 
     kind: Kind
@@ -67,12 +67,12 @@ class Fault:
 
 
 class Inventory:
-    """Looks at everything in a run's folder and its store.
+    """Checks everything in a run's folder and its store.
 
     Args:
       folder: of the run.
       store: of its episodes.
-      thorough: hash every file; else only texts, names and what is small.
+      thorough: hash every file; otherwise only texts, names and small files.
     """
 
     def __init__(self, folder: RunFolder, store: TrajectoryStore, thorough: bool = True) -> None:
@@ -84,7 +84,7 @@ class Inventory:
         self._snapshots: dict[str, Snapshot] = {}
 
     def faults(self) -> list[Fault]:
-        """All that is wrong, in the order in which a run comes about."""
+        """All faults, in the order in which a run writes its files."""
         found = [*self._beginning(), *self._folders()]
         # Without run.json it cannot be told whose the other files are.
         if not any(fault.where == RUN_FILE for fault in found):
@@ -99,7 +99,7 @@ class Inventory:
         return found + stored
 
     def remedy(self, faults: Iterable[Fault]) -> str:
-        """What can be done about faults that the run rests on."""
+        """A sentence about what can be done; "" if the run needs none of the faulty files."""
         resting = [fault for fault in faults if not fault.idle]
         since = [fault.since for fault in resting if fault.since is not None]
         if any(fault.since is None for fault in resting):
@@ -118,13 +118,13 @@ class Inventory:
         )
 
     def strangers(self) -> list[str]:
-        """Names in the folder that no run gives; they do no harm."""
+        """Names in the folder that are of no run; they do no harm."""
         names = (path.name for path in self.folder.path.iterdir())
         return sorted(n for n in names if not OURS.fullmatch(n) and not UNFINISHED.fullmatch(n))
 
     @property
     def end(self) -> int:
-        """The number after that of the last iteration."""
+        """One more than the number of the last iteration."""
         if self._config is not None:
             return self._config.iterations + 1
         return 1 + max(map(_number, self._turns), default=0)
@@ -156,14 +156,14 @@ class Inventory:
             yield self._fault(error, self.folder.robot_file.name)
 
     def _folders(self) -> Iterator[Fault]:
-        """Folders that are none, or cannot be read."""
+        """Folders that cannot be read, or are files."""
         for part in ("iterations", "models"):
             path = self.folder.path / part
             if os.path.lexists(path) and not (path.is_dir() and os.access(path, os.R_OK | os.X_OK)):
                 yield Fault("unreadable", part, "it is no folder that can be read", 0)
 
     def _iterations(self) -> Iterator[Fault]:
-        """What is wrong with the files of iterations and diagnoses themselves."""
+        """Faults of the files of iterations and diagnoses themselves."""
         found: list[Fault] = []
         own: dict[str, str] = {}
         for path in _entries(self.folder.path / "iterations"):
@@ -209,7 +209,7 @@ class Inventory:
                 yield Fault("altered", RESULT_FILE, what, self.end)
 
     def _missing(self) -> Iterator[Fault]:
-        """Iterations that others came after, or that the result tells of."""
+        """Missing files of iterations that later ones follow, or that the result names."""
         told = self._result[0].iterations if self._result else ()
         wanted = {name_of(each.iteration, each.arm): "result.json tells of it" for each in told}
         arms = ARMS if self._config is None or self._config.control_arm else ARMS[:1]
@@ -230,7 +230,7 @@ class Inventory:
                 yield Fault("foreign", f"models/{path.name}", what, idle=True)
 
     def _unsealed_models(self) -> Iterator[Fault]:
-        """Models of before, which no seal names, that are not those of their iterations."""
+        """Faults of the models of earlier versions, which no seal names."""
         for name, (result, seal) in self._turns.items():
             if seal is not None or not result.model:
                 continue
@@ -246,17 +246,17 @@ class Inventory:
                 yield Fault("altered", where, what, _number(name))
 
     def _seals(self) -> Iterator[tuple[str, str, int]]:
-        """Name and digest of all that something sealed rests on, and the iteration that does."""
+        """Name and digest of all that a seal names, and the iteration of the seal."""
         seals = [(seal, _number(name)) for name, (_, seal) in self._turns.items()]
         seals += [(self._result[1], self.end)] if self._result else []
         for seal, since in seals:
             for name, digest in seal.rests_on.items() if seal else ():
                 yield name, digest, since
-        for name, (result, _) in self._turns.items():  # runs of before have no seals
+        for name, (result, _) in self._turns.items():  # runs of earlier versions have no seals
             yield f"{SNAPSHOT}{name}", result.snapshot, _number(name)
 
     def _compared(self) -> Iterator[Fault]:
-        """What is not in the store that something rests on, or is another there."""
+        """Segments and snapshots that an iteration needs, and that the store lacks or has altered."""
         there = {f"{SEGMENT}{name}": one.sha256 for name, one in self.store.committed().items()}
         there |= {f"{SNAPSHOT}{name}": one.digest for name, one in self._snapshots.items()}
         for name, digest, since in dict.fromkeys(self._seals()):
@@ -271,7 +271,7 @@ class Inventory:
                 yield Fault("missing", where, what, since)
 
     def _named(self) -> Iterator[Fault]:
-        """What is wrong with files of the folder that something rests on."""
+        """Faults of the files in the folder that a seal names."""
         wanted = {n: (d, i) for n, d, i in self._seals() if not n.startswith((SEGMENT, SNAPSHOT))}
         wanted |= self._pages
         names: dict[tuple[str, str], str] = {}
@@ -322,7 +322,7 @@ class Inventory:
             yield Fault(damage.kind, damage.path, what, *self._rests(damage, listed))
 
     def _rests(self, damage: Damage, listed: Mapping[str, int]) -> tuple[int | None, bool]:
-        """The first iteration that rests on what is damaged, and whether none does."""
+        """The first iteration that needs what is damaged, and whether none does."""
         kind, _, name = damage.segment.rpartition(" ")
         if kind == "":
             return listed.get(name), name not in listed
@@ -333,10 +333,10 @@ class Inventory:
 
 
 def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
-    """Refuse to go on from what is not what the run left there; what nothing rests on may be so.
+    """Refuse to go on with a run whose files were changed; faults in files that nothing needs are ignored.
 
     Raises:
-      RunError: it names what is wrong, and what can be done.
+      RunError: the message names the faults, and what can be done.
     """
     look = Inventory(folder, store, thorough=False)
     found = [fault for fault in look.faults() if not fault.idle]
@@ -355,7 +355,7 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
 def _told_apart(
     found: Iterable[Fault], own: Mapping[str, str], name_of: Callable[[str], str]
 ) -> Iterator[Fault]:
-    """Faults, where something lies under another's name with how that came about."""
+    """The faults; where files were exchanged, the fault says so."""
     how = misplaced(own)
     for fault in found:
         kind, what = how.get(name_of(fault.where), (fault.kind, fault.what))
@@ -363,21 +363,21 @@ def _told_apart(
 
 
 def _entries(folder: Path) -> list[Path]:
-    """What is in a folder, but what is being written; nothing where it cannot be read."""
+    """The finished files in a folder; none if it cannot be read."""
     try:
         found = sorted(folder.iterdir())
-    except OSError:  # which is told apart
+    except OSError:  # a fault of its own
         return []
     return [path for path in found if not UNFINISHED.fullmatch(path.name)]
 
 
 def _role(name: str) -> str:
-    """What a file is in its model: "served/weights.npz"."""
+    """A file's path in its model's folder, e.g. "served/weights.npz"; "" for other files."""
     return name.split("/", 2)[-1] if name.startswith("models/") else ""
 
 
 def _number(name: str) -> int:
-    """Of the iteration that a name begins with."""
+    """The number of the iteration that a name begins with."""
     return int(name[1:].partition("-")[0])
 
 

@@ -1,4 +1,4 @@
-"""Putting on record what happened: first where it is published, then, with one file, as done."""
+"""The lasting record of an iteration and of the run: results, seals, versions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ENGINES = ("mujoco", "torch", "ray", "zarr", "mlflow", "numpy")
 
 
 def keep(run: Run, result: IterationResult) -> None:
-    """Publish an iteration and note that it is done."""
+    """Publish an iteration, then write its result; with that, it is done."""
     if run.tracker is not None:
         publish_iteration(
             run.tracker,
@@ -36,7 +36,7 @@ def keep(run: Run, result: IterationResult) -> None:
 
 
 def rests_on(run: Run, result: IterationResult) -> dict[str, str]:
-    """What an iteration produced beside its numbers, by name, with digests."""
+    """Name -> digest of what an iteration left beside its result: snapshot, files, episodes."""
     iteration, arm = result.iteration, result.arm
     others = tuple(f"{name_of(iteration, other)}-" for other in ARMS if other != arm)
     recorded = {n: d for n, d in _recorded(run, iteration).items() if not n.startswith(others)}
@@ -47,7 +47,7 @@ def rests_on(run: Run, result: IterationResult) -> dict[str, str]:
 
 
 def end_rests_on(run: Run, result: RunResult) -> dict[str, str]:
-    """What the end of a run produced beside its numbers."""
+    """Name -> digest of what the end of a run left beside its result: episodes and videos."""
     videos = [run.folder.path / each.video for each in result.unseen if each.video]
     pooled = {f"{SNAPSHOT}{POOLED}": run.store.snapshot(POOLED).digest}
     recorded = _recorded(run, -1)
@@ -56,7 +56,7 @@ def end_rests_on(run: Run, result: RunResult) -> dict[str, str]:
 
 
 def _recorded(run: Run, iteration: int) -> dict[str, str]:
-    """Segments of episodes that an iteration simulated (-1: the end), with digests."""
+    """Segment -> digest of the episodes that an iteration simulated; -1 is the end of the run."""
     return {
         name: receipt.sha256
         for name, receipt in run.store.committed().items()
@@ -70,7 +70,7 @@ def _digests(run: Run, paths: Sequence[Path]) -> dict[str, str]:
 
 
 def result_so_far(run: Run, identity: Identity, notes: list[str]) -> RunResult:
-    """The run as reports read it, without what is known only at the end."""
+    """The result of the run without what is known only at the end."""
     done = [
         run.folder.finished(iteration, arm)
         for iteration in range(run.config.iterations + 1)
@@ -98,7 +98,7 @@ def _before(run: Run) -> tuple[str, ...]:
 
 
 def start_tags(config: RunConfig, identity: Identity, robot_digest: str) -> dict[str, str]:
-    """Tags of the run, for the tracker."""
+    """The tags of the run for the tracker."""
     return {
         "config": identity.config_digest,
         "robot": robot_digest,
@@ -109,7 +109,7 @@ def start_tags(config: RunConfig, identity: Identity, robot_digest: str) -> dict
 
 
 def versions() -> dict[str, str]:
-    """Of Python and of the engines this project stands on."""
+    """The versions of Python and of the engines that this project uses."""
     found = {"python": ".".join(map(str, sys.version_info[:3]))}
     for engine in ENGINES:
         try:
@@ -120,7 +120,7 @@ def versions() -> dict[str, str]:
 
 
 def code_version() -> str:
-    """Version of this project, with the commit where it runs from a git checkout."""
+    """The version of this project, with the commit if it runs from a git checkout."""
     here = Path(__file__).parent
     command = ["git", "-C", str(here), "describe", "--always", "--dirty", "--abbrev=12"]
     try:

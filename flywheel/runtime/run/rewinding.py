@@ -1,4 +1,4 @@
-"""Going back to before an iteration: what came since then is set aside, and nothing is deleted."""
+"""Goes back to before an iteration: all that came after is set aside, and nothing is deleted."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OF_THE_END = re.compile(r"unseen-.*")
 def rewind(folder: RunFolder, store: TrajectoryStore, iteration: int) -> list[str]:
     """Set aside what a run did from an iteration on, so that `--resume` does it again.
 
-    Episodes stay if they are sound, and were driven by no model or by one that stays.
+    An episode stays if it is sound, and was driven by no model or by one that stays.
 
     Args:
       folder: of the run.
@@ -33,7 +33,7 @@ def rewind(folder: RunFolder, store: TrajectoryStore, iteration: int) -> list[st
 
     Raises:
       ConfigError: the run is under way.
-      RunError: what would stay is not sound, or there is no such iteration.
+      RunError: a file that would stay is not sound, or there is no such iteration.
     """
     with hold(folder.lock, f"The run in {folder.path}"):
         look = Inventory(folder, store)
@@ -76,7 +76,7 @@ def _check(folder: RunFolder, iteration: int, end: int, faults: Iterable[Fault])
 
 
 def _files_since(folder: RunFolder, iteration: int, faults: Iterable[Fault]) -> Iterator[Path]:
-    """The result first: without it the run is not finished."""
+    """The files to set aside. The result comes first: without it the run is not finished."""
     if (folder.path / RESULT_FILE).exists():
         yield folder.path / RESULT_FILE
     foreign = {fault.where for fault in faults if fault.idle and fault.kind == "foreign"}

@@ -1,7 +1,7 @@
-"""Whether a robot can do what a configuration asks for, before anything starts.
+"""Checks, before anything starts, whether a robot can do what a configuration asks for.
 
-Each thing that it cannot do comes with the override that leaves it out, so that nobody finds out after
-hours, one thing after the other.
+All misfits are found at once, each with the override that leaves it out, so that nobody finds them one by one
+after hours.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from flywheel.errors import ConfigError, ModelError, RobotError
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_plan import GAITS, collection, evaluation, unseen
-from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 
-ENOUGH = 10  # episodes with random controls, for training, validation and tests
+ENOUGH = 10  # episodes with random controls give training, validation and test data
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Misfit:
     """Something that a run asks of a robot that cannot do it.
 
     Attributes:
-      asked: for by this setting.
-      why: it cannot, as a sentence.
+      asked: the setting that asks for it.
+      why: a sentence about why the robot cannot do it.
       override: `key=value` that leaves it out.
     """
 
@@ -44,9 +44,9 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
     """Refuse a run that its robot cannot do.
 
     Raises:
-      ConfigError: it asks for something the robot cannot do; the message has the overrides without it.
-        Or iteration 0 would record too little.
-      UnknownNameError: an effect is of a place that the robot does not have.
+      ConfigError: it asks for something that the robot cannot do, and the message has the overrides that
+        leave it out; or iteration 0 would record too little.
+      UnknownNameError: an effect has a place that the robot does not have.
       ModelError: the robot does not even come to rest.
     """
     found = misfits(config, robot) or list(_tasks(config, robot))
@@ -60,12 +60,12 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
 
 
 def misfits(config: RunConfig, robot: Robot, dt: float | None = None) -> list[Misfit]:
-    """All that a configuration asks for and a robot cannot do by its kind, before anything is simulated.
+    """All that a configuration asks for and a robot of this kind cannot do; nothing is simulated for it.
 
     Args:
       config: of a run.
-      robot: that it is for.
-      dt: control step that is wanted in place of the configuration's [s].
+      robot: of the run.
+      dt: control step to use instead of the configuration's [s].
     """
     step = robot.control_steps(config.network.dt if dt is None else dt)[0]
     found = [*_times(config, robot, step), *_kinds(config, robot)]
@@ -73,12 +73,12 @@ def misfits(config: RunConfig, robot: Robot, dt: float | None = None) -> list[Mi
 
 
 def overrides_without(found: list[Misfit]) -> str:
-    """The overrides that leave out what a robot cannot do, as one types them."""
+    """The overrides that leave out what a robot cannot do, as one types them in a shell."""
     return shlex.join(dict.fromkeys(misfit.override for misfit in found))
 
 
 def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
-    """What a robot of another kind could do."""
+    """Misfits with the kind of the robot: fixed, with joints, without gaits."""
     collect, evaluate, terrain = config.collect, config.evaluate, config.terrain
 
     def fixed() -> None:
@@ -118,7 +118,7 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
 
 
 def _times(config: RunConfig, robot: Robot, dt: float) -> Iterator[Misfit]:
-    """Times that are no multiples of the time steps of which they must be, with control steps of `dt` [s]."""
+    """Misfits of times that must be multiples of a time step, with control steps of `dt` [s]."""
     if dt != config.network.dt:
         why = (
             f"Time steps of {robot.name} are {robot.timestep:g} s, of which it is to be a multiple."
@@ -133,7 +133,7 @@ def _times(config: RunConfig, robot: Robot, dt: float) -> Iterator[Misfit]:
 
 
 def _too_little(config: RunConfig, found: list[Misfit]) -> Iterator[Misfit]:
-    """What iteration 0 lacks without the gaits and drops that a robot cannot do."""
+    """The misfit of iteration 0 with too few episodes, once impossible gaits and drops are left out."""
     overrides = {misfit.override for misfit in found}
     none = {kind: 0 for kind in ("gaits", "drops") if f"collect.{kind}=0" in overrides}
     rest = config.model_copy(update={"collect": config.collect.model_copy(update=none)})
@@ -142,8 +142,12 @@ def _too_little(config: RunConfig, found: list[Misfit]) -> Iterator[Misfit]:
 
 
 def _tasks(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
-    """Tasks that cannot be drawn for a robot, such as a course that is too narrow for it."""
-    recorder, task, courses = Recorder(config, robot), config.task.name, config.evaluate.unseen
+    """Misfits of tasks that cannot be drawn, such as a course that is too narrow for the robot."""
+    recorder, task, courses = (
+        EpisodeRecorder(config, robot),
+        config.task.name,
+        config.evaluate.unseen,
+    )
     wanted = [(f"task.name={task}", evaluation(config, 0, "mppi"), "task.name=reach")]
     for course in courses:
         others = _listed(tuple(other for other in courses if other != course))
@@ -158,7 +162,7 @@ def _tasks(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
 
 
 def _refuse_gaits(config: RunConfig, robot: Robot) -> None:
-    """Refuse a robot that knows no gaits, or cannot be dropped, which is how they begin."""
+    """Refuse a robot without gaits, or that cannot be dropped: gaits begin with a drop."""
     for gait in GAITS:
         Gait(robot, gait, config.network.dt)
     refuse_fixed(robot)
@@ -174,14 +178,14 @@ def _refuse_terrain(config: RunConfig, robot: Robot) -> None:
 
 
 def _feels_load(config: RunConfig, robot: Robot) -> bool:
-    """Whether where a winch is, which nobody measures, depends on its load."""
+    """Whether the position of an unmeasured winch depends on its load."""
     terms = tuple(effect.term(robot, NAMED) for effect in config.effects)
     reckoning = Reckoning(robot, config.network.dt, terms)
     return reckoning.loaded and not all(winch.measured for winch in robot.winches)
 
 
 def _reason(check: Callable[[], object]) -> str:
-    """Why a check fails; "" where it does not."""
+    """Why a check fails; "" if it passes."""
     try:
         check()
     except (RobotError, ConfigError, ModelError) as error:

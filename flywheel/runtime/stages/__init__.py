@@ -1,6 +1,6 @@
-"""The six verbs of an iteration, one file each, and what they hand on to each other.
+"""The six stages of an iteration, one module each, and the records that they hand on.
 
-Every verb looks first at what is already there, so that a killed run goes on where it was.
+Every stage first looks at what is already there, so that a killed run goes on where it was.
 """
 
 from flywheel.runtime.stages.collect import collect

@@ -5,29 +5,36 @@ from __future__ import annotations
 from flywheel.errors import RunError
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run.context import Run, notes
+from flywheel.runtime.run.context import Run, episode_notes
 from flywheel.runtime.stages.outcomes import Collected, Tally
 from flywheel.runtime.workers.episode_plan import collection
 
 
-def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> dict[Arm, Collected]:
-    """Record them for every arm, with gaits, random controls and drops, or with MPPI."""
+def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Collected]:
+    """Record the new episodes of every arm: gaits, random controls and drops, or MPPI.
+
+    Raises:
+      RunError: too few episodes of an arm are valid.
+    """
     effects, anew = run.effects(iteration), run.changes_plant(iteration)
     plans = {arm: collection(run.config, iteration, arm, effects, anew) for arm in arms}
-    jobs = [job for arm in arms for job in run.recordings(plans[arm], run.latest_model(arm))]
-    jobs = list({job.id: job for job in jobs}.values())  # what is recorded anew serves all arms
+    jobs = [job for arm in arms for job in run.episode_jobs(plans[arm], run.latest_model(arm))]
+    jobs = list({job.id: job for job in jobs}.values())  # episodes of a new plant serve all arms
     report = tally.add(run.do(jobs, f"{iteration}: collect"))
-    collected: dict[Arm, Collected] = {}
+    collected = []
     for arm in arms:
-        done = notes(report, plans[arm])
+        done = episode_notes(report, plans[arm])
         valid = [note for note in done if not note.invalid]
         tally.problems += [f"{n.id} was thrown away: {n.invalid}" for n in done if n.invalid]
         _check_enough(run.config, len(plans[arm]), len(valid), f"iteration {iteration} ({arm})")
-        collected[arm] = Collected(
-            segments=tuple(note.id for note in valid),
-            steps=sum(note.steps for note in valid),
-            invalid=len(done) - len(valid),
-            quarantined=len(plans[arm]) - len(done),
+        collected.append(
+            Collected(
+                arm,
+                segments=tuple(note.id for note in valid),
+                steps=sum(note.steps for note in valid),
+                invalid=len(done) - len(valid),
+                quarantined=len(plans[arm]) - len(done),
+            )
         )
     return collected
 

@@ -1,69 +1,62 @@
-"""Decide: whether the new model takes the champion's place; and put on record what happened."""
+"""Decide: whether the new model becomes the champion; and the record of the iteration."""
 
 from __future__ import annotations
 
-from flywheel.data import Snapshot
-from flywheel.runtime.measures import GateDecision
-from flywheel.runtime.results import Arm, IterationResult
+from flywheel.runtime.results import Arm, GateDecision, IterationResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.gate import decide_champion
-from flywheel.runtime.stages.outcomes import Collected, Evaluated, Tally, Trained
+from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
 from flywheel.runtime.stages.scoring import by_split
 
 
 def decide(
-    run: Run,
-    iteration: int,
-    collected: dict[Arm, Collected],
-    snapshots: dict[Arm, Snapshot],
-    trained: dict[Arm, Trained],
-    evaluated: dict[Arm, Evaluated],
-    tally: Tally,
+    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
 ) -> list[IterationResult]:
-    """What the iteration produced, per arm. Only the MPPI arm has a champion."""
-    results = []
-    for arm, done in evaluated.items():
-        data = by_split(snapshots[arm].episodes)["train"]
-        steps = {summary.id: summary.steps for summary in snapshots[arm].episodes}
-        results.append(
-            IterationResult(
-                iteration=iteration,
-                arm=arm,
-                snapshot=snapshots[arm].digest,
-                parent_snapshot=_parent(run, iteration, arm),
-                model=trained[arm].note.digest,
-                validation=done.validation,
-                test=done.test,
-                recordings=done.recordings,
-                navigation=done.navigation,
-                episodes=len(data),
-                steps=sum(steps[name] for name in data),
-                new_episodes=len(collected[arm].segments),
-                new_steps=collected[arm].steps,
-                restarts=tally.restarts if arm == "mppi" else 0,
-                quarantined=collected[arm].quarantined,
-                invalid=collected[arm].invalid,
-                cpu_seconds=round(tally.cpu_seconds, 2) if arm == "mppi" else 0.0,
-                seconds={stage: round(s, 2) for stage, s in tally.seconds.items()},
-                curve=trained[arm].note.curve,
-                gate=_gate(run, trained[arm], done) if arm == "mppi" else None,
-                overlay=done.overlay,
-                diagnosis=run.folder.diagnosis(iteration),
-            )
-        )
-    return results
+    """The iteration's result in each arm. Only the MPPI arm has a champion and a gate."""
+    return [_result(run, iteration, outcome, tally) for outcome in outcomes]
 
 
-def _gate(run: Run, trained: Trained, done: Evaluated) -> GateDecision:
-    champion = run.latest_model("mppi")
+def _result(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> IterationResult:
+    arm, collected, evaluated = outcome.arm, outcome.collected, outcome.evaluated
+    data = by_split(outcome.snapshot.episodes)["train"]
+    steps = {summary.id: summary.steps for summary in outcome.snapshot.episodes}
+    main = arm == "mppi"  # what cannot be told apart by arm stands in its result
+    return IterationResult(
+        iteration=iteration,
+        arm=arm,
+        snapshot=outcome.snapshot.digest,
+        parent_snapshot=_parent(run, iteration, arm),
+        model=outcome.training.digest,
+        validation=evaluated.validation,
+        test=evaluated.test,
+        recordings=evaluated.recordings,
+        navigation=evaluated.navigation,
+        episodes=len(data),
+        steps=sum(steps[name] for name in data),
+        new_episodes=len(collected.segments),
+        new_steps=collected.steps,
+        restarts=tally.restarts if main else 0,
+        quarantined=collected.quarantined,
+        invalid=collected.invalid,
+        cpu_seconds=round(tally.cpu_seconds, 2) if main else 0.0,
+        seconds={stage: round(s, 2) for stage, s in tally.seconds.items()},
+        curve=outcome.training.curve,
+        gate=_gate(run, outcome) if main else None,
+        overlay=evaluated.overlay,
+        diagnosis=run.folder.diagnosis(iteration),
+    )
+
+
+def _gate(run: Run, outcome: ArmOutcome) -> GateDecision:
+    champion, evaluated = run.latest_model(outcome.arm), outcome.evaluated
     return decide_champion(
         run.config.gate,
         run.config.evaluate.horizon_seconds,
-        done.validation,
-        done.champion_validation,
-        done.navigation,
-        done.champion_navigation,
-        same=champion is not None and champion.digest == trained.note.digest,
+        evaluated.validation,
+        evaluated.champion_validation,
+        evaluated.navigation,
+        evaluated.champion_navigation,
+        same=champion is not None and champion.digest == outcome.training.digest,
     )
 
 

@@ -1,23 +1,64 @@
-"""Diagnose: what the plant lacks to explain the recordings of the robot, before data are collected."""
+"""Diagnose: which effects the plant lacks to explain the recordings, before episodes are collected."""
 
 from __future__ import annotations
 
-from flywheel.runtime.measures import DiagnosisNote
+from flywheel.diagnosis import Diagnosis
+from flywheel.diagnosis.adoption import adoptable
+from flywheel.errors import DataError
+from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.runtime.pool.jobs import Job
+from flywheel.runtime.results import DiagnosisNote
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.outcomes import Tally
+from flywheel.runtime.workers.episode_plan import Effects
 
-SIZE = 60.0  # roughly how many seconds it takes
+EXPECTED_SECONDS = 60.0  # of one diagnosis; for the remaining time that is shown
 
 
 def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
-    """Ask, and keep the answer; None where the worker that was asked did not survive it."""
-    if (there := run.folder.diagnosis(iteration)) is not None:
-        return there
-    arguments = (run.effects(iteration - 1), run.logs("train"), run.logs("test"))
-    job = Job(f"i{iteration:04d}-diagnose", "sim", "diagnose", arguments, size=SIZE)
+    """Diagnose the plant and write down the answer.
+
+    Returns:
+      The answer; None if the diagnosis took several workers down and was set aside.
+    """
+    if (done := run.folder.diagnosis(iteration)) is not None:
+        return done
+    before = run.effects(iteration - 1)
+    fit, held_out = run.recordings("train"), run.recordings("test")
+    arguments = (before, fit, held_out)
+    job = Job(f"i{iteration:04d}-diagnose", "sim", "diagnose", arguments, size=EXPECTED_SECONDS)
     report = tally.add(run.do([job], f"{iteration}: diagnose"))
     if job.id not in report.results:
         return None
-    note, page = report.results[job.id]
-    return run.folder.keep_diagnosis(iteration, note, page)
+    found: Diagnosis = report.results[job.id]
+    about = {"recordings": ", ".join(fit), "held out": ", ".join(held_out) or "none"}
+    page = diagnosis_page(found, about)
+    return run.folder.keep_diagnosis(iteration, _note(found, before), page)
+
+
+def _note(found: Diagnosis, before: Effects) -> DiagnosisNote:
+    """A diagnosis as it is kept with the run."""
+    after, reason = _next_effects(found, before)
+    held_out = found.held_out
+    return DiagnosisNote(
+        verdict=found.verdict,
+        effects=after,
+        adopted=after != before,
+        reason=reason,
+        noise=found.errors.noise,
+        baseline=found.errors.baseline,
+        augmented=found.errors.augmented,
+        held_out_baseline=None if held_out is None else held_out.baseline,
+        held_out_augmented=None if held_out is None else held_out.augmented,
+        answer=found.summary(),
+    )
+
+
+def _next_effects(found: Diagnosis, before: Effects) -> tuple[Effects, str]:
+    """The plant's effects from here on, and the reason for them."""
+    try:
+        after = adoptable(found.summary())
+    except DataError as error:
+        return before, str(error)
+    labels = ", ".join(effect.label for effect in after)
+    return after, f"{found.verdict}: the plant now has {labels}."

@@ -1,106 +1,124 @@
-"""Evaluate: what a model predicts, and what a planner reaches with it."""
+"""Evaluate: how well each arm's model predicts, and how well a planner drives with it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from flywheel.data import Snapshot
 from flywheel.runtime.pool.jobs import Job
-from flywheel.runtime.results import Arm
-from flywheel.runtime.run.context import Model, Run, usable
-from flywheel.runtime.stages.outcomes import Evaluated, Tally, Trained
+from flywheel.runtime.run.context import Run
+from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
 from flywheel.runtime.stages.scoring import by_split, navigation, score_jobs, scored
-from flywheel.runtime.workers.episode_plan import evaluation
+from flywheel.runtime.workers.episode_plan import Effects, evaluation
 
 
 def evaluate(
-    run: Run,
-    iteration: int,
-    snapshots: dict[Arm, Snapshot],
-    trained: dict[Arm, Trained],
-    tally: Tally,
-) -> dict[Arm, Evaluated]:
+    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
+) -> list[ArmOutcome]:
     """Judge every arm's model on validation data, then in closed loop, then on test data.
 
-    A model that predicts no finite numbers drives no robot.
+    A model whose predictions are not finite drives no robot.
     """
-    models = {arm: done.model for arm, done in trained.items() if done.model is not None}
-    found = _on_validation(run, iteration, snapshots, models, tally)
-    fit = {arm: models[arm] for arm, done in found.items() if usable(done.validation)}
-    if "mppi" in fit:
-        found["mppi"] = _in_closed_loop(run, iteration, fit["mppi"], found["mppi"], tally)
-    found |= _on_tests(run, iteration, fit, found, tally)
-    return {arm: found.get(arm, Evaluated()) for arm in trained}
+    outcomes = _on_validation(run, iteration, outcomes, tally)
+    outcomes = [
+        _in_closed_loop(run, iteration, outcome, tally) if outcome.arm == "mppi" else outcome
+        for outcome in outcomes
+    ]
+    return _on_tests(run, iteration, outcomes, tally)
 
 
 def _on_validation(
-    run: Run,
-    iteration: int,
-    snapshots: dict[Arm, Snapshot],
-    models: dict[Arm, Model],
-    tally: Tally,
-) -> dict[Arm, Evaluated]:
+    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
+) -> list[ArmOutcome]:
     effects = run.effects(iteration)
-    new: dict[Arm, list[Job]] = {}
-    old: dict[Arm, list[Job]] = {}
-    for arm, model in models.items():
-        episodes = by_split(snapshots[arm].episodes)["validation"]
-        new[arm] = score_jobs(run, f"{arm}-new", run.weights(model), episodes, effects, False)
-        champion = run.latest_model(arm)
-        if champion is not None:
-            old[arm] = score_jobs(
-                run, f"{arm}-old", run.weights(champion), episodes, effects, False
-            )
-    jobs = [job for part in (*new.values(), *old.values()) for job in part]
-    report = tally.add(run.do(jobs, f"{iteration}: validate"))
-    return {
-        arm: Evaluated(scored(report, new[arm]), scored(report, old.get(arm, []))) for arm in models
-    }
+    jobs = [_validation_jobs(run, outcome, effects) for outcome in outcomes]
+    every = [*(job for new, _ in jobs for job in new), *(job for _, old in jobs for job in old)]
+    report = tally.add(run.do(every, f"{iteration}: validate"))
+    return [
+        _judged(outcome, validation=scored(report, new), champion_validation=scored(report, old))
+        for outcome, (new, old) in zip(outcomes, jobs, strict=True)
+    ]
 
 
-def _in_closed_loop(
-    run: Run, iteration: int, model: Model, found: Evaluated, tally: Tally
-) -> Evaluated:
-    plans = evaluation(run.config, iteration, "mppi", run.effects(iteration))
-    report = tally.add(run.do(run.recordings(plans, model), f"{iteration}: navigate"))
-    champion = run.latest("mppi")
-    return replace(
-        found,
+def _validation_jobs(
+    run: Run, outcome: ArmOutcome, effects: Effects
+) -> tuple[Sequence[Job], Sequence[Job]]:
+    """Jobs for the new model, and for the one that the arm had before."""
+    if outcome.model is None:
+        return (), ()
+    arm, episodes = outcome.arm, by_split(outcome.snapshot.episodes)["validation"]
+    new = score_jobs(run, f"{arm}-new", outcome.model, episodes, effects, full=False)
+    before = run.latest_model(arm)
+    if before is None:
+        return new, ()
+    return new, score_jobs(run, f"{arm}-old", before, episodes, effects, full=False)
+
+
+def _in_closed_loop(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> ArmOutcome:
+    if outcome.usable_model is None:
+        return outcome
+    plans = evaluation(run.config, iteration, outcome.arm, run.effects(iteration))
+    jobs = run.episode_jobs(plans, outcome.usable_model)
+    report = tally.add(run.do(jobs, f"{iteration}: navigate"))
+    champion = run.latest(outcome.arm)
+    return _judged(
+        outcome,
         navigation=navigation(run, "mppi", report, plans),
         champion_navigation=None if champion is None else champion.navigation,
     )
 
 
+@dataclass(frozen=True)
+class _TestJobs:
+    """One arm's jobs on test data; none without a usable model."""
+
+    episodes: list[Job] = field(default_factory=list)
+    recordings: list[Job] = field(default_factory=list)
+    overlay: Job | None = None
+
+
 def _on_tests(
-    run: Run,
-    iteration: int,
-    fit: dict[Arm, Model],
-    found: dict[Arm, Evaluated],
-    tally: Tally,
-) -> dict[Arm, Evaluated]:
-    """Tests of iteration 0 and the closed-loop episodes up to now; apart from them, recordings."""
-    episodes, logs = run.test_episodes(iteration), run.test_recordings()
+    run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
+) -> list[ArmOutcome]:
+    """Errors on simulated test episodes up to now and, apart from them, on recordings."""
+    episodes, recordings = run.test_episodes(iteration), run.recordings("test")
     effects = run.effects(iteration)
-    scores: dict[Arm, list[Job]] = {}
-    on_logs: dict[Arm, list[Job]] = {}
-    overlays: dict[Arm, Job] = {}
-    for arm, model in fit.items():
-        weights = run.weights(model)
-        scores[arm] = score_jobs(run, f"{arm}-test", weights, episodes, effects)
-        on_logs[arm] = score_jobs(run, f"{arm}-recordings", weights, logs, effects)
-        if episodes:
-            overlays[arm] = Job(
-                f"overlay-{arm}", "sim", "overlay", (weights, episodes[-1], effects)
-            )
-    shares = (*scores.values(), *on_logs.values())
-    jobs = [*(job for part in shares for job in part), *overlays.values()]
-    report = tally.add(run.do(jobs, f"{iteration}: test"))
-    return {
-        arm: replace(
-            found[arm],
-            test=scored(report, scores[arm]),
-            recordings=scored(report, on_logs[arm]),
-            overlay=report.results.get(f"overlay-{arm}"),
+    by_arm = [_test_jobs(run, outcome, episodes, recordings, effects) for outcome in outcomes]
+    every = [job for jobs in by_arm for job in (*jobs.episodes, *jobs.recordings)]
+    every += [jobs.overlay for jobs in by_arm if jobs.overlay is not None]
+    report = tally.add(run.do(every, f"{iteration}: test"))
+    return [
+        _judged(
+            outcome,
+            test=scored(report, jobs.episodes),
+            recordings=scored(report, jobs.recordings),
+            overlay=None if jobs.overlay is None else report.results.get(jobs.overlay.id),
         )
-        for arm in fit
-    }
+        for outcome, jobs in zip(outcomes, by_arm, strict=True)
+    ]
+
+
+def _test_jobs(
+    run: Run,
+    outcome: ArmOutcome,
+    episodes: list[str],
+    recordings: list[str],
+    effects: Effects,
+) -> _TestJobs:
+    arm, model = outcome.arm, outcome.usable_model
+    if model is None:
+        return _TestJobs()
+    overlay = None
+    if episodes:
+        arguments = (run.shared_weights(model), episodes[-1], effects)
+        overlay = Job(f"overlay-{arm}", "sim", "overlay", arguments)
+    return _TestJobs(
+        score_jobs(run, f"{arm}-test", model, episodes, effects),
+        score_jobs(run, f"{arm}-recordings", model, recordings, effects),
+        overlay,
+    )
+
+
+def _judged(outcome: ArmOutcome, **found: Any) -> ArmOutcome:
+    return replace(outcome, evaluated=replace(outcome.evaluated, **found))

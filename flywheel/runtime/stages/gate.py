@@ -8,7 +8,7 @@ import numpy as np
 
 from flywheel.evaluation import Interval, rmse_ratio_interval
 from flywheel.runtime.config.run_config import GateConfig
-from flywheel.runtime.measures import Errors, GateDecision, Navigation
+from flywheel.runtime.results import Errors, GateDecision, Navigation
 
 RESAMPLING_SEED = 0
 
@@ -24,8 +24,8 @@ def decide_champion(
 ) -> GateDecision:
     """Compare a candidate with the champion, on the same validation episodes and the same tasks.
 
-    The candidate has learned from more data; it is refused only for an error that is higher by more
-    than the chance of a few validation episodes can explain, or for reaching fewer goals.
+    The candidate has learned from more data. It is refused only if its error is higher by more than chance
+    explains with so few validation episodes, or if it reaches fewer goals.
 
     Args:
       config: of the gate.
@@ -34,7 +34,7 @@ def decide_champion(
       champion: errors of the champion, None for the first model.
       navigation: closed-loop episodes of the candidate, if there were any.
       champion_navigation: those of the champion.
-      same: the candidate has the champion's very weights.
+      same: whether the candidate has the champion's weights.
     """
     measure = f"validation e_pos_rmse at {horizon_seconds:g} s [%]"
     number = math.nan if candidate is None else candidate.short.e_pos_rmse
@@ -72,7 +72,7 @@ def decide_champion(
 
 
 def _verb(number: float, reference: float, ratio: Interval | None) -> str:
-    """What a promoted model's error does to the champion's."""
+    """How a promoted model's error compares with the champion's, in words."""
     if number >= reference:
         return "is not clearly above the champion's"
     sure = ratio is None or ratio.high < 1.0
@@ -80,7 +80,7 @@ def _verb(number: float, reference: float, ratio: Interval | None) -> str:
 
 
 def _ratio(candidate: Errors | None, champion: Errors | None) -> Interval | None:
-    """How many times larger the candidate's error is; None where too few episodes can tell."""
+    """The candidate's error over the champion's, with its interval; None for too few episodes."""
     if candidate is None or champion is None:
         return None
     names = sorted(candidate.by_episode.keys() & champion.by_episode.keys())

@@ -1,4 +1,4 @@
-"""What the stages of an iteration hand on to each other."""
+"""The records that the stages of an iteration hand on to each other."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from flywheel.runtime.measures import Errors, Navigation, Overlay
+from flywheel.data import Snapshot
 from flywheel.runtime.pool.jobs import PoolReport
-from flywheel.runtime.run.context import Model
+from flywheel.runtime.results import Arm, Errors, Navigation, Overlay
+from flywheel.runtime.run.context import Model, usable
 from flywheel.runtime.workers.trainer_worker import TrainingNote
 
 
 @dataclass
 class Tally:
-    """What an iteration cost.
+    """What an iteration cost, in all arms together.
 
     Attributes:
-      seconds: wall time per stage [s].
-      cpu_seconds: that workers spent on jobs, see `PoolReport` [s].
-      restarts: workers replaced.
+      seconds: wall time of each stage [s].
+      cpu_seconds: processor time that the workers spent on jobs [s].
+      restarts: number of workers that were replaced.
       problems: sentences about episodes that are missing.
     """
 
@@ -31,7 +32,7 @@ class Tally:
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
-        """Add the wall time of a block to a stage."""
+        """Add the wall time of the block to a stage."""
         begun = time.monotonic()
         try:
             yield
@@ -39,7 +40,7 @@ class Tally:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.monotonic() - begun
 
     def add(self, report: PoolReport) -> PoolReport:
-        """Count what a call of the pool did."""
+        """Add the cost of one call of the pool; returns the report unchanged."""
         self.restarts += report.restarts
         self.cpu_seconds += report.cpu_seconds
         for job in report.quarantined:
@@ -50,15 +51,17 @@ class Tally:
 
 @dataclass(frozen=True)
 class Collected:
-    """What one arm recorded.
+    """The episodes that one arm collected in an iteration.
 
     Attributes:
-      segments: valid ones, in the order of the plan.
+      arm: that collected them.
+      segments: names of the valid ones, in the order of the plan.
       steps: control steps in them.
-      invalid: episodes thrown away because something diverged.
-      quarantined: episodes set aside because they took workers down.
+      invalid: number of episodes thrown away because something diverged.
+      quarantined: number of episodes set aside because they took workers down.
     """
 
+    arm: Arm
     segments: tuple[str, ...]
     steps: int
     invalid: int
@@ -66,23 +69,16 @@ class Collected:
 
 
 @dataclass(frozen=True)
-class Trained:
-    """A model and how it came about; no model where the training diverged."""
-
-    model: Model | None
-    note: TrainingNote
-
-
-@dataclass(frozen=True)
 class Evaluated:
-    """What is known about one model. None where it was not run.
+    """How good one model is. A field is None where it was not measured.
 
     Attributes:
-      validation, champion_validation: errors of the model and of the champion on the same episodes.
+      validation, champion_validation: errors of the model, and of the arm's model before it, on the same
+        episodes.
       test: errors on the simulated test episodes so far.
       recordings: errors on the recordings that are kept for tests.
       navigation, champion_navigation: closed-loop episodes.
-      overlay: one window of a test episode.
+      overlay: one window of a test episode, measured and predicted.
     """
 
     validation: Errors | None = None
@@ -92,3 +88,32 @@ class Evaluated:
     navigation: Navigation | None = None
     champion_navigation: Navigation | None = None
     overlay: Overlay | None = None
+
+
+@dataclass(frozen=True)
+class ArmOutcome:
+    """What an iteration has come to in one arm. Each stage returns a copy with its own part filled in.
+
+    Attributes:
+      collected: the arm's new episodes.
+      snapshot: the data that the arm learns from.
+      model: the new model; None before the training, and where that diverged.
+      training: the trainer's report.
+      evaluated: the model's errors and closed-loop episodes.
+    """
+
+    collected: Collected
+    snapshot: Snapshot
+    model: Model | None = None
+    training: TrainingNote = field(default_factory=TrainingNote)
+    evaluated: Evaluated = Evaluated()
+
+    @property
+    def arm(self) -> Arm:
+        """Name of the arm."""
+        return self.collected.arm
+
+    @property
+    def usable_model(self) -> Model | None:
+        """The model, if its predictions on the validation episodes are finite."""
+        return self.model if usable(self.evaluated.validation) else None

@@ -13,7 +13,7 @@ from flywheel.runtime.results import IterationResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import name_of
 from flywheel.runtime.workers.episode_plan import EpisodePlan, evaluation
-from flywheel.runtime.workers.episode_recorder import Recorder
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.tasks import Task
 from flywheel.terrain import Terrain
 
@@ -23,17 +23,17 @@ SIZE = (640, 368)
 
 
 def scenery_of(task: Task, terrain: Terrain | None) -> Scenery:
-    """What is around the robot in a task on a ground."""
+    """The obstacles, goal and ground around the robot in a task."""
     return Scenery(task.obstacles, task.last_goal, task.tolerance, terrain)
 
 
 def _hastened(plans: Plans | None, times: float) -> Plans | None:
-    """Plans for a video that shows an episode so many times as fast."""
+    """The plans of an episode for a video that is `times` as fast."""
     return None if plans is None else replace(plans, begins=plans.begins / times)
 
 
 def filmed(run: Run, result: IterationResult) -> IterationResult:
-    """The result with a video of its first evaluation episode, where one was asked for."""
+    """The result with a video of its first evaluation episode, if the configuration asks for one."""
     if result.navigation is None:
         return result
     plans = evaluation(run.config, result.iteration, result.arm)
@@ -42,16 +42,19 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
 
 
 def film(run: Run, plans: Sequence[EpisodePlan], name: str) -> str:
-    """Make a video of the first of these episodes that there is; its path in the run folder, or "".
+    """Make a video of the first of these episodes that is in the store.
 
-    A machine that cannot render has no video; that is no reason to end a run.
+    A machine that cannot render makes no video, and the run goes on.
+
+    Returns:
+      Path in the run folder; "" without a video.
     """
     there = run.store.committed() if run.config.evaluate.video else ()
     plan = next((plan for plan in plans if plan.id in there), None)
     if plan is None:
         return ""
     path = f"videos/{file_name(name)}.mp4"
-    task, episode = Recorder(run.config, run.robot).task(plan), run.store.read(plan.id)
+    task, episode = EpisodeRecorder(run.config, run.robot).task(plan), run.store.read(plan.id)
     trajectory = episode.trajectory
     if task is None or trajectory.states is None:
         return ""

@@ -1,4 +1,4 @@
-"""MLflow's pages: where the charts of a run are, and how to serve them from its SQLite file."""
+"""The charts of a run in MLflow's pages: their URL, and how to serve them from the run's SQLite file."""
 
 from __future__ import annotations
 
@@ -13,24 +13,11 @@ from flywheel.errors import ConfigError
 DATABASE = "mlflow.db"
 HOST = "127.0.0.1"
 PORT = 5000
-SETTINGS = {  # of MLflow's client and server; what the user has set stays
+SETTINGS = {  # environment variables of MLflow's client and server; those the user has set stay
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
 }
-
-
-def chart_url(uri: str = "", experiment: str = "1", port: int = PORT) -> str:
-    """The charts of an experiment, in the mode for models that learn (MLflow opens in another one).
-
-    Args:
-      uri: of a tracking server; anything else means the server that `ui_command` starts.
-      experiment: MLflow's id. In a run's own SQLite file it is 1.
-      port: of that server.
-    """
-    base = uri.rstrip("/") if uri.startswith("http") else f"http://{HOST}:{port}"
-    query = "compareRunsMode=CHART&workflowType=machine_learning"
-    return f"{base}/#/experiments/{experiment}/runs?{query}"
 
 
 def ui_command(folder: str | Path, port: int = PORT) -> tuple[list[str], dict[str, str], str]:
@@ -43,15 +30,16 @@ def ui_command(folder: str | Path, port: int = PORT) -> tuple[list[str], dict[st
     command += ["--backend-store-uri", database_uri(Path(folder) / DATABASE)]
     command += ["--host", HOST, "--port", str(port), "--workers", "1"]
     quiet = {"MLFLOW_LOGGING_LEVEL": "WARNING", "PYTHONWARNINGS": "ignore"}
-    return command, SETTINGS | quiet, chart_url(port=port)
+    # The charts are of experiment 1, the only one of the file, in MLflow's mode for models that learn.
+    charts = "#/experiments/1/runs?compareRunsMode=CHART&workflowType=machine_learning"
+    return command, SETTINGS | quiet, f"http://{HOST}:{port}/{charts}"
 
 
 def database_uri(database: Path) -> str:
     """The URI of an SQLite file, as MLflow takes it.
 
     Raises:
-      ConfigError: its path holds a character that MLflow reads as another one, written out or not: the
-        file would be elsewhere.
+      ConfigError: its path holds a character that has another meaning in a URI.
     """
     path = str(database.absolute())
     if odd := [character for character in "?%" if character in path]:
@@ -63,7 +51,7 @@ def database_uri(database: Path) -> str:
 
 
 def damage(database: Path) -> str:
-    """What is wrong with MLflow's SQLite file and what to do; "" where it is whole or not there."""
+    """What is wrong with MLflow's SQLite file and what to do; "" if it is whole or missing."""
     if not database.exists():
         return ""
     if not database.is_file():
@@ -79,7 +67,7 @@ def damage(database: Path) -> str:
 
 
 def _checked(database: Path) -> str:
-    """SQLite's own check; "" where it finds nothing, or has no access at the moment."""
+    """The first finding of SQLite's own check; "" if there is none, or no access at the moment."""
     try:
         address = f"file:{quote(str(database.absolute()))}?mode=ro"
         with closing(sqlite3.connect(address, uri=True)) as connection:

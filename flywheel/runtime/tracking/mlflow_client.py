@@ -1,9 +1,8 @@
-"""MLflow: the only file that imports it, and only once something is delivered.
+"""The only module that imports mlflow, and only once a record is delivered: the import takes seconds.
 
-`open_tracker` gives the driver its `Tracker`. `MlflowReceiver` does, through a client with explicit
-run ids, what one record says; every action looks first at what MLflow already has, or is idempotent
-there (a number sent again with its own time stamp is the same row), so that a replay makes no
-doubles. Runs are found by the tag `flywheel.run_key`.
+`MlflowReceiver` does what one record says, through a client with explicit run ids. Every action looks first
+at what MLflow already has, or is idempotent there: a number sent again with its own time stamp is the same
+row. So a record that is delivered twice leaves no doubles. Runs are found by their tag `flywheel.run_key`.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flywheel.errors import DataError
-from flywheel.runtime.tracking.dashboard import DATABASE, SETTINGS, chart_url, damage, database_uri
-from flywheel.runtime.tracking.outbox import Record, forget_delivery
-from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
+from flywheel.runtime.tracking import pyfunc_model
+from flywheel.runtime.tracking.dashboard import DATABASE, SETTINGS, damage, database_uri
+from flywheel.runtime.tracking.tracker import Record, Tracker, TrackingConfig, forget_delivery
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
@@ -40,10 +39,10 @@ def open_tracker(
     config: TrackingConfig | None = None,
     retry_seconds: tuple[float, float] = (1.0, 60.0),
 ) -> Tracker:
-    """The tracker of a run; also delivers what an earlier one on this folder left behind.
+    """The tracker of a run. It also delivers what an earlier tracker of the folder left behind.
 
     Args:
-      folder: of the run; by default also holds MLflow's SQLite file and artifacts.
+      folder: of the run; without a server it also holds MLflow's SQLite file and artifacts.
       key: unique name of the run, [A-Za-z0-9._-]+.
       robot: its name, for the model registry.
       config: where to track.
@@ -56,13 +55,13 @@ def open_tracker(
     if not config.uri:
         database_uri(database)
         if _missing(database):
-            forget_delivery(database.parent)  # a new one is told everything
+            forget_delivery(database.parent)  # a new database gets every record
     receiver = MlflowReceiver(Path(folder).absolute(), config, robot)
     return Tracker(folder, key, receiver, config.close_seconds, retry_seconds)
 
 
 class MlflowReceiver:
-    """Does with MLflow's client what one record says; doing it again changes nothing.
+    """Does at MLflow what a record says; doing it again changes nothing.
 
     Args:
       folder: of the run, absolute.
@@ -90,18 +89,13 @@ class MlflowReceiver:
         }
 
     def deliver(self, record: Record) -> None:
-        """Send one record."""
+        """Do what one record says."""
         self._actions[record["kind"]](self._connected(), record)
 
     def hopeless(self, error: Exception) -> bool:
-        """MLflow will refuse this record for ever, or what it names is gone."""
+        """Whether MLflow will always refuse the record, or what it names is gone."""
         refused = getattr(error, "error_code", "") == "INVALID_PARAMETER_VALUE"
         return refused or isinstance(error, (FileNotFoundError, LookupError))
-
-    @property
-    def chart_url(self) -> str:
-        """The charts at the tracking server, or where `flywheel ui` will serve the SQLite file."""
-        return chart_url(self._config.uri, self._experiment or "1")
 
     def _connected(self) -> MlflowClient:
         if self._client is None:
@@ -257,7 +251,7 @@ class MlflowReceiver:
 def _configure(request_seconds: int) -> None:
     """Make MLflow's client fail fast and keep quiet, before it is first imported.
 
-    Its own words for an error are a traceback; the courier has one line for it.
+    For an error it would print a traceback; the tracker logs one line.
     """
     os.environ["MLFLOW_HTTP_REQUEST_TIMEOUT"] = str(request_seconds)
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "CRITICAL")
@@ -294,11 +288,9 @@ def _missing(path: Path) -> bool:
 
 
 def _write_pyfunc(to: Path, source: Path, shape: list[int], model: str, run: str) -> None:
-    """Wrap a served-model folder as an MLflow pyfunc with a signature, without a pickle."""
+    """Wrap the folder of a model as an MLflow pyfunc with a signature, without a pickle."""
     from mlflow.models import Model, ModelSignature
     from mlflow.types import Schema, TensorSpec
-
-    from flywheel.runtime.tracking import pyfunc_model  # takes torch along
 
     def tensors(names: dict[str, tuple[int, ...]]) -> Schema:
         return Schema(

@@ -1,10 +1,13 @@
-"""What is logged of a run: five moments, from the loop's records to the tracker's.
+"""What is logged of a run at MLflow: which number becomes which metric, which fact which tag.
 
-One parent run per flywheel, whose step is the iteration and whose lines are those of the MPPI arm;
-one child run per iteration, with its training curve, its errors by lead time, its data, its model
-and its files; and, beside the parent, one run per line to compare with (the control arm, the floors,
-the oracle). Their numbers have the parent's names, so that they meet in one chart; they are no
-children, because MLflow draws a child only once someone has unfolded it.
+One parent run stands for the whole run. Its step is the iteration, and its lines are those of the MPPI arm.
+Each iteration has a child run with its training curve, errors by lead time, data, model and files. Each line
+to compare with (the control arm, the floors, the oracle) is a run beside the parent. Its numbers have the
+parent's names, so that they meet in one chart; it is no child, because MLflow draws a child only once
+someone has unfolded it.
+
+The part of a metric's name before the slash is a section of MLflow's page; sections are in alphabetical
+order, and named so that the most wanted come first.
 """
 
 from __future__ import annotations
@@ -13,18 +16,28 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from flywheel.runtime.results import Arm, IterationResult, RunResult, TrainingPoint
-from flywheel.runtime.tracking.charts import (
-    COLOURS,
-    curve_values,
-    error_values,
-    flattened,
-    iteration_values,
-    lead_time_values,
-    navigation_values,
-    unseen_values,
+from flywheel.runtime.results import (
+    Arm,
+    DiagnosisNote,
+    ErrorNumbers,
+    Errors,
+    IterationResult,
+    LeadTimes,
+    Navigation,
+    RunResult,
+    TrainingPoint,
+    UnseenCourse,
 )
 from flywheel.runtime.tracking.tracker import Tracker
+
+Values = dict[str, float]
+COLOURS = {  # of Okabe and Ito (2008, jfly.uni-koeln.de/color); the figures have the same
+    "mppi": "#0072B2",
+    "control arm": "#E69F00",
+    "floor": "#4a4a4a",
+    "informed floor": "#CC79A7",
+    "oracle": "#009E73",
+}
 
 
 def publish_start(
@@ -35,7 +48,8 @@ def publish_start(
     Args:
       tracker: of the run.
       config: resolved configuration; becomes parameters.
-      tags: digests and versions, e.g. {"config": ..., "robot": ..., "code": ...}.
+      tags: digests and versions, e.g. {"config": ..., "robot": ..., "code": ...}; logged as
+        `flywheel.<name>`.
       name: for people; the run's key by default.
     """
     prefixed = {f"flywheel.{key}": value for key, value in tags.items()}
@@ -49,15 +63,7 @@ def publish_iteration_start(tracker: Tracker, iteration: int, arm: Arm = "mppi")
     name = f"iteration {iteration}" + ("" if arm == "mppi" else f" ({arm} arm)")
     tags = {"kind": "iteration", "iteration": str(iteration), "arm": arm}
     prefixed = {f"flywheel.{key}": value for key, value in tags.items()}
-    tracker.open(_child(tracker, iteration, arm), name, prefixed, parent=tracker.key)
-
-
-def publish_training(
-    tracker: Tracker, iteration: int, points: Iterable[TrainingPoint], arm: Arm = "mppi"
-) -> None:
-    """Log points of the training curve of an iteration that has begun."""
-    rows = [(point.step, curve_values(point)) for point in points]
-    tracker.log_rows(_child(tracker, iteration, arm), rows)
+    tracker.open(_iteration_run(tracker, iteration, arm), name, prefixed, parent=tracker.key)
 
 
 def publish_iteration(
@@ -74,16 +80,16 @@ def publish_iteration(
       tracker: of the run.
       result: of the iteration.
       files: figures and videos inside the run folder.
-      model_folder: inside the run folder, written by `served.write_served`; None logs no model.
+      model_folder: inside the run folder, written by `pyfunc_model.write_model`; None logs no model.
       model_shape: (tracked points, winches) of the model's robot.
     """
     iteration, arm = result.iteration, result.arm
-    child = _child(tracker, iteration, arm)
+    child = _iteration_run(tracker, iteration, arm)
     publish_iteration_start(tracker, iteration, arm)
     values = iteration_values(result)
-    tracker.log(_arm(tracker, arm), values, iteration)
+    tracker.log(_arm_run(tracker, arm), values, iteration)
     tracker.log(child, {f"final/{name}": value for name, value in values.items()}, iteration)
-    publish_training(tracker, iteration, result.curve, arm)
+    tracker.log_rows(child, [(point.step, curve_values(point)) for point in result.curve])
     if result.test is not None and result.test.by_lead_time is not None:
         tracker.log_rows(child, lead_time_values(result.test.by_lead_time))
     tags = _tags(result)
@@ -103,21 +109,25 @@ def publish_iteration(
 def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path] = ()) -> None:
     """Log what is known only at the end, and end the run.
 
-    That is pooled test errors and the lines to compare with: floors, oracle and, with iteration 0 in
-    common, the control arm.
+    These are the pooled test errors, and the lines of the floors, the oracle and the control arm.
+
+    Args:
+      tracker: of the run.
+      result: of the finished run.
+      files: report, figures and videos inside the run folder.
     """
     for arm in result.arms:
         for iteration in result.of_arm(arm):
-            tracker.log(_arm(tracker, arm), iteration_values(iteration), iteration.iteration)
+            tracker.log(_arm_run(tracker, arm), iteration_values(iteration), iteration.iteration)
             if (errors := result.pooled_errors(iteration)) is not None:
                 values = error_values("error_pooled", errors)
-                tracker.log(_arm(tracker, arm), values, iteration.iteration)
+                tracker.log(_arm_run(tracker, arm), values, iteration.iteration)
     steps = sorted({iteration.iteration for iteration in result.iterations})
     for name, floor in (("floor", result.floor), ("informed floor", result.informed_floor)):
         if floor is not None:
-            _constant(tracker, name, error_values("error_pooled", floor), steps)
+            _log_line(tracker, name, error_values("error_pooled", floor), steps)
     if result.oracle is not None:
-        _constant(tracker, "oracle", navigation_values(result.oracle), steps)
+        _log_line(tracker, "oracle", navigation_values(result.oracle), steps)
     for unseen in result.unseen:
         tracker.log(tracker.key, unseen_values(unseen), max(steps, default=0))
     if result.persistence is not None:
@@ -142,20 +152,142 @@ def _tags(result: IterationResult) -> dict[str, str]:
     return tags
 
 
-def _constant(tracker: Tracker, name: str, values: Mapping[str, float], steps: list[int]) -> None:
-    tracker.log_rows(_line(tracker, name), [(step, values) for step in steps])
+def _log_line(tracker: Tracker, name: str, values: Mapping[str, float], steps: list[int]) -> None:
+    """Log numbers that are the same in every iteration, as lines to compare with."""
+    tracker.log_rows(_line_run(tracker, name), [(step, values) for step in steps])
 
 
-def _arm(tracker: Tracker, arm: Arm) -> str:
-    return tracker.key if arm == "mppi" else _line(tracker, f"{arm} arm")
+def _arm_run(tracker: Tracker, arm: Arm) -> str:
+    return tracker.key if arm == "mppi" else _line_run(tracker, f"{arm} arm")
 
 
-def _line(tracker: Tracker, name: str) -> str:
+def _line_run(tracker: Tracker, name: str) -> str:
     run = f"{tracker.key}/{name.replace(' ', '-')}"
     tags = {"flywheel.kind": "line", "flywheel.beside": tracker.key}
     tracker.open(run, f"{name}, {tracker.key}", tags | {"mlflow.runColor": COLOURS[name]})
     return run
 
 
-def _child(tracker: Tracker, iteration: int, arm: Arm) -> str:
+def _iteration_run(tracker: Tracker, iteration: int, arm: Arm) -> str:
     return f"{tracker.key}/{arm}-{iteration:04d}"
+
+
+def iteration_values(result: IterationResult) -> Values:
+    """The numbers of an iteration that make lines over iterations."""
+    values: Values = {
+        "store/episodes": result.episodes,
+        "store/steps": result.steps,
+        "store/new_episodes": result.new_episodes,
+        "store/new_steps": result.new_steps,
+        "health/worker_restarts": result.restarts,
+        "health/quarantined_tasks": result.quarantined,
+        "health/invalid_episodes": result.invalid,
+        "seconds/cpu": result.cpu_seconds,
+        **{f"seconds/{stage}": seconds for stage, seconds in result.seconds.items()},
+    }
+    if result.validation is not None:
+        values |= error_values("error_validation", result.validation)
+    if result.test is not None:
+        values |= error_values("error_test", result.test)
+    if result.recordings is not None:
+        values |= error_values("error_recordings", result.recordings)
+    if result.navigation is not None:
+        values |= navigation_values(result.navigation)
+    if result.diagnosis is not None:
+        values |= diagnosis_values(result.diagnosis)
+    if result.gate is not None:
+        values |= {
+            "promotion/number": result.gate.number,
+            "promotion/promoted": float(result.gate.promoted),
+        }
+    return values
+
+
+def diagnosis_values(note: DiagnosisNote) -> Values:
+    """The errors of the plant before and after a diagnosis, and the noise [mm]."""
+    ladder = {
+        "noise_mm": note.noise,
+        "plant_before_mm": note.baseline,
+        "plant_after_mm": note.augmented,
+        "held_out_before_mm": note.held_out_baseline,
+        "held_out_after_mm": note.held_out_augmented,
+    }
+    values: Values = {f"diagnosis/{k}": 1000.0 * v for k, v in ladder.items() if v is not None}
+    return values | {"diagnosis/effects": len(note.effects)}
+
+
+def error_values(section: str, errors: Errors) -> Values:
+    """The errors on one set of episodes: over the short horizon, and over whole episodes."""
+    values = _totals(section, "short", errors.short)
+    return values if errors.full is None else values | _totals(section, "full", errors.full)
+
+
+def unseen_values(unseen: UnseenCourse) -> Values:
+    """The closed-loop numbers of `navigation_values`, under the name of the course."""
+    values = navigation_values(unseen.navigation)
+    return {
+        key.replace("closed_loop", f"closed_loop_{unseen.course}"): value
+        for key, value in values.items()
+        if key.startswith("closed_loop")
+    }
+
+
+def navigation_values(navigation: Navigation) -> Values:
+    """Success rate with its interval, times to the goal and planning times."""
+    low, high = navigation.success.interval
+    values: Values = {
+        "closed_loop/success_rate": navigation.success.rate,
+        "closed_loop/success_rate_low": low,
+        "closed_loop/success_rate_high": high,
+        "closed_loop/episodes": navigation.success.total,
+    }
+    if navigation.seconds_to_goal:
+        values["closed_loop/seconds_median"] = navigation.median_seconds
+    if navigation.plan_seconds:
+        values["seconds/plan_median"] = navigation.plan_quantile(0.5)
+        values["seconds/plan_p95"] = navigation.plan_quantile(0.95)
+    return values
+
+
+def curve_values(point: TrainingPoint) -> Values:
+    """The numbers of one point of a training curve."""
+    optional = {
+        "training/learning_rate": point.learning_rate,
+        "training/validation_e_pos_rmse_percent": point.validation_e_pos_rmse,
+        "training/validation_e_rot_deg": point.validation_e_rot,
+    }
+    return {"training/loss": point.loss} | {k: v for k, v in optional.items() if v is not None}
+
+
+def lead_time_values(lead: LeadTimes) -> list[tuple[int, Values]]:
+    """Each lead time [ms] with the errors there."""
+    return [
+        (
+            round(1000 * seconds),
+            {
+                "lead_time_ms/e_pos_mse_percent": lead.e_pos_mse[i],
+                "lead_time_ms/e_pos_rmse_percent": lead.e_pos_rmse[i],
+                "lead_time_ms/e_rot_deg": lead.e_rot[i],
+            },
+        )
+        for i, seconds in enumerate(lead.seconds)
+    ]
+
+
+def flattened(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """A nested configuration as dotted names and short texts; lists stay one value."""
+    flat: dict[str, str] = {}
+    for name, value in config.items():
+        if isinstance(value, Mapping) and value:
+            flat |= flattened(value, f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = str(value)
+    return flat
+
+
+def _totals(section: str, kind: str, errors: ErrorNumbers) -> Values:
+    return {
+        f"{section}/{kind}_e_pos_mse_percent": errors.e_pos_mse,
+        f"{section}/{kind}_e_pos_rmse_percent": errors.e_pos_rmse,
+        f"{section}/{kind}_e_rot_deg": errors.e_rot,
+    }

@@ -1,7 +1,7 @@
-"""A learned dynamics model as one self-contained folder, and as the object that MLflow serves.
+"""A learned dynamics model as a self-contained folder, and as a "pyfunc" that MLflow can load and serve.
 
-MLflow calls `_load_pyfunc` with the folder and then `predict`
-with arrays. No pickle, no MLflow here.
+MLflow calls `_load_pyfunc` with the folder, and `predict` with arrays. Nothing is pickled, and mlflow is not
+imported here.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Shapes = dict[str, tuple[int, ...]]
 
 
 def signature(points: int, winches: int) -> tuple[Shapes, Shapes]:
-    """Shapes of what `ServedDynamics.predict` takes and gives; -1 is any length (B, time, batch).
+    """Shapes of the inputs and outputs of `PyfuncDynamics.predict`; -1 stands for any length.
 
     Args:
       points: P, tracked points of the robot.
-      winches: W.
+      winches: W, winches of the robot.
     """
     inputs = {
         "points": (-1, -1, points, 3),
@@ -39,11 +39,11 @@ def signature(points: int, winches: int) -> tuple[Shapes, Shapes]:
     return inputs, {"points": (-1, -1, points, 3), "winch": (-1, -1, winches)}
 
 
-class ServedDynamics:
-    """A dynamics model behind plain arrays.
+class PyfuncDynamics:
+    """A dynamics model that takes and gives plain arrays.
 
     Args:
-      dynamics: to serve.
+      dynamics: the model.
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
@@ -58,7 +58,7 @@ class ServedDynamics:
           model_input: "points" (B, h + 1, P, 3) measured, oldest first [m]; "winch" (B, h + 1, W),
             best knowledge of the winch positions [m]; "past_controls" (B, h, W), the commands
             between them; "controls" (B, H, W), those to come.
-          params: none are known.
+          params: MLflow's parameters; not used.
 
         Returns:
           "points" (B, H + 1, P, 3) [m] and "winch" (B, H + 1, W) [m]; entry 0 is the present.
@@ -79,22 +79,22 @@ class ServedDynamics:
         return {"points": np.asarray(rollout.points), "winch": np.asarray(rollout.winch)}
 
 
-def write_served(folder: Path, robot: Robot, network: ChunkNetwork, snapshot: str = "") -> str:
-    """Write everything that the model needs into `folder`; return the digest of the weights.
+def write_model(folder: Path, robot: Robot, network: ChunkNetwork, snapshot: str = "") -> str:
+    """Write all that the model needs into a folder; return the digest of the weights.
 
     Args:
-      folder: made if need be.
+      folder: made if it is missing.
       robot: that the network was trained on.
-      network: its weights.
-      snapshot: digest of the data they were trained on.
+      network: with its weights.
+      snapshot: digest of the data that it was trained on.
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / ROBOT).write_text(robot.xml)
     return save_weights(network, folder / WEIGHTS, snapshot)
 
 
-def read_served(folder: Path) -> LearnedDynamics:
-    """The dynamics model that `write_served` wrote.
+def read_model(folder: Path) -> LearnedDynamics:
+    """The dynamics model that `write_model` wrote.
 
     Raises:
       ModelError: the weights are missing, damaged, or for another robot.
@@ -103,6 +103,6 @@ def read_served(folder: Path) -> LearnedDynamics:
     return LearnedDynamics(robot, load_weights(folder / WEIGHTS, robot))
 
 
-def _load_pyfunc(path: str) -> ServedDynamics:
+def _load_pyfunc(path: str) -> PyfuncDynamics:
     """Called by MLflow."""
-    return ServedDynamics(read_served(Path(path)))
+    return PyfuncDynamics(read_model(Path(path)))

@@ -1,27 +1,38 @@
-"""The driver's record of a run: put on disk first, delivered whenever the receiver answers.
+"""The driver's side of tracking: what happened is written to disk first, and delivered to MLflow later.
 
-`Tracker` turns what happened into records and puts them into an outbox; a thread delivers them. So
-the loop never waits, and nothing is lost while the receiver is down. Records carry their own time
-stamps, and each can be delivered twice without harm. What is logged of an iteration stands in
-`publishing`.
+`Tracker` turns what happened into records and appends them to the `Outbox`, a file; `Delivery`, a thread,
+hands them to MLflow. So the loop never waits, and nothing is lost while the server is down. Each record has
+its own time stamp and can be delivered twice without harm, because a process may be killed between a delivery
+and the note of it. Which record an iteration becomes is decided in `publish`.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
+import logging
 import math
+import os
 import re
+import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from flywheel.errors import ConfigError
+from flywheel.errors import ConfigError, DataError, FlywheelError
 from flywheel.quantities import Bounds, Name, Place, WaitingSeconds
-from flywheel.runtime.measures import GateDecision
-from flywheel.runtime.tracking.outbox import Courier, Outbox, Record
+from flywheel.runtime.results import GateDecision
 
+log = logging.getLogger(__name__)
+
+Record = dict[
+    str, Any
+]  # what is to be done at MLflow: kind, run, time stamp [ms] and the kind's own fields
+OUTBOX_FILE = "outbox.jsonl"
+OFFSET_FILE = "outbox.offset"
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 
 
@@ -47,31 +58,26 @@ class TrackingConfig(BaseModel):
 
 
 class Receiver(Protocol):
-    """Where records go; MLflow in earnest (`tracking.MlflowReceiver`), a list in tests."""
+    """Takes the records: `mlflow_client.MlflowReceiver`, or a list in tests."""
 
     def deliver(self, record: Record) -> None:
-        """Do what the record says; the same record again changes nothing. Raises if it failed."""
+        """Do what the record says. The same record again changes nothing. Raises if it failed."""
         ...
 
     def hopeless(self, error: Exception) -> bool:
-        """Whether this error of `deliver` would come again for ever."""
-        ...
-
-    @property
-    def chart_url(self) -> str:
-        """Where people look at the run."""
+        """Whether `deliver` would raise this error every time."""
         ...
 
 
 class Tracker:
-    """Tells MLflow what the driver saw. No call waits for MLflow; each is on disk when it returns.
+    """Tells MLflow what the driver saw. No call waits for MLflow; its record is on disk when it returns.
 
-    Made by `tracking.open_tracker`.
+    Made by `mlflow_client.open_tracker`.
 
     Args:
-      folder: of the run; holds the outbox and everything that is logged as a file.
-      key: unique name of the run; a resumed run has the same one. It is the parent run's key.
-      receiver: does what the records say.
+      folder: of the run; holds the outbox and every file that is logged.
+      key: unique name of the run, and of its parent run at MLflow; a resumed run has the same one.
+      receiver: takes the records.
       close_seconds: that `close` waits for what is not yet delivered [s].
       retry_seconds: first and longest pause after a failed delivery [s].
     """
@@ -91,9 +97,8 @@ class Tracker:
         self._outbox = Outbox(self._folder)
         self._logged = {point for record in self._outbox.records() for point in _points(record)}
         self._open: set[str] = set()
-        self._receiver = receiver
         self._close_seconds = close_seconds
-        self._courier = Courier(self._outbox, receiver.deliver, receiver.hopeless, retry_seconds)
+        self._delivery = Delivery(self._outbox, receiver.deliver, receiver.hopeless, retry_seconds)
 
     def open(self, run: str, name: str, tags: Mapping[str, str], parent: str = "") -> None:
         """Open a run under its key, or open it again."""
@@ -102,14 +107,14 @@ class Tracker:
             self._put("open", run, name=name, parent=parent, tags=dict(tags))
 
     def log(self, run: str, values: Mapping[str, float], step: int = 0) -> None:
-        """Log numbers at a step; see `log_rows`."""
+        """Log numbers at one step, as `log_rows` does."""
         self.log_rows(run, [(step, values)])
 
     def log_rows(self, run: str, rows: Iterable[tuple[int, Mapping[str, float]]]) -> None:
-        """Log numbers at several steps. Each is logged once per run, name and step.
+        """Log numbers at several steps, each only once per run, name and step.
 
-        One that is not finite would spoil its chart: it becomes a tag `nonfinite/<name>`, and
-        health/nonfinite becomes 1.
+        A number that is not finite would spoil its chart. It becomes a tag `nonfinite/<name>`, and the
+        number health/nonfinite becomes 1.
         """
         finite: dict[tuple[str, int], float] = {}
         odd: dict[str, str] = {}
@@ -130,20 +135,22 @@ class Tracker:
     def describe(
         self, run: str, params: Mapping[str, str] = {}, tags: Mapping[str, str] = {}
     ) -> None:
-        """Add parameters (which never change again) and tags (which may) to a run."""
+        """Add parameters, which never change again, and tags, which may, to a run."""
         self._put("describe", run, params=dict(params), tags=dict(tags))
 
     def dataset(self, run: str, name: str, digest: str, profile: Mapping[str, float]) -> None:
         """Name the snapshot that a run's model was trained on.
 
         Args:
-          digest: of the snapshot; MLflow keeps 36 characters of it, the tag the whole.
-          profile: numbers about it, e.g. episodes.
+          run: key of the run.
+          name: of the data set at MLflow.
+          digest: of the snapshot. MLflow keeps 36 characters of it; a tag keeps all.
+          profile: numbers about it, e.g. how many episodes.
         """
         self._put("dataset", run, name=name, digest=digest, profile=dict(profile))
 
     def artifact(self, run: str, path: str | Path) -> None:
-        """Log a file of the run folder. It must still be there when MLflow is back."""
+        """Log a file of the run folder. It must stay there until it is delivered."""
         self._put("artifact", run, path=self._relative(path))
 
     def model(
@@ -159,23 +166,26 @@ class Tracker:
         """Log and register a model.
 
         Args:
+          run: key of the run that made it.
+          name: of the model.
           digest: of its weights.
-          folder: inside the run folder, written by `served.write_served`.
+          folder: inside the run folder, written by `pyfunc_model.write_model`.
           shape: (tracked points, winches) of its robot, for the signature.
+          tags: of the model.
           step: of the run that made it.
         """
         fields = {"name": name, "digest": digest, "folder": self._relative(folder)}
         self._put("model", run, **fields, shape=list(shape), tags=dict(tags), step=step)
 
     def promote(self, digest: str, decision: GateDecision) -> None:
-        """Move the alias `champion` to a logged model. Nothing else moves it.
+        """Move the alias `champion` to a logged model; only this moves it.
 
         Args:
           digest: of the model's weights.
-          decision: of the gate, with the number that earned it.
+          decision: of the gate, with the number that it rests on.
 
         Raises:
-          ConfigError: the gate did not say so, or its number is not finite.
+          ConfigError: the gate did not promote the model, or its number is not finite.
         """
         if not decision.promoted or not math.isfinite(decision.number):
             raise ConfigError(
@@ -186,7 +196,7 @@ class Tracker:
         self._put("promote", self.key, digest=digest, decision=words)
 
     def end(self, run: str, status: Status = "FINISHED") -> None:
-        """Say how a run ended. The end of the parent ends every run still open."""
+        """Log how a run ended. The end of the parent run ends every run that is still open."""
         runs = [*sorted(self._open - {run}), run] if run == self.key else [run]
         for each in runs:
             self._open.discard(each)
@@ -194,32 +204,29 @@ class Tracker:
 
     @property
     def problem(self) -> str:
-        """Why delivery does not work at present, or ""."""
-        return self._courier.problem
+        """Why delivery does not work at present; "" where it works."""
+        return self._delivery.problem
 
     def pending(self) -> int:
-        """Records on disk that MLflow has not taken yet."""
+        """The number of records that are not delivered yet."""
         return self._outbox.pending()
 
-    def chart_url(self) -> str:
-        """Where the charts are; with SQLite, once `flywheel ui` serves them."""
-        return self._receiver.chart_url
-
     def flush(self, seconds: float) -> bool:
-        """Wait until MLflow has everything, at most `seconds`. Returns whether it has."""
-        return self._courier.flush(seconds)
+        """Wait at most `seconds` until all is delivered; returns whether it is."""
+        return self._delivery.flush(seconds)
 
     def close(self, seconds: float | None = None) -> bool:
-        """Deliver for at most `seconds`, then stop. Returns whether everything went.
+        """Deliver for at most `seconds` (by default `close_seconds`), then stop.
 
-        The default is `close_seconds`. What is left is delivered by the folder's next `Tracker`.
+        Returns:
+          Whether all is delivered. The next `Tracker` of this folder delivers what is left.
         """
-        return self._courier.close(self._close_seconds if seconds is None else seconds)
+        return self._delivery.close(self._close_seconds if seconds is None else seconds)
 
     def _put(self, kind: str, run: str, **fields: Any) -> None:
         now = int(1000 * time.time())
         self._outbox.append({"kind": kind, "run": run, "time": now, **fields})
-        self._courier.wake()
+        self._delivery.wake()
 
     def _relative(self, path: str | Path) -> str:
         try:
@@ -233,3 +240,229 @@ def _points(record: Record) -> Iterator[tuple[str, str, int]]:
     if record["kind"] == "log":
         for name, step, _ in record["values"]:
             yield (record["run"], name, step)
+
+
+class Outbox:
+    """A file of records, one JSON object a line, and beside it how far delivery has come.
+
+    Args:
+      folder: of `outbox.jsonl`, `outbox.offset` and, if records were refused, `outbox.rejected.jsonl`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / OUTBOX_FILE
+        self._offset_path = folder / OFFSET_FILE
+        self._rejected_path = folder / "outbox.rejected.jsonl"
+        self._lock = threading.Lock()
+        self._end = self._drop_torn_line()
+        self._delivered = self._read_offset()
+
+    def append(self, record: Record) -> None:
+        """Append a record; it is on disk when this returns.
+
+        Raises:
+          OSError: the disk is full, say; nothing was appended.
+        """
+        line = json.dumps(record, allow_nan=False).encode() + b"\n"
+        with self._lock:
+            try:
+                _append_durably(self.path, line)
+            except OSError as error:  # a full disk may have taken half of it
+                with contextlib.suppress(OSError):
+                    os.truncate(self.path, self._end)
+                error.filename = str(self.path)
+                raise
+            self._end += len(line)
+
+    @property
+    def empty(self) -> bool:
+        """Everything has been delivered."""
+        return self._delivered >= self._end
+
+    def head(self) -> tuple[Record, int] | None:
+        """The oldest undelivered record, and the offset behind it [bytes]; None if there is none."""
+        with self._lock:
+            if self.empty:
+                return None
+            with self.path.open("rb") as file:
+                file.seek(self._delivered)
+                line = file.readline()
+        return json.loads(line), self._delivered + len(line)
+
+    def advance(self, offset: int) -> None:
+        """Note that everything before `offset` has been delivered."""
+        temporary = self._offset_path.with_suffix(".offset.tmp")
+        with temporary.open("w") as file:
+            file.write(str(offset))
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(self._offset_path)
+        self._delivered = offset
+
+    def reject(self, record: Record, reason: str) -> None:
+        """Set a record aside that MLflow will never take, with the reason."""
+        line = json.dumps({"reason": reason, "record": record}).encode() + b"\n"
+        _append_durably(self._rejected_path, line)
+
+    def pending(self) -> int:
+        """The number of records that are not delivered yet."""
+        return sum(1 for _ in self.records(self._delivered))
+
+    def records(self, offset: int = 0) -> Iterator[Record]:
+        """Every record from `offset` on, delivered or not.
+
+        Raises:
+          DataError: a line is not a record.
+        """
+        if self.path.exists():
+            with self.path.open("rb") as file:
+                file.seek(offset)
+                for line in file:
+                    try:
+                        yield json.loads(line)
+                    except ValueError:
+                        text = f"{self.path} has a line that is no record: {line[:80]!r}."
+                        raise DataError(text) from None
+
+    def _drop_torn_line(self) -> int:
+        """Cut off a line that a killed process left half written; returns the file's length [bytes]."""
+        if not self.path.exists():
+            return 0
+        with self.path.open("r+b") as file:
+            whole = file.read().rfind(b"\n") + 1
+            file.truncate(whole)
+        return whole
+
+    def _read_offset(self) -> int:
+        try:
+            offset = int(self._offset_path.read_bytes())
+        except (FileNotFoundError, ValueError):  # all is delivered again, which does no harm
+            return 0
+        return min(max(offset, 0), self._end)
+
+
+def forget_delivery(folder: Path) -> None:
+    """Have every record of a folder's outbox delivered again."""
+    (folder / OFFSET_FILE).unlink(missing_ok=True)
+
+
+def _append_durably(path: Path, line: bytes) -> None:
+    with path.open("ab") as file:
+        file.write(line)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _first_cause(error: BaseException) -> str:
+    """The first error of a chain, in one line: clients wrap what the operating system says."""
+    while deeper := error.__cause__ or (None if error.__suppress_context__ else error.__context__):
+        error = deeper
+    words = str(error).splitlines()[0] if str(error) else ""
+    return words if isinstance(error, FlywheelError) else f"{type(error).__name__}: {words}"
+
+
+class Delivery:
+    """Delivers an outbox, one record at a time and in order, from a thread of its own.
+
+    Args:
+      outbox: of the records.
+      deliver: takes one record; raises if it could not be delivered.
+      hopeless: whether an error means that a record will never be taken; it is then set aside.
+      retry_seconds: first and longest pause after a failure [s]; the pause doubles in between.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        deliver: Callable[[Record], None],
+        hopeless: Callable[[Exception], bool] = lambda error: False,
+        retry_seconds: tuple[float, float] = (1.0, 60.0),
+    ) -> None:
+        self.problem = ""
+        self._stuck = False  # until someone does something about the problem
+        self._outbox = outbox
+        self._deliver = deliver
+        self._hopeless = hopeless
+        self._first_pause, self._longest_pause = retry_seconds
+        self._pause = self._first_pause
+        self._wake = threading.Event()
+        self._stopping = False
+        self._idle = threading.Condition()
+        self._thread = threading.Thread(target=self._work, name="outbox", daemon=True)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Try to deliver now."""
+        self._wake.set()
+
+    def flush(self, seconds: float) -> bool:
+        """Wait at most `seconds` until all is delivered; returns whether it is."""
+        self.wake()
+        deadline = time.monotonic() + seconds
+        with self._idle:
+            while not self._outbox.empty and not self._stuck:
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    return False
+                self._idle.wait(left)
+        return self._outbox.empty
+
+    def close(self, seconds: float) -> bool:
+        """Deliver for at most `seconds`, then stop. What is left stays on disk."""
+        done = self.flush(seconds)
+        self._stopping = True
+        self.wake()
+        # A thread stuck in a hanging connection cannot be stopped; it dies with the process.
+        self._thread.join(timeout=1.0)
+        return done
+
+    def _work(self) -> None:
+        while True:
+            self._wake.clear()
+            if self._stopping:
+                return
+            try:
+                done = self._deliver_all()
+            except Exception as error:  # of the outbox itself, e.g. a full disk
+                self._note(error)
+                done = False
+            if done:
+                self._wake.wait()
+            else:
+                self._wake.wait(self._pause)
+                self._pause = min(2 * self._pause, self._longest_pause)
+
+    def _deliver_all(self) -> bool:
+        """Deliver until nothing is left (True) or something fails (False)."""
+        while (item := self._outbox.head()) is not None and not self._stopping:
+            record, offset = item
+            try:
+                self._deliver(record)
+            except Exception as error:  # no client's error may end the thread
+                if not self._hopeless(error):
+                    self._note(error)
+                    return False
+                log.warning("tracking: set aside a record that was refused: %s", error)
+                self._outbox.reject(record, f"{type(error).__name__}: {error}")
+            self._outbox.advance(offset)
+            self._recovered()
+        return True
+
+    def _note(self, error: Exception) -> None:
+        text = _first_cause(error)
+        if not self.problem:
+            log.warning("tracking: not delivered, kept on disk, trying again: %s", text)
+        self.problem, self._stuck = text, isinstance(error, FlywheelError)
+        if self._stuck:
+            with self._idle:
+                self._idle.notify_all()
+
+    def _recovered(self) -> None:
+        if self.problem:
+            log.info("tracking: delivering again")
+        self.problem, self._stuck = "", False
+        self._pause = self._first_pause
+        if self._outbox.empty:
+            with self._idle:
+                self._idle.notify_all()

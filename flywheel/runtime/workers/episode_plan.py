@@ -1,10 +1,11 @@
-"""Which episodes a run records: names, seeds and splits, from the configuration alone.
+"""The plan of a run's episodes: names, seeds and splits, from the configuration alone.
 
 The plan never depends on what has happened so far, so that a resumed run knows what is missing.
 """
 
 from __future__ import annotations
 
+import hashlib
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -16,11 +17,10 @@ from flywheel.errors import ConfigError
 from flywheel.records import Split
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.results import Arm
-from flywheel.runtime.run.seeds import derive_seed
 
 GAITS = ("roll", "cw", "ccw")
 ORACLE = "oracle"
-# From the 5 ms of icosa6 to about the one in which contacts hardly change any more.
+# Divides the time step of icosa6, 5 ms, to about 1 ms, below which contacts hardly change any more.
 STAND_IN_FINENESS = 4
 Effects = tuple[WrittenTerm, ...]
 
@@ -32,17 +32,17 @@ class EpisodePlan:
     Attributes:
       id: of the episode ("i0001-mppi-collect-0003").
       controller: "gait:roll", "random", "drop", "mppi" or "oracle".
-      iteration: that it belongs to; -1 for the oracle's.
+      iteration: of the episode; -1 for the oracle's.
       split: fixed here, before anything is known about the episode.
-      dataset: index into the configuration's data sets: which plant.
+      dataset: index of its plant in the configuration's data sets.
       seconds: longest duration [s].
       seed: of start, controls, noise and planner.
-      task_seed: of the task; None without one. Evaluation uses the same ones in every iteration.
+      task_seed: of the task; None without a task. Evaluation uses the same seeds in every iteration.
       effects: of the plant, beyond its MJCF.
-      samples: plans that MPPI tries at a time; None for as many as configured.
-      course: that its task leads through, in place of the configured task; "" for that one.
-      hidden: what the plant really has in place of `effects`, which is what all that learns, plans and
-        reckons is told: a stand-in for a real robot. None where nothing is hidden.
+      samples: plans that MPPI tries at a time; None for the configured number.
+      course: of its task; "" for the configured task.
+      hidden: effects that the plant really has, if it stands in for a real robot. All that learns, plans and
+        reckons is told `effects` instead. None where nothing is hidden.
     """
 
     id: str
@@ -60,15 +60,15 @@ class EpisodePlan:
 
     @property
     def plant_effects(self) -> Effects:
-        """What the plant has beyond its MJCF."""
+        """The effects that the plant really has."""
         return self.effects if self.hidden is None else self.hidden
 
     @property
     def fineness(self) -> int:
         """How many times shorter the plant's MuJoCo steps are than its MJCF's.
 
-        What stands in for a real robot must not have the very time steps of the model it is compared with:
-        what those do to contacts is in no real recording.
+        A stand-in for a real robot must not share the time steps of the model that it is compared with,
+        because their influence on contacts is in no real recording.
         """
         return 1 if self.hidden is None else STAND_IN_FINENESS
 
@@ -76,13 +76,14 @@ class EpisodePlan:
 def collection(
     config: RunConfig, iteration: int, arm: Arm, effects: Effects = (), anew: bool = False
 ) -> list[EpisodePlan]:
-    """Episodes that iteration `iteration` of an arm adds to the data.
+    """The episodes that an iteration of an arm adds to the data.
 
     Args:
-      config, iteration, arm: of the run.
+      config: of the run.
+      iteration, arm: which iteration of which arm.
       effects: of the plant.
-      anew: the plant is another than before: the gaits, random controls and drops of iteration 0
-        are recorded again, for all arms in common.
+      anew: whether the plant has changed, so that the gaits, random controls and drops of iteration 0 are
+        recorded again, once for all arms.
     """
     if iteration == 0:
         return _first_collection(config, effects)
@@ -117,12 +118,12 @@ def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> l
 def evaluation(
     config: RunConfig, iteration: int, arm: Arm, effects: Effects = ()
 ) -> list[EpisodePlan]:
-    """Closed-loop episodes that judge a model, and test data; the same tasks in every iteration."""
+    """The closed-loop episodes that judge a model, and are test data; every iteration has the same tasks."""
     return _navigation(config, f"i{iteration:04d}-{arm}-evaluate", "mppi", iteration, effects)
 
 
 def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
-    """The same tasks for the planner that knows the plant itself."""
+    """The evaluation tasks, for the planner that knows the plant itself."""
     return _navigation(config, ORACLE, ORACLE, -1, effects) if config.evaluate.oracle else []
 
 
@@ -132,7 +133,7 @@ def unseen(config: RunConfig, course: str, effects: Effects = ()) -> list[Episod
 
 
 def unseen_ceiling(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
-    """The same for the planner that knows the plant itself."""
+    """The same course, for the planner that knows the plant itself."""
     if not config.evaluate.oracle:
         return []
     name = f"{unseen_name(course)}-{ORACLE}"
@@ -140,7 +141,7 @@ def unseen_ceiling(config: RunConfig, course: str, effects: Effects = ()) -> lis
 
 
 def unseen_name(course: str) -> str:
-    """Of a path its hash: names of episodes have few letters."""
+    """The name of a course in episode ids; a path becomes a hash, because ids are short."""
     return f"unseen-{zlib.crc32(course.encode()):08x}" if "." in course else f"unseen-{course}"
 
 
@@ -204,10 +205,25 @@ def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iter
 def _splits(
     config: RunConfig, count: int, validation: float, test: float, *what: str | int
 ) -> list[Split]:
-    """Shares of each kind of episode by count, so that few episodes still give every split."""
+    """The split of each of `count` episodes. Shares go by count, so that few episodes give every split."""
     splits: list[Split] = ["train"] * count
     order = np.random.default_rng(derive_seed(config.seed, "split", *what)).permutation(count)
     wanted_validation = round(count * validation)
     for rank, index in enumerate(order[: wanted_validation + round(count * test)]):
         splits[index] = "validation" if rank < wanted_validation else "test"
     return splits
+
+
+def derive_seed(run_seed: int, *what: str | int) -> int:
+    """The seed of one job. It depends only on the run's seed and the job's name, never on order or time.
+
+    Args:
+      run_seed: of the whole run.
+      what: name of the job, e.g. ("collect", 1, "mppi", 3).
+
+    Returns:
+      An integer in [0, 2^32), for numpy and for torch.
+    """
+    words = hashlib.sha256("/".join(str(part) for part in what).encode()).digest()
+    entropy = [run_seed, *np.frombuffer(words, dtype=np.uint32).tolist()]
+    return int(np.random.SeedSequence(entropy).generate_state(1)[0])

@@ -1,4 +1,4 @@
-"""Recording one planned episode: which plant, which start, which controller, which task."""
+"""Records planned episodes: builds the plant, start, controller and task, and runs them."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from flywheel.control.gaits import Gait
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, with_effects
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import NAMED, Terms, WrittenTerm
+from flywheel.effects import NAMED, Terms
 from flywheel.errors import DataError
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
-from flywheel.runtime.measures import Walk
-from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.pool.heartbeat import Heartbeat
+from flywheel.runtime.results import Walk
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
 from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain
 
-WALK_SECONDS = 0.5  # between two points of a walk
+WALK_SECONDS = 0.5  # between two points of an episode's path [s]
 SETTLE_SECONDS = 2.0
-GROUND = 1  # beside a seed: purpose of random numbers
+GROUND = 1  # added to a seed, so that the ground has random numbers of its own
 
 
-class Recorder:
-    """Makes planned episodes; the same plan and weights give the same episode anywhere.
+class EpisodeRecorder:
+    """Records planned episodes; the same plan and weights give the same episode on any worker.
 
     Args:
       config: of the run.
@@ -49,7 +49,7 @@ class Recorder:
         self._settled: dict[tuple[int, Effects], State] = {}
 
     def terrain(self, plan: EpisodePlan) -> Terrain | None:
-        """The ground of a planned episode: of its task, so that all models meet the same, or its own."""
+        """The ground of a planned episode; tasks have one of their own, so that all models meet the same."""
         seed = plan.seed if plan.task_seed is None else plan.task_seed
         rng = np.random.default_rng([seed, GROUND])
         return draw_terrain(self.config.terrain, self.robot.length, rng)
@@ -62,7 +62,15 @@ class Recorder:
         terrain: Terrain | None = None,
         fineness: int = 1,
     ) -> Plant:
-        """The plant of a data set, with effects, the obstacles of a task, a ground, and shorter steps."""
+        """The plant of a data set.
+
+        Args:
+          dataset: index of the data set.
+          effects: to add to the plant.
+          task: whose obstacles are added.
+          terrain: ground; None for a level one.
+          fineness: how many times shorter MuJoCo's steps are than in the MJCF.
+        """
         plant = Plant(
             self.robot,
             self.config.network.dt,
@@ -74,7 +82,7 @@ class Recorder:
         return with_effects(refined(plant, fineness), self._terms(effects))
 
     def task(self, plan: EpisodePlan) -> Task | None:
-        """The task of a planned episode."""
+        """The task of a planned episode; None without one."""
         if plan.task_seed is None:
             return None
         settled = self._settled_state(0, plan.effects)
@@ -94,17 +102,17 @@ class Recorder:
         plan: EpisodePlan,
         dynamics: Dynamics | None,
         model: str,
-        watch: Watch,
+        heartbeat: Heartbeat,
         on_piece: OnPiece | None = None,
     ) -> Episode:
-        """Record it.
+        """Record an episode.
 
         Args:
-          plan: what to record.
-          dynamics: that MPPI plans with; None where nothing is planned.
+          plan: of the episode.
+          dynamics: that MPPI plans with; None if nothing is planned.
           model: digest of its weights, or "".
-          watch: told how far the episode is.
-          on_piece: also told what happened.
+          heartbeat: is told how far the episode is.
+          on_piece: is called with every piece of the episode, as it happens.
 
         Raises:
           ModelError: the plant diverged, or the model did.
@@ -117,7 +125,7 @@ class Recorder:
             dynamics = PlantDynamics(plant)
 
         def told(piece: Piece) -> None:
-            watch.progress(min(1.0, piece.done * plant.dt / plan.seconds))
+            heartbeat.progress(min(1.0, piece.done * plant.dt / plan.seconds))
             if on_piece is not None:
                 on_piece(piece)
 
@@ -137,10 +145,10 @@ class Recorder:
         )
 
     def check_own(self, episode: Episode) -> None:
-        """Refuse what another run has recorded under the same name.
+        """Refuse an episode that another run recorded under the same name.
 
         Raises:
-          DataError: it has.
+          DataError: its configuration is not this run's.
         """
         if episode.provenance.config != self._digest:
             raise DataError(
@@ -221,9 +229,3 @@ class Recorder:
             plant=data.plant.changed(),
             effects={effect.label: effect.parameters for effect in plan.plant_effects},
         )
-
-
-def effects_of(episode: Episode) -> Effects:
-    """Of the plant that an episode was recorded on, beyond its MJCF."""
-    there = episode.provenance.effects
-    return tuple(WrittenTerm.labelled(label, values) for label, values in there.items())

@@ -1,4 +1,4 @@
-"""A model's weights on their way to the workers: once, as numpy, through shared memory."""
+"""A trained model on its way to the workers: its weights as numpy arrays, through shared memory."""
 
 from __future__ import annotations
 
@@ -7,23 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
+from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
 from flywheel.dynamics.gnn.weights import (
     network_from_arrays,
     weights_arrays,
     weights_digest,
 )
+from flywheel.effects import NAMED
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
+from flywheel.runtime.workers.episode_plan import Effects
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights as arrays.
+    """A network's weights as arrays.
 
     Attributes:
-      digest: which model this is.
-      config: of its network.
+      digest: of the weights.
+      config: of the network.
       arrays: by name.
     """
 
@@ -33,15 +36,15 @@ class Weights:
 
     @classmethod
     def read(cls, path: Path, robot: Robot, digest: str = "") -> Weights:
-        """Read the file that `save_weights` wrote.
+        """Read a file that `save_weights` wrote.
 
         Args:
-          path: of it.
-          robot: that the weights are for.
-          digest: that they have to have; "" for any.
+          path: of the file.
+          robot: of the weights.
+          digest: that the weights have to have; "" for any.
 
         Raises:
-          ModelError: it is missing, damaged, or for another robot, or holds other weights.
+          ModelError: the file is missing, damaged, for another robot, or has other weights.
         """
         network = load_weights(path, robot)
         found = weights_digest(network)
@@ -53,6 +56,28 @@ class Weights:
         return cls(found, network.config, weights_arrays(network))
 
     def dynamics(self, robot: Robot, threads: int = 1) -> LearnedDynamics:
-        """The model itself."""
+        """The dynamics model with these weights."""
         network = network_from_arrays(robot, self.config, self.arrays)
         return LearnedDynamics(robot, network, threads=threads)
+
+
+@dataclass(frozen=True)
+class TrainedModel:
+    """A trained model that a diagnosis or comparison examines.
+
+    Attributes:
+      name: for people.
+      weights: of the network.
+      dataset: index of the data set that recordings count as.
+      effects: that the robot was known to have when the model was trained.
+    """
+
+    name: str
+    weights: Weights
+    dataset: int = 0
+    effects: Effects = ()
+
+    def subject(self, robot: Robot, threads: int = 1) -> Subject:
+        """The model as a subject of a diagnosis or comparison."""
+        terms = tuple(effect.term(robot, NAMED) for effect in self.effects)
+        return Subject(self.name, self.weights.dynamics(robot, threads), self.dataset, terms)

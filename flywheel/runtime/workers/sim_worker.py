@@ -1,12 +1,13 @@
-"""What happens inside worker processes: plain classes that a test can call without a cluster.
+"""The worker that simulates: a plain class that a test can call without a cluster.
 
-Only ids and numbers go back to the driver; episodes go to the store, weights to files.
+Episodes go to the store; the driver gets ids, numbers and the answer of a diagnosis.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import partial, reduce
 from operator import add
 from typing import Literal
@@ -14,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from flywheel.data import TrajectoryStore
+from flywheel.diagnosis import Diagnosis
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
@@ -27,29 +29,42 @@ from flywheel.evaluation import (
     score_by,
     score_full,
 )
-from flywheel.records import Episode, Floats, Past
-from flywheel.reports.diagnosis_page import diagnosis_page
+from flywheel.records import Episode, Floats
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.measures import DiagnosisNote, Overlay, Walk
-from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
-from flywheel.runtime.workers.diagnosis_job import missing
+from flywheel.runtime.results import Overlay, Walk
+from flywheel.runtime.workers.diagnosis_job import diagnose_plant
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
-from flywheel.runtime.workers.episode_recorder import Recorder, effects_of
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.overlays import overlay
-from flywheel.runtime.workers.sharded import Helpers, ShardedDynamics
-from flywheel.runtime.workers.winches import EpisodeWinches
+from flywheel.runtime.workers.stored_episodes import EpisodeWinches, effects_of, overlay
 
 MODELS_KEPT = 4
-PERSISTENCE, FLOOR, INFORMED_FLOOR = "persistence", "floor", "informed floor"
-ROLLS: dict[str, Literal["random", "relaxed"]] = {FLOOR: "random", INFORMED_FLOOR: "relaxed"}
+
+
+class Baseline(StrEnum):
+    """Predictions that need no training; trained models are compared with them.
+
+    The floors are MuJoCo restarted from the same partial observations. They differ in the roll of each
+    rod, which is not observed: drawn at random, or computed from the cables.
+    """
+
+    PERSISTENCE = "persistence"
+    FLOOR = "floor"
+    INFORMED_FLOOR = "informed floor"
+
+
+ROLLS: dict[Baseline, Literal["random", "relaxed"]] = {
+    Baseline.FLOOR: "random",
+    Baseline.INFORMED_FLOOR: "relaxed",
+}
 
 
 @dataclass(frozen=True)
 class EpisodeNote:
-    """What the driver is told about a recorded episode.
+    """The report to the driver about a recorded episode.
 
     Attributes:
       id: of the episode.
@@ -68,7 +83,7 @@ class EpisodeNote:
 
 @dataclass(frozen=True)
 class Scores:
-    """Errors over a share of the episodes; the shares add.
+    """The errors over a share of the episodes; the shares add up exactly (`added`).
 
     Attributes:
       by_episode: episode id -> errors from random starts in it.
@@ -82,12 +97,12 @@ class Scores:
 
     @property
     def short(self) -> ErrorTable | None:
-        """Errors from random starts, in all episodes together."""
+        """The errors from random starts, in all episodes together."""
         return reduce(add, self.by_episode.values()) if self.by_episode else None
 
 
 class SimWorker:
-    """Records episodes and scores models.
+    """Records episodes, scores models and diagnoses the plant.
 
     Args:
       config: of the run.
@@ -96,102 +111,102 @@ class SimWorker:
     """
 
     def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
-        self._recorder = Recorder(config, robot)
+        self._recorder = EpisodeRecorder(config, robot)
         self._config = config
         self._store = TrajectoryStore(store)
-        self._watch = Watch()
+        self._heartbeat = Heartbeat()
         self._models: dict[str, LearnedDynamics] = {}
 
     @property
     def beat(self) -> Beat:
-        """Latest sign of progress."""
-        return self._watch.beat
+        """The latest sign of progress."""
+        return self._heartbeat.beat
 
-    def record(
-        self, plan: EpisodePlan, weights: Weights | None = None, helpers: Helpers | None = None
-    ) -> EpisodeNote:
+    def record(self, plan: EpisodePlan, weights: Weights | None = None) -> EpisodeNote:
         """Record and commit an episode, unless the store has it already.
 
         An episode in which the plant or the model diverges is not stored; its note says why.
 
         Args:
-          plan: what to record.
+          plan: of the episode.
           weights: of the model that MPPI plans with.
-          helpers: that roll it out, instead of this process.
         """
-        self._watch.start(plan.id)
+        self._heartbeat.start(plan.id)
         if (there := self._committed(plan.id)) is not None:
             self._recorder.check_own(there)
             return self._note(plan, there)
-        dynamics: Dynamics | None = None if weights is None else self._model(weights)
-        if weights is not None and helpers is not None:
-            dynamics = ShardedDynamics(self._model(weights), helpers.ask)
+        dynamics = None if weights is None else self._model(weights)
         digest = "" if weights is None else weights.digest
         try:
-            episode = self._recorder.record(plan, dynamics, digest, self._watch)
+            episode = self._recorder.record(plan, dynamics, digest, self._heartbeat)
         except ModelError as error:
             return EpisodeNote(plan.id, invalid=str(error))
         self._store.commit(plan.id, [episode])
         return self._note(plan, episode)
 
-    def score(
+    def score_model(
         self,
-        subject: Weights | str,
+        weights: Weights,
         episodes: Sequence[str],
         seed: int,
         full: bool,
         effects: Effects = (),
     ) -> Scores:
-        """Score a model, a floor or persistence on episodes of the store.
+        """Score a trained model on episodes of the store.
 
         Args:
-          subject: weights, or "persistence", "floor" or "informed floor".
+          weights: of the model.
           episodes: ids.
-          seed: of the starts.
+          seed: of the starts of the predictions.
           full: also predict whole episodes.
           effects: adopted so far.
         """
-        name = subject if isinstance(subject, str) else subject.digest[:8]
-        self._watch.start(f"scoring {name}")
-        scores: Scores | None = None
-        for dynamics, group in self._by_dynamics(subject, episodes):
-            try:
-                part = self._scored(dynamics, group, seed, full, effects)
-            except ModelError as error:
-                return Scores(problem=str(error))
-            scores = part if scores is None else added(scores, part)
-            self._watch.progress(0.5)
-        return scores or Scores(problem="no episode")
+        self._heartbeat.start(f"scoring {weights.digest[:8]}")
+        found = [self._store.read(name) for name in episodes]
+        return self._scores([(self._model(weights), found)], seed, full, effects)
 
-    def diagnose(
-        self, effects: Effects, fit: Sequence[str], held_out: Sequence[str]
-    ) -> tuple[DiagnosisNote, str]:
-        """What the plant with these effects lacks to explain recordings; and the page about it.
+    def score_baseline(
+        self,
+        baseline: Baseline,
+        episodes: Sequence[str],
+        seed: int,
+        full: bool,
+        effects: Effects = (),
+    ) -> Scores:
+        """Score a baseline; the arguments are those of `score_model`."""
+        self._heartbeat.start(f"scoring {baseline}")
+        found = [self._store.read(name) for name in episodes]
+        return self._scores(self._baselines(baseline, found), seed, full, effects)
+
+    def diagnose(self, effects: Effects, fit: Sequence[str], held_out: Sequence[str]) -> Diagnosis:
+        """Find what the plant with these effects lacks to explain recordings.
 
         Args:
           effects: of the plant.
           fit, held_out: ids of recordings.
+
+        Raises:
+          DataError: the recordings cannot be used.
         """
-        self._watch.start("diagnosing")
-        note, found = missing(
+        self._heartbeat.start("diagnosing")
+        return diagnose_plant(
             self._config.diagnose,
             self._recorder.plant(0, effects),
             effects,
             (self._store.read(name) for name in fit),
             (self._store.read(name) for name in held_out),
-            self._watch,
+            self._heartbeat,
         )
-        about = {"recordings": ", ".join(fit), "held out": ", ".join(held_out) or "none"}
-        return note, diagnosis_page(found, about)
-
-    def rollout(self, weights: Weights, past: Past, controls: Floats) -> tuple[Floats, Floats]:
-        """Points and winch positions that a model predicts, for another worker's planner."""
-        rollout = self._model(weights).rollout(past, controls)
-        return rollout.points, rollout.winch
 
     def overlay(self, weights: Weights, episode: str, effects: Effects = ()) -> Overlay | None:
-        """A window of an episode, measured and predicted; None if the model cannot."""
-        self._watch.start("overlay")
+        """One window of an episode, measured and predicted; None where the model cannot predict it.
+
+        Args:
+          weights: of the model.
+          episode: its id.
+          effects: adopted so far.
+        """
+        self._heartbeat.start("overlay")
         try:
             return overlay(
                 self._model(weights),
@@ -204,7 +219,7 @@ class SimWorker:
             return None
 
     def _committed(self, name: str) -> Episode | None:
-        """The episode, if the store has it whole; a damaged one not in use yet is set aside."""
+        """The episode if the store has it; a damaged one that no snapshot lists is set aside."""
         if name not in (*self._store.committed(), *self._store.unreadable()):
             return None
         try:
@@ -224,24 +239,43 @@ class SimWorker:
             plan_seconds=tuple(float(s) for s in seconds),
         )
 
-    def _by_dynamics(
-        self, subject: Weights | str, names: Sequence[str]
+    def _baselines(
+        self, baseline: Baseline, episodes: list[Episode]
     ) -> list[tuple[Dynamics, list[Episode]]]:
-        episodes = [self._store.read(name) for name in names]
-        robot, dt = self._recorder.robot, episodes[0].trajectory.dt if episodes else 0.01
-        if isinstance(subject, Weights):
-            return [(self._model(subject), episodes)]
-        if subject == PERSISTENCE:
-            return [(Persistence(robot, dt), episodes)]
+        """The dynamics of a baseline, each with the episodes that it predicts.
+
+        A floor restarts the plant that the episode was simulated on; recordings have no floor.
+        """
+        if baseline is Baseline.PERSISTENCE:
+            dt = episodes[0].trajectory.dt if episodes else 0.01
+            return [(Persistence(self._recorder.robot, dt), episodes)]
         by_plant: dict[tuple[int, Effects], list[Episode]] = {}
         for episode in (e for e in episodes if e.provenance.source == "sim"):
             number = self._config.dataset_numbers()[episode.provenance.dataset]
             by_plant.setdefault((number, effects_of(episode)), []).append(episode)
-        window = self._config.evaluate.floor_window
+        window, roll = self._config.evaluate.floor_window, ROLLS[baseline]
         return [
-            (RestartedPlant(self._recorder.plant(*plant), window, roll=ROLLS[subject]), part)
+            (RestartedPlant(self._recorder.plant(*plant), window, roll=roll), part)
             for plant, part in by_plant.items()
         ]
+
+    def _scores(
+        self,
+        groups: list[tuple[Dynamics, list[Episode]]],
+        seed: int,
+        full: bool,
+        effects: Effects,
+    ) -> Scores:
+        """The sum of the scores of each dynamics on its episodes."""
+        scores: Scores | None = None
+        for dynamics, episodes in groups:
+            try:
+                part = self._scored(dynamics, episodes, seed, full, effects)
+            except ModelError as error:
+                return Scores(problem=str(error))
+            scores = part if scores is None else added(scores, part)
+            self._heartbeat.progress(0.5)
+        return scores or Scores(problem="no episode")
 
     def _scored(
         self,
@@ -273,7 +307,7 @@ class SimWorker:
         return Scores(score_by(lambda episode: episode.id, long, short), whole)
 
     def _truth(self, episode: Episode) -> Floats:
-        """Where the points really were, if that is known: noise is no error of the model."""
+        """The true points of a simulated episode, else the measured ones: noise is no error of the model."""
         states = episode.trajectory.states
         if states is None:
             return episode.trajectory.observations.points
@@ -290,7 +324,7 @@ class SimWorker:
 
 
 def added(one: Scores, other: Scores) -> Scores:
-    """Errors over both shares of the episodes."""
+    """The errors over both shares of the episodes."""
     if problem := one.problem or other.problem:
         return Scores(problem=problem)
     short = {**one.by_episode, **other.by_episode}

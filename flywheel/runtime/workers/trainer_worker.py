@@ -1,4 +1,4 @@
-"""What happens inside a trainer's process: a plain class that a test can call without a cluster."""
+"""The worker that trains: a plain class that a test can call without a cluster."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from flywheel.errors import ModelError
 from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.measures import TrainingPoint
-from flywheel.runtime.pool.heartbeat import Watch
+from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.pool.lock import hold
+from flywheel.runtime.results import TrainingPoint
 from flywheel.runtime.workers.episode_plan import Effects
-from flywheel.runtime.workers.winches import EpisodeWinches
+from flywheel.runtime.workers.stored_episodes import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
 
 SPLITS: tuple[Split, ...] = ("train", "validation")
@@ -23,13 +23,13 @@ SPLITS: tuple[Split, ...] = ("train", "validation")
 
 @dataclass(frozen=True)
 class TrainingOrder:
-    """What to train.
+    """One training.
 
     Attributes:
-      snapshot: its name.
+      snapshot: name of the data.
       folder: for checkpoints and weights.
-      cache: folder for the windows.
-      initial: weights to start from, or None.
+      cache: folder for the training windows.
+      initial: file of the weights to start from, or None.
       seed: of the training.
       effects: adopted so far.
     """
@@ -44,11 +44,11 @@ class TrainingOrder:
 
 @dataclass(frozen=True)
 class TrainingNote:
-    """What the driver is told about a finished training.
+    """The report to the driver about a training.
 
     Attributes:
-      weights: their file.
-      digest: of them.
+      weights: file of the trained weights.
+      digest: of the weights.
       curve: of the training.
       problem: why there are no weights, or "".
     """
@@ -71,16 +71,19 @@ class TrainerWorker:
     def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
         self._config, self._robot = config, robot
         self._store = TrajectoryStore(store)
-        self._watch = Watch()
+        self._heartbeat = Heartbeat()
 
     @property
     def beat(self) -> Beat:
-        """Latest sign of progress."""
-        return self._watch.beat
+        """The latest sign of progress."""
+        return self._heartbeat.beat
 
     def train(self, order: TrainingOrder) -> TrainingNote:
-        """Train from the last checkpoint in the order's folder, or from the beginning."""
-        self._watch.start("reading the snapshot")
+        """Train from the last checkpoint in the order's folder, or from the beginning.
+
+        A training that diverges has no weights; its note says why.
+        """
+        self._heartbeat.start("reading the snapshot")
         # A trainer whose driver was killed lives on for some seconds.
         with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
             snapshot = self._store.snapshot(order.snapshot)
@@ -122,4 +125,4 @@ class TrainerWorker:
             f"step {now.point.step} of {now.steps} ({now.steps_per_second:.1f}/s), "
             f"loss {now.point.loss:.3g}"
         )
-        self._watch.progress(now.point.step / now.steps, words)
+        self._heartbeat.progress(now.point.step / now.steps, words)

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from flywheel.cli.bench import BENCHES, parsed_threads
+from flywheel.cli.bench import parsed_threads
+from flywheel.cli.benches import BENCHES
 from flywheel.cli.main import app
 from flywheel.errors import ConfigError
 

@@ -11,8 +11,8 @@ import typer
 from typer.testing import CliRunner
 
 from flywheel.cli.exits import Commands
-from flywheel.cli.listing import LISTS
-from flywheel.cli.main import Kind, app
+from flywheel.cli.list import LISTS, Kind
+from flywheel.cli.main import app
 from flywheel.errors import (
     ConfigError,
     DataError,
@@ -41,7 +41,11 @@ COMMANDS = (
     ["recordings", "show"],
     ["recordings", "export"],
     ["diagnose"],
-    ["diagnose-bench"],
+    ["adopt"],
+    ["compare"],
+    ["power"],
+    ["design"],
+    ["config", "copy"],
 )
 run = CliRunner().invoke
 
@@ -132,7 +136,7 @@ def test_a_list_names_what_is_there(kind: str, monkeypatch: pytest.MonkeyPatch) 
         "models": "lean",
         "controllers": "mppi",
         "datasets": "nominal",
-        "configs": "paper/training.yaml",
+        "configs": "paper/training",
     }
     assert expected.get(kind, "") in done.output
 

@@ -15,7 +15,7 @@ from flywheel.cli.drives import (
     read_drives,
 )
 from flywheel.errors import DataError
-from flywheel.runtime.measures import Walk
+from flywheel.runtime.results import Walk
 from tests import draws
 
 

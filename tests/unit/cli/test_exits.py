@@ -233,7 +233,7 @@ def test_a_command_started_with_nohup_lives_on():
 
 
 def command(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "flywheel.cli.main", *arguments]
+    return [sys.executable, "-m", "flywheel.cli", *arguments]
 
 
 def test_a_reader_that_has_seen_enough_ends_a_command_without_a_word():

@@ -11,11 +11,9 @@ from typer.testing import CliRunner
 
 from flywheel.cli.bench import parsed_threads
 from flywheel.cli.diagnose import unsure_of
-from flywheel.cli.diagnose_bench import listed
-from flywheel.cli.experiment import length_of
 from flywheel.cli.hidden_effects import hidden_effects
 from flywheel.cli.main import app
-from flywheel.cli.options import number
+from flywheel.cli.options import length_of, number
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds
 from flywheel.robots import load_robot
@@ -68,7 +66,6 @@ def test_numbers_within_bounds_pass() -> None:
 def test_numbers_within_texts_have_bounds_too(text: str) -> None:
     for read in (
         lambda: parsed_threads(text),
-        lambda: listed(f"1,{text}"),
         lambda: length_of(f"{text}mm", PRISM),
         lambda: unsure_of([f"cable_stiffness={text}%"]),
     ):

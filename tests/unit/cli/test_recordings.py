@@ -161,7 +161,7 @@ def test_a_log_that_changed_before_it_was_stored_is_refused(
         return store_recording(*arguments)
 
     monkeypatch.setattr(recordings, "ROOM", 0)
-    monkeypatch.setattr(recordings, "store_recording", store_and_change)
+    monkeypatch.setattr("flywheel.data.recordings.store_recording", store_and_change)
     known = ("--robot", "prism3", "--store", tmp_path / "store")
     assert "log.csv changed since it was read" in ask("import", logs[1], log, *known, code=2)
     assert len(TrajectoryStore(tmp_path / "store").committed()) == 1

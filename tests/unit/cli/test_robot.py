@@ -38,7 +38,7 @@ def checked(folder: Path, *edits: tuple[str, str], more: str = "", code: int = 0
 def suggested(output: str) -> list[str]:
     """The overrides of the command that a check prints last."""
     command = shlex.split(output.splitlines()[-1].removeprefix("Run it with: "))
-    assert command[:3] == ["flywheel", "run", "configs/prism3.yaml"]
+    assert command[:3] == ["flywheel", "run", "prism3"]
     return command[3:]
 
 

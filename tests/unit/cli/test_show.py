@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from flywheel.cli.console import Out, cell, console, table
 from flywheel.cli.main import app
-from flywheel.cli.show import Out, cell, console, table
 from flywheel.runtime.pool.progress import console_progress
 
 NAMES = (

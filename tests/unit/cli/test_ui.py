@@ -76,6 +76,60 @@ def test_the_server_and_its_children_end_with_the_command(run, end, code):
     served.stdout.close()
 
 
+@pytest.mark.slow
+def test_the_server_of_mlflow_ends_with_the_command(run):
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        port = found.getsockname()[1]
+    command = [sys.executable, "-m", "flywheel.cli", "ui", str(run), "--port", str(port)]
+    served = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    limit = time.monotonic() + 120
+    while not listens(port):
+        assert served.poll() is None and time.monotonic() < limit
+        time.sleep(0.2)
+    processes = [int(entry.name) for entry in Path("/proc").glob("[0-9]*")]
+    pids = [pid for pid in processes if serves(pid, run)]
+    assert len(pids) >= 2, "MLflow's server has a child"
+    served.send_signal(signal.SIGTERM)
+    assert served.wait(30) == 130
+    limit = time.monotonic() + 10
+    while any(map(alive, pids)) and time.monotonic() < limit:
+        time.sleep(0.05)
+    assert not any(map(alive, pids))
+    assert not listens(port)
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def serves(pid: int, run: Path) -> bool:
+    """Whether a process, other than the command, has the run's database on its command line or inherited."""
+    try:
+        return str(run / DATABASE).encode() in (
+            Path(f"/proc/{pid}/cmdline").read_bytes() + Path(f"/proc/{pid}/environ").read_bytes()
+        )
+    except OSError:
+        return False
+
+
+def test_a_server_ends_where_its_caretaker_is_interrupted(run, monkeypatch):
+    started = []
+
+    def interrupted(group: int) -> None:
+        started.append(group)
+        raise KeyboardInterrupt
+
+    command = ([sys.executable, "-S", "-c", "import time; time.sleep(600)"], {}, "url")
+    monkeypatch.setattr("flywheel.cli.ui.ui_command", lambda *_: command)
+    monkeypatch.setattr("flywheel.cli.ui.Caretaker", interrupted)
+    assert CliRunner().invoke(app, ["ui", str(run)]).exit_code == 130
+    assert not alive(started[0])
+
+
 def test_a_server_that_ends_by_itself_is_told(run, monkeypatch):
     command = ([sys.executable, "-c", "raise SystemExit(3)"], {}, "url")
     monkeypatch.setattr("flywheel.cli.ui.ui_command", lambda *_: command)

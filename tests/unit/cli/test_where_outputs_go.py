@@ -28,7 +28,7 @@ COMMANDS = (
     "navigate config.yaml --model oracle --no-film --results OUT",
     "navigate config.yaml --model oracle --no-film --picture OUT",
     "navigate config.yaml --model oracle --no-film --logs OUT",
-    "diagnose-bench OUT",
+    "config copy smoke OUT",
     "recordings import log.csv --robot prism3 --store OUT",
     "run config.yaml --folder OUT",
     "run config.yaml store=OUT",

@@ -15,14 +15,14 @@ from pathlib import Path
 import pytest
 
 from flywheel.errors import RunError
-from flywheel.runtime.pool import ray_folder as module
+from flywheel.runtime.pool import ray_backend as module
 from flywheel.runtime.pool.caretaker import MARK, Caretaker, marked, remove
 from flywheel.runtime.pool.lock import hold
-from flywheel.runtime.pool.ray_folder import LOCK_FILE, PREFIX, ray_folder, sweep
+from flywheel.runtime.pool.ray_backend import FOLDER_LOCK, FOLDER_PREFIX, ray_folder, sweep
 
 DRIVER = """
 import subprocess, sys, time
-from flywheel.runtime.pool.ray_folder import marking, ray_folder
+from flywheel.runtime.pool.ray_backend import marking, ray_folder
 with ray_folder() as folder:
     with marking(folder):
         helper = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])
@@ -98,23 +98,23 @@ def test_the_folder_is_gone_when_the_block_has_ended(temporary):
 
 def left(place: Path, name: str, age: float = 3600.0) -> Path:
     """A folder as a killed driver, and its killed caretaker, left it."""
-    folder = place / f"{PREFIX}{name}"
+    folder = place / f"{FOLDER_PREFIX}{name}"
     folder.mkdir()
-    (folder / LOCK_FILE).touch()
+    (folder / FOLDER_LOCK).touch()
     os.utime(folder, (time.time() - age,) * 2)
     return folder
 
 
 def test_what_killed_drivers_left_is_removed_at_the_next_start_and_nothing_else(temporary):
     dead, used, young = left(temporary, "dead"), left(temporary, "used"), left(temporary, "new", 1)
-    own = temporary / f"{PREFIX}of-somebody"  # no lock: not one of ours
+    own = temporary / f"{FOLDER_PREFIX}of-somebody"  # no lock: not one of ours
     own.mkdir()
     os.utime(own, (0, 0))
     other = temporary / "flywheel-runs"
     other.mkdir()
     helper, stranger = sleeper(dead), sleeper(used)
     try:
-        with hold(used / LOCK_FILE, "it"):
+        with hold(used / FOLDER_LOCK, "it"):
             os.utime(used, (0, 0))
             sweep(temporary)
         assert within(5, lambda: helper.poll() is not None)
@@ -144,7 +144,7 @@ def test_a_folder_with_too_long_a_path_for_sockets_is_not_taken(temporary, monke
     monkeypatch.setenv("RAY_TMPDIR", str(long))
     with ray_folder() as folder:
         assert folder.parent == temporary
-    monkeypatch.setattr(module, "LONGEST", 5)
+    monkeypatch.setattr(module, "LONGEST_FOLDER", 5)
     with pytest.raises(RunError, match=r"too long.*RAY_TMPDIR|RAY_TMPDIR.*too long"):
         module.ray_folder().__enter__()
     assert [p.name for p in temporary.iterdir()] == [long.name]

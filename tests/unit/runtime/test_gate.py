@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.runtime.config.run_config import GateConfig
-from flywheel.runtime.measures import ErrorNumbers, Errors, Navigation, Walk
+from flywheel.runtime.results import ErrorNumbers, Errors, Navigation, Walk
 from flywheel.runtime.stages.gate import decide_champion
 from tests import draws
 

@@ -15,8 +15,8 @@ from flywheel.dynamics.gnn import load_weights, save_weights
 from flywheel.errors import ModelError, RunError
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.workers.episode_recorder import Recorder
-from flywheel.runtime.workers.sim_worker import SimWorker
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.runtime.workers.sim_worker import Baseline, SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 from tests.unit.runtime.tiny_run import Bench
 
@@ -28,14 +28,14 @@ def bench(tmp_path):
 
 def fail_at(monkeypatch, *marks: str, error: Exception | None = None) -> None:
     """Let the recording of episodes whose id contains a mark fail."""
-    honest = Recorder.record
+    honest = EpisodeRecorder.record
 
     def record(self, plan, *arguments):
         if any(mark in plan.id for mark in marks):
             raise error or ModelError(f"{plan.id}: simulation 0 diverged at 0.4 s")
         return honest(self, plan, *arguments)
 
-    monkeypatch.setattr(Recorder, "record", record)
+    monkeypatch.setattr(EpisodeRecorder, "record", record)
 
 
 def test_a_run_turns_from_an_empty_folder_to_its_conclusion(bench):
@@ -65,13 +65,13 @@ def test_an_interrupted_run_records_only_what_is_missing(bench, monkeypatch):
         with pytest.raises(RunError, match="on purpose"):
             bench.turn()
     recorded = Counter[str]()
-    honest = Recorder.record
+    honest = EpisodeRecorder.record
 
     def record(self, plan, *arguments):
         recorded[plan.id] += 1
         return honest(self, plan, *arguments)
 
-    monkeypatch.setattr(Recorder, "record", record)
+    monkeypatch.setattr(EpisodeRecorder, "record", record)
     assert bench.turn(resume=True).finished
     assert recorded == {"i0001-mppi-collect-0001": 1, "i0001-mppi-evaluate-0000": 1}
 
@@ -189,7 +189,7 @@ def test_measurement_noise_reaches_what_is_stored(tmp_path):
     bench = Bench(tmp_path, iterations=0, measurement={"noise": 0.01})
     bench.turn()
     episode = bench.store.read("i0000-random-0000")
-    recorder = Recorder(bench.config, load_robot(bench.config.robot))
+    recorder = EpisodeRecorder(bench.config, load_robot(bench.config.robot))
     truth = recorder.plant(0).observe(episode.trajectory.states).points
     spread = np.std(episode.trajectory.observations.points - truth)
     assert spread == pytest.approx(0.01 * recorder.robot.length, rel=0.1)
@@ -201,10 +201,10 @@ def test_predictions_are_judged_by_what_happened_not_by_what_was_measured(tmp_pa
     names = [e.id for e in bench.store.snapshot("i0000-mppi").episodes]
     robot = load_robot(bench.config.robot)
     worker = SimWorker(bench.config, bench.files.store_url(bench.config), robot)
-    informed = worker.score("informed floor", names, 0, False).short
+    informed = worker.score_baseline(Baseline.INFORMED_FLOOR, names, 0, False).short
     noisy = RunConfig.model_validate({**bench.config.model_dump(), "measurement": {}})
     measured = SimWorker(noisy, bench.files.store_url(bench.config), robot)
-    blurred = measured.score("informed floor", names, 0, False).short
+    blurred = measured.score_baseline(Baseline.INFORMED_FLOOR, names, 0, False).short
     noise_of_a_centre = 100 * 0.05 / np.sqrt(2)  # of two caps [% of L]
     expected = np.hypot(informed.e_pos_rmse, np.sqrt(3) * noise_of_a_centre)
     assert blurred.e_pos_rmse == pytest.approx(expected, rel=0.1)

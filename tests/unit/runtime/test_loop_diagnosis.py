@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from flywheel.data.recordings import read_recording, store_recording
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.workers.episode_recorder import effects_of
+from flywheel.runtime.workers.stored_episodes import effects_of
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
 from tests.unit.runtime.tiny_run import TINY, Bench
@@ -60,7 +60,7 @@ def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path):
     assert effects_of(run.store.read("oracle-0000")) == note.effects
 
     models = [i.model for i in result.iterations]
-    run.files.forget(1, "mppi")
+    (tmp_path / "iterations" / "i0001-mppi.json").unlink()
     (tmp_path / "result.json").unlink()
     again = run.turn(resume=True)
     assert "i0001-diagnose" not in run.backend.done, "an answer that is there is not sought again"

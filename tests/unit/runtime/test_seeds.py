@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flywheel.runtime.run.seeds import derive_seed
+from flywheel.runtime.workers.episode_plan import derive_seed
 
 
 def test_a_seed_depends_on_every_part_of_what_the_job_is():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flywheel.data import TrajectoryStore
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.loop import turn
+from flywheel.runtime.loop import finish
 from flywheel.runtime.pool.jobs import Group
 from flywheel.runtime.pool.pool import WorkerPool
 from flywheel.runtime.pool.progress import Lines
@@ -70,7 +70,9 @@ class Bench:
         groups = [Group("sim", SimWorker, arguments), Group("trainer", TrainerWorker, arguments)]
         pool = WorkerPool(self.backend, groups, cores=2)
         progress = Lines(self.said.append)
-        return turn(Run(self.config, self.files, robot, self.store, pool, None, progress), identity)
+        return finish(
+            Run(self.config, self.files, robot, self.store, pool, None, progress), identity
+        )
 
     def digests(self) -> dict[str, str]:
         """Of everything a finished run consists of."""

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from flywheel.errors import DataError
-from flywheel.runtime.tracking.outbox import Courier, Outbox
+from flywheel.runtime.tracking.tracker import Delivery, Outbox
 
 FAST = (0.01, 0.05)
 
@@ -40,11 +40,11 @@ def numbers(count, start=0):
 
 def test_records_arrive_once_and_in_order(tmp_path, receiver):
     outbox = Outbox(tmp_path)
-    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
+    delivery = Delivery(outbox, receiver.deliver, retry_seconds=FAST)
     for record in numbers(50):
         outbox.append(record)
-        courier.wake()
-    assert courier.close(5)
+        delivery.wake()
+    assert delivery.close(5)
     assert receiver.records == numbers(50)
     assert outbox.empty
 
@@ -52,44 +52,44 @@ def test_records_arrive_once_and_in_order(tmp_path, receiver):
 def test_what_was_not_delivered_waits_for_the_next_process(tmp_path, receiver):
     receiver.error = ConnectionError("refused")
     first = Outbox(tmp_path)
-    courier = Courier(first, receiver.deliver, retry_seconds=FAST)
+    delivery = Delivery(first, receiver.deliver, retry_seconds=FAST)
     for record in numbers(5):
         first.append(record)
-    assert not courier.close(0.2)
-    assert "refused" in courier.problem
+    assert not delivery.close(0.2)
+    assert "refused" in delivery.problem
     receiver.error = None
     second = Outbox(tmp_path)
     assert second.pending() == 5
-    assert Courier(second, receiver.deliver, retry_seconds=FAST).close(5)
+    assert Delivery(second, receiver.deliver, retry_seconds=FAST).close(5)
     assert receiver.records == numbers(5)
     third = Outbox(tmp_path)
     assert third.empty
-    assert Courier(third, receiver.deliver).close(1)
+    assert Delivery(third, receiver.deliver).close(1)
     assert receiver.records == numbers(5)
 
 
 def test_a_receiver_that_recovers_is_noticed_without_new_records(tmp_path, receiver):
     receiver.error = TimeoutError()
     outbox = Outbox(tmp_path)
-    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
+    delivery = Delivery(outbox, receiver.deliver, retry_seconds=FAST)
     outbox.append({"n": 0})
-    assert not courier.flush(0.1)
+    assert not delivery.flush(0.1)
     receiver.error = None
-    assert courier.flush(5)
-    assert courier.problem == ""
-    courier.close(1)
+    assert delivery.flush(5)
+    assert delivery.problem == ""
+    delivery.close(1)
 
 
 def test_a_receiver_that_hangs_blocks_neither_append_nor_flush(tmp_path):
     release = threading.Event()
     outbox = Outbox(tmp_path)
-    courier = Courier(outbox, lambda record: release.wait(30) and None, retry_seconds=FAST)
+    delivery = Delivery(outbox, lambda record: release.wait(30) and None, retry_seconds=FAST)
     start = time.monotonic()
     for record in numbers(20):
         outbox.append(record)
-        courier.wake()
-    assert not courier.flush(0.3)
-    assert not courier.close(0.3)
+        delivery.wake()
+    assert not delivery.flush(0.3)
+    assert not delivery.close(0.3)
     assert time.monotonic() - start < 3
     assert outbox.pending() == 20
     release.set()
@@ -105,10 +105,10 @@ def test_a_record_that_will_never_be_taken_is_set_aside_with_the_reason(tmp_path
 
     outbox = Outbox(tmp_path)
     hopeless = lambda error: isinstance(error, ValueError)  # noqa: E731
-    courier = Courier(outbox, deliver, hopeless, FAST)
+    delivery = Delivery(outbox, deliver, hopeless, FAST)
     for record in numbers(3):
         outbox.append(record)
-    assert courier.close(5)
+    assert delivery.close(5)
     assert taken == [{"n": 0}, {"n": 2}]
     aside = (tmp_path / "outbox.rejected.jsonl").read_text()
     assert "no such thing" in aside and '"n": 1' in aside
@@ -142,7 +142,7 @@ def test_a_full_disk_leaves_no_half_record(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as full:
-        full.setattr("flywheel.runtime.tracking.outbox._append_durably", half)
+        full.setattr("flywheel.runtime.tracking.tracker._append_durably", half)
         with pytest.raises(OSError, match="No space"):
             outbox.append({"n": 1})
     outbox.append({"n": 2})
@@ -156,9 +156,9 @@ def test_where_the_note_of_what_was_delivered_is_damaged_all_is_delivered_again(
     outbox = Outbox(tmp_path)
     for record in numbers(3):
         outbox.append(record)
-    assert Courier(outbox, receiver.deliver, retry_seconds=FAST).close(5)
+    assert Delivery(outbox, receiver.deliver, retry_seconds=FAST).close(5)
     (tmp_path / "outbox.offset").write_bytes(offset)
-    assert Courier(Outbox(tmp_path), receiver.deliver, retry_seconds=FAST).close(5)
+    assert Delivery(Outbox(tmp_path), receiver.deliver, retry_seconds=FAST).close(5)
     again = [] if offset == b"9999999" else numbers(3)  # that one says: all of it
     assert receiver.records == numbers(3) + again
 
@@ -168,10 +168,10 @@ def test_a_problem_that_waiting_does_not_mend_is_not_waited_for_and_told_once(
 ):
     receiver.error = DataError("The database is damaged: move it away.")
     outbox = Outbox(tmp_path)
-    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
+    delivery = Delivery(outbox, receiver.deliver, retry_seconds=FAST)
     outbox.append({"n": 0})
     start = time.monotonic()
-    assert not courier.flush(30)
+    assert not delivery.flush(30)
     assert time.monotonic() - start < 10
     time.sleep(0.1)  # it goes on trying
     assert [r.message.partition("again: ")[2] for r in caplog.records] == [
@@ -181,8 +181,8 @@ def test_a_problem_that_waiting_does_not_mend_is_not_waited_for_and_told_once(
     limit = time.monotonic() + 10
     while not outbox.empty and time.monotonic() < limit:
         time.sleep(0.01)
-    assert courier.flush(5)
-    assert courier.close(1)
+    assert delivery.flush(5)
+    assert delivery.close(1)
 
 
 def test_the_first_cause_of_a_problem_is_told_not_what_clients_make_of_it(tmp_path, receiver):
@@ -195,9 +195,9 @@ def test_the_first_cause_of_a_problem_is_told_not_what_clients_make_of_it(tmp_pa
         receiver.error = error
     outbox = Outbox(tmp_path)
     outbox.append({"n": 0})
-    courier = Courier(outbox, receiver.deliver, retry_seconds=FAST)
-    courier.close(0.1)
-    assert courier.problem == "OSError: disk I/O error"
+    delivery = Delivery(outbox, receiver.deliver, retry_seconds=FAST)
+    delivery.close(0.1)
+    assert delivery.problem == "OSError: disk I/O error"
 
 
 def test_a_line_that_someone_else_wrote_is_named(tmp_path):
@@ -211,7 +211,7 @@ def test_a_line_that_someone_else_wrote_is_named(tmp_path):
 WRITER = """
 import sys
 from pathlib import Path
-from flywheel.runtime.tracking.outbox import Outbox
+from flywheel.runtime.tracking.tracker import Outbox
 outbox = Outbox(Path(sys.argv[1]))
 for n in range(100000):
     outbox.append({"n": n, "filling": "x" * 300})

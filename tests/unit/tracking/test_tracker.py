@@ -5,7 +5,7 @@ import math
 import pytest
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.measures import GateDecision
+from flywheel.runtime.results import GateDecision
 from flywheel.runtime.tracking.publish import (
     publish_end,
     publish_iteration,
@@ -17,8 +17,6 @@ from tests.unit.reports.fake_run import fake_iteration, fake_run
 
 class Notes:
     """A receiver that keeps the records."""
-
-    chart_url = "nowhere"
 
     def __init__(self):
         self.records = []

@@ -1,0 +1,57 @@
+"""Results as tables: one CSV file per benchmark, one row per case, each row a frozen record.
+
+Numbers have six digits, what is not there is an empty cell.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
+
+from flywheel.outputs import write_output
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+R = TypeVar("R", bound="DataclassInstance")
+RESULTS = Path(__file__).with_name("results")
+
+
+def write_rows(path: Path, rows: Iterable[DataclassInstance]) -> None:
+    """Write records of one class, at least one, as CSV."""
+    text, values = io.StringIO(), [asdict(row) for row in rows]
+    writer = csv.DictWriter(text, list(values[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _cell(value) for name, value in row.items()} for row in values)
+    write_output(path, text.getvalue())
+
+
+def read_rows(kind: type[R], path: Path) -> list[R]:
+    """Read records of a class whose fields are texts, whole numbers, numbers and truth values."""
+    hints = get_type_hints(kind)
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            kind(**{each.name: _value(row[each.name], hints[each.name]) for each in fields(kind)})
+            for row in csv.DictReader(file)
+        ]
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return value
+
+
+def _value(text: str, kind: type) -> Any:
+    if kind is bool:
+        return text == "yes"
+    if kind is float:
+        return float(text) if text else math.nan
+    return kind(text)

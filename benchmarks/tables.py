@@ -1,0 +1,166 @@
+"""Results of the benchmarks: taken over as CSV, and shown as the tables of the pages in docs/results/.
+
+    python -m benchmarks.tables                              makes the tables of the pages anew
+    python -m benchmarks.tables collect diagnosis FOLDER     results of `python -m benchmarks.diagnosis`
+    python -m benchmarks.tables collect adoption FOLDER      ... of `python -m benchmarks.adoption`
+    python -m benchmarks.tables collect sysid FOLDER         ... of `python -m benchmarks.sysid`
+    python -m benchmarks.tables collect navigation NAME RUN  a run, or a file of `flywheel navigate --results`
+
+A table stands in a page between `<!-- table: NAME -->` and `<!-- end -->`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from benchmarks import adoption, navigation
+from benchmarks.adoption import AdoptionRow, AdoptionStudy
+from benchmarks.diagnosis.case_result import CaseResult
+from benchmarks.diagnosis.case_row import CaseRow
+from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
+from benchmarks.navigation import EpisodeRow, ModelRow
+from benchmarks.rows import RESULTS, read_rows, write_rows
+from benchmarks.sysid import table as sysid
+from benchmarks.sysid.study import CaseStudy
+from benchmarks.sysid.table import ContenderRow
+from flywheel.cli.drives import read_drives
+from flywheel.errors import ConfigError, FlywheelError
+from flywheel.outputs import write_output
+from flywheel.registry import lookup
+from flywheel.runtime.results import RunResult
+
+PAGES = Path(__file__).parents[1] / "docs" / "results"
+BLOCK = re.compile(r"(?<=<!-- table: )([\w-]+)( -->\n).*?(?=<!-- end -->)", re.DOTALL)
+DIAGNOSIS = RESULTS / "diagnosis.csv"
+ADOPTION = RESULTS / "adoption.csv"
+SYSID = RESULTS / "sysid.csv"
+MODELS = RESULTS / "navigation_models.csv"
+EPISODES = RESULTS / "navigation_episodes.csv"
+
+
+def diagnosis(of_set: str, groups: Iterable[str], size: str = "") -> list[CaseRow]:
+    """Cases of prism3 of some groups; of single effects those of one size."""
+    return [
+        row
+        for row in _of_set(of_set)
+        if row.robot == "prism3"
+        and row.group in groups
+        and (row.group != "single" or f".{size}." in row.name)
+    ]
+
+
+def _of_set(name: str) -> list[CaseRow]:
+    return [row for row in read_rows(CaseRow, DIAGNOSIS) if row.set == name]
+
+
+TABLES: dict[str, Callable[[], list[str]]] = {
+    "diagnosis": lambda: rates_table(diagnosis("main", ("none", "single"), "x1")),
+    "diagnosis-half": lambda: rates_table(diagnosis("main", ("single",), "x0.5")),
+    "diagnosis-twice": lambda: rates_table(diagnosis("main", ("single",), "x2")),
+    "diagnosis-outside": lambda: outside_table(diagnosis("main", ("outside",))),
+    "diagnosis-pairs": lambda: rates_table(diagnosis("main", ("pairs",))),
+    "diagnosis-triples": lambda: rates_table(diagnosis("main", ("triples",))),
+    "diagnosis-hard": lambda: hard_table(_of_set("main")),
+    "diagnosis-fresh": lambda: rates_table(diagnosis("fresh", ("single", "pairs"), "x1")),
+    "diagnosis-fresh-outside": lambda: outside_table(diagnosis("fresh", ("outside",))),
+    "diagnosis-fresh-hard": lambda: hard_table(_of_set("fresh")),
+    "diagnosis-network": lambda: rates_table(diagnosis("network", ("none", "single"), "x2")),
+    "adoption": lambda: adoption.table(read_rows(AdoptionRow, ADOPTION)),
+    "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
+    "navigation": lambda: navigation.run_table(
+        "s_course_from_little",
+        read_rows(ModelRow, MODELS),
+        read_rows(EpisodeRow, EPISODES),
+        "s_course",
+    ),
+    "navigation-episodes": lambda: navigation.episodes_table(read_rows(EpisodeRow, EPISODES)),
+}
+
+
+def with_tables(page: str) -> str:
+    """A page with its tables made anew.
+
+    Raises:
+      UnknownNameError: there is no table of a name that stands in it.
+    """
+
+    def made(block: re.Match[str]) -> str:
+        lines = lookup(TABLES, block[1], "table")()
+        return f"{block[1]}{block[2]}" + "\n".join(lines) + "\n"
+
+    return BLOCK.sub(made, page)
+
+
+def collect(kind: str, folder: Path, of_set: str = "main") -> Path:
+    """Take the results of a benchmark's folder over; of the diagnosis, those of one set of cases."""
+    texts = [file.read_text(encoding="utf-8") for file in sorted(folder.glob("*.json"))]
+    if not texts:
+        raise ConfigError(f"There is no result in {folder}.")
+    if kind == "diagnosis":
+        there = read_rows(CaseRow, DIAGNOSIS) if DIAGNOSIS.exists() else []
+        new = [CaseRow.of(CaseResult.model_validate_json(text), of_set) for text in texts]
+        write_rows(DIAGNOSIS, [*(row for row in there if row.set != of_set), *new])
+        return DIAGNOSIS
+    if kind == "adoption":
+        write_rows(
+            ADOPTION, [adoption.row_of(AdoptionStudy.model_validate_json(text)) for text in texts]
+        )
+        return ADOPTION
+    cases = [CaseStudy.model_validate_json(text) for text in texts]
+    write_rows(SYSID, [row for case in cases for row in sysid.rows_of(case)])
+    return SYSID
+
+
+def collect_navigation(name: str, source: Path, seed: int) -> None:
+    """Take the episodes of a run's folder, or of a file of `flywheel navigate --results`, over."""
+    models = read_rows(ModelRow, MODELS) if MODELS.exists() else []
+    episodes = read_rows(EpisodeRow, EPISODES) if EPISODES.exists() else []
+    if source.is_dir():
+        result = RunResult.load(source)
+        seed = result.config["seed"]
+        models = [row for row in models if (row.run, row.seed) != (name, seed)]
+        write_rows(MODELS, [*models, *navigation.models_of(name, result)])
+        new = list(navigation.episodes_of(name, result))
+    else:
+        new = list(navigation.driven_episodes(name, seed, read_drives(source)))
+    kept = [row for row in episodes if (row.run, row.seed) != (name, seed)]
+    write_rows(EPISODES, [*kept, *new])
+
+
+def main() -> None:
+    """Make the tables of the pages anew, or take results over."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.tables", description=(__doc__ or "").splitlines()[0]
+    )
+    verbs = parser.add_subparsers(dest="verb")
+    verb = verbs.add_parser("collect", help="take results over as CSV")
+    kinds = verb.add_subparsers(dest="kind", required=True)
+    for kind in ("diagnosis", "adoption", "sysid"):
+        kinds.add_parser(kind).add_argument("folder", type=Path)
+    kinds.choices["diagnosis"].add_argument("--set", default="main", help="of the cases")
+    driven = kinds.add_parser("navigation")
+    driven.add_argument("name", help="of the run")
+    driven.add_argument("run", type=Path, help="its folder, or a file of episodes")
+    driven.add_argument("--seed", type=int, default=0, help="of the run, for a file of episodes")
+    given = parser.parse_args()
+    try:
+        _do(given)
+    except FlywheelError as error:
+        parser.error(str(error))
+
+
+def _do(given: argparse.Namespace) -> None:
+    if given.verb is None:
+        for page in sorted(PAGES.glob("*.md")):
+            write_output(page, with_tables(page.read_text(encoding="utf-8")))
+    elif given.kind == "navigation":
+        collect_navigation(given.name, given.run, given.seed)
+    else:
+        collect(given.kind, given.folder, getattr(given, "set", "main"))
+
+
+if __name__ == "__main__":
+    main()

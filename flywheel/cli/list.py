@@ -1,0 +1,165 @@
+"""`flywheel list`: what there is to choose from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+from importlib import import_module
+from itertools import takewhile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from flywheel.cli.console import console, first_line, table
+
+if TYPE_CHECKING:
+    from flywheel.runtime.config.run_config import RunConfig
+
+
+class Kind(StrEnum):
+    """What can be listed."""
+
+    robots = "robots"
+    tasks = "tasks"
+    models = "models"
+    controllers = "controllers"
+    datasets = "datasets"
+    configs = "configs"
+    runs = "runs"
+
+
+def list_(kind: Annotated[Kind, typer.Argument(help="What to list.", show_default=False)]) -> None:
+    """List what there is to choose from.
+
+    [bold]Example[/bold]
+
+    flywheel list robots
+    """
+    console().print(LISTS[kind.value]())
+
+
+def robots() -> Table:
+    """The shipped robots."""
+    from flywheel.robots import ROBOTS, load_robot
+
+    made = [load_robot(name) for name in ROBOTS]
+    return table(
+        "Robots (or the path of your own MJCF)",
+        ["robot", "#bodies", "#tracked points", "#cables", "#winches", "L [m]", "mass [kg]"],
+        [
+            (
+                name,
+                len(robot.bodies),
+                len(robot.points),
+                len(robot.cables),
+                len(robot.winches),
+                robot.length,
+                sum(body.mass for body in robot.bodies),
+            )
+            for name, robot in zip(ROBOTS, made, strict=True)
+        ],
+    )
+
+
+def models() -> Table:
+    """What can predict: networks to be trained, and what they are compared with."""
+    from flywheel.dynamics import Persistence, PlantDynamics
+    from flywheel.dynamics.gnn import NetworkConfig
+    from flywheel.dynamics.plant import RestartedPlant
+
+    rows = [
+        ("lean", "network", first_line(NetworkConfig.lean)),
+        ("paper", "network", first_line(NetworkConfig.paper)),
+        ("persistence", "baseline", first_line(Persistence)),
+        ("floor", "MuJoCo", first_line(RestartedPlant)),
+        ("oracle", "MuJoCo", first_line(PlantDynamics)),
+    ]
+    return table("Dynamics models", ["model", "kind", "what"], rows)
+
+
+def datasets() -> Table:
+    """The variations of the plant that the configurations name."""
+    rows = [
+        (name, data.name, _different(data.plant))
+        for name, (_, config) in _configs().items()
+        for data in config.datasets
+    ]
+    return table("Data sets (variations of the plant)", ["in", "data set", "differs by"], rows)
+
+
+def configs() -> Table:
+    """The configurations that come with flywheel, and those in ./configs."""
+    rows = [
+        (name, config.robot, config.iterations, len(config.datasets), _first_sentence(file))
+        for name, (file, config) in _configs().items()
+    ]
+    columns = ["configuration", "robot", "#iterations", "#data sets", "what for"]
+    return table("Configurations (flywheel run NAME, flywheel config copy NAME)", columns, rows)
+
+
+def runs() -> Table:
+    """The runs in runs/."""
+    from flywheel.cli.runs import known_runs
+    from flywheel.errors import FlywheelError
+    from flywheel.runtime.results import RunResult
+
+    rows: list[tuple[object, ...]] = []
+    for folder in known_runs():
+        try:
+            result = RunResult.load(folder)
+            state = "finished" if result.finished else "not finished"
+            rows.append((str(folder), result.robot, len(result.of_arm("mppi")), state))
+        except FlywheelError as error:
+            rows.append((str(folder), None, None, str(error)))
+    return table("Runs", ["folder", "robot", "#iterations", "state"], rows)
+
+
+def registry(title: str, module: str, name: str) -> Callable[[], Table]:
+    """A list of one of the literal registries, with the first line of what each entry says."""
+
+    def listed() -> Table:
+        entries: dict[str, Any] = getattr(import_module(module), name)
+        rows = [(key, first_line(entry)) for key, entry in entries.items()]
+        return table(title, ["name", "what"], rows)
+
+    return listed
+
+
+def _configs() -> dict[str, tuple[Path, RunConfig]]:
+    """Name, or path of one's own -> file and content."""
+    from flywheel.runtime.config.run_config import load_config
+    from flywheel.runtime.config.shipped import shipped_configs
+
+    shipped = shipped_configs()
+    known = {file.resolve() for file in shipped.values()}
+    own = [file for file in sorted(Path("configs").rglob("*.yaml")) if file.resolve() not in known]
+    files = {**shipped, **{str(file): file for file in own}}
+    return {name: (file, load_config(file)) for name, file in files.items()}
+
+
+def _different(plant: Any) -> str:
+    nominal = type(plant)()
+    changed = {k: v for k, v in plant.model_dump().items() if v != getattr(nominal, k)}
+    return ", ".join(f"{key} x {value:g}" for key, value in changed.items()) or "nothing"
+
+
+def _first_sentence(file: Path) -> str:
+    """The first sentence of the comment that a file begins with."""
+    lines = takewhile(
+        lambda line: line.startswith("#"), file.read_text(encoding="utf-8").splitlines()
+    )
+    comment = " ".join(line.removeprefix("#").strip() for line in lines)
+    return comment.split(". ")[0].removesuffix(".")
+
+
+LISTS: dict[str, Callable[[], Table]] = {
+    "robots": robots,
+    "tasks": registry("Tasks", "flywheel.tasks", "TASKS"),
+    "models": models,
+    "controllers": registry("Controllers", "flywheel.control", "CONTROLLERS"),
+    "datasets": datasets,
+    "configs": configs,
+    "runs": runs,
+}

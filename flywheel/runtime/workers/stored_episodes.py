@@ -1,0 +1,110 @@
+"""Computed from stored episodes: effects of their plant, winch positions, one predicted window."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from flywheel.dynamics.plant import Reckoning
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.effects import NAMED, WrittenTerm
+from flywheel.evaluation import past_at
+from flywheel.records import Episode, Floats, KnownWinch
+from flywheel.robots import Robot
+from flywheel.runtime.results import Overlay
+from flywheel.runtime.workers.episode_plan import Effects
+
+KEPT = 32  # episodes whose winch positions are kept, because scoring asks for them repeatedly
+
+
+@dataclass(frozen=True)
+class EpisodeWinches:
+    """Winch positions of episodes, by dead-reckoning (`Reckoning`).
+
+    A simulated episode names the effects of its plant. Recordings are taken to have those adopted so far.
+
+    Attributes:
+      robot: of the episodes.
+      effects: adopted so far.
+    """
+
+    robot: Robot
+    effects: Effects = ()
+    _known: dict[str, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __call__(self, episode: Episode) -> Floats:
+        """The winch positions of an episode, (T + 1, W) [m]."""
+        if episode.id not in self._known:
+            if len(self._known) >= KEPT:
+                del self._known[next(iter(self._known))]
+            self._known[episode.id] = self._reckoned(episode)
+        return self._known[episode.id]
+
+    def _reckoned(self, episode: Episode) -> Floats:
+        simulated = episode.provenance.source == "sim"
+        effects = effects_of(episode) if simulated else self.effects
+        terms = tuple(effect.term(self.robot, NAMED) for effect in effects)
+        return Reckoning(self.robot, episode.trajectory.dt, terms).known(episode.trajectory)
+
+    @property
+    def belief(self) -> str:
+        """A short digest of the adopted effects; "" for none."""
+        if not self.effects:
+            return ""
+        text = ";".join(effect.model_dump_json() for effect in self.effects)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+SECONDS_APART = 0.1
+
+
+def overlay(
+    dynamics: Dynamics,
+    episode: Episode,
+    seconds: float,
+    datasets: Mapping[str, int],
+    winches: KnownWinch | None = None,
+) -> Overlay | None:
+    """Predict the window in the middle of an episode; None where the episode is too short.
+
+    Args:
+      dynamics: the model that predicts.
+      episode: with at least `seconds` of measurements.
+      seconds: length of the window [s].
+      datasets: index of each data set in the network's one-hot.
+      winches: gives the winch positions of the episode; None for `Robot.winches_of`.
+    """
+    trajectory, robot = episode.trajectory, dynamics.robot
+    steps = round(seconds / trajectory.dt)
+    start = (trajectory.steps - steps) // 2
+    if start < 0:
+        return None
+    measured = trajectory.observations.points[start : start + steps + 1]
+    controls = trajectory.controls
+    winch = (winches or robot.winches_of)(episode)
+    dataset = datasets.get(episode.provenance.dataset, 0)
+    past = past_at(episode, robot, start, dynamics.history, winch, dataset)
+    predicted = dynamics.rollout(past, controls[None, start : start + steps]).points[0]
+    stride = max(1, round(SECONDS_APART / trajectory.dt))
+    return Overlay(
+        seconds=tuple((np.arange(0, steps + 1, stride) * trajectory.dt).round(6).tolist()),
+        measured=_places(measured[::stride]),
+        predicted=_places(predicted[::stride]),
+        rods=tuple(
+            (body.points[0], body.points[-1]) for body in robot.bodies if len(body.points) > 1
+        ),
+        episode=episode.id,
+    )
+
+
+def _places(points: np.ndarray) -> tuple[tuple[tuple[float, float, float], ...], ...]:
+    return tuple(tuple((x, y, z) for x, y, z in frame) for frame in points.round(4).tolist())
+
+
+def effects_of(episode: Episode) -> Effects:
+    """The effects of the plant that an episode was recorded on, beyond its MJCF."""
+    there = episode.provenance.effects
+    return tuple(WrittenTerm.labelled(label, values) for label, values in there.items())

@@ -1,0 +1,9 @@
+"""How often a diagnosis is right.
+
+python pipelines/diagnosis.py --help
+"""
+
+from benchmarks.diagnosis.__main__ import app
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,87 @@
+"""The tables of the pages are those that the results make, and results survive as CSV."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from benchmarks.diagnosis.case_result import CaseResult, Named
+from benchmarks.diagnosis.case_row import CaseRow
+from benchmarks.rows import read_rows, write_rows
+from benchmarks.tables import BLOCK, PAGES, TABLES, with_tables
+from flywheel.errors import UnknownNameError
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize("page", sorted(PAGES.glob("*.md")), ids=lambda path: path.stem)
+def test_the_tables_of_a_page_are_those_of_the_results(page: Path) -> None:
+    text = page.read_text()
+    assert with_tables(text) == text, "python -m benchmarks.tables makes them anew"
+
+
+def test_pages_have_tables_that_are_made() -> None:
+    named = {block[1] for page in PAGES.glob("*.md") for block in BLOCK.finditer(page.read_text())}
+    assert {"diagnosis", "adoption", "sysid"} <= named <= TABLES.keys()
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_has_rows_as_long_as_its_head(name: str) -> None:
+    head, rule, *rows = "\n".join(TABLES[name]()).splitlines()
+    assert rows and set(rule) == set("|-")
+    assert {row.count("|") for row in rows} == {head.count("|")}
+
+
+def test_a_table_of_another_name_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'sysid'"):
+        with_tables("<!-- table: sysd -->\n<!-- end -->\n")
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    count: int
+    size: float
+    right: bool
+
+
+def test_rows_survive_as_csv(tmp_path: Path) -> None:
+    rows = [Row('a, "b"', 3, 0.125, True), Row("", 0, math.inf, False)]
+    write_rows(tmp_path / "rows.csv", rows)
+    assert read_rows(Row, tmp_path / "rows.csv") == rows
+    write_rows(tmp_path / "rows.csv", [Row("c", 1, math.nan, True)])
+    (row,) = read_rows(Row, tmp_path / "rows.csv")
+    assert math.isnan(row.size)
+
+
+def test_a_case_is_one_row() -> None:
+    found = Named(
+        effect="payload",
+        location="s3",
+        values={"mass": 11.42},
+        low={"mass": 7.5},
+        high={"mass": 15},
+    )
+    truth = Named(effect="payload", location="s3", values={"mass": 14.6})
+    result = CaseResult(
+        name="c.s0", group="single", robot="prism3", noise=2.0, truth=(truth,), answers=((found,),),
+        held_out=3.0, verdict="EFFECT",
+    )  # fmt: skip
+    row = CaseRow.of(result)
+    assert row.truth == "payload at s3: mass 14.6"
+    assert row.answer == "payload at s3: mass 11.42 [7.5, 15]"
+    assert (row.right, row.sizes, row.covered, row.held_out) == (True, 1, 1, 1.5)
+
+
+def test_every_benchmark_says_what_it_takes() -> None:
+    for name in ("adoption", "diagnosis", "oracle", "sysid", "tables"):
+        done = subprocess.run(
+            [sys.executable, "-m", f"benchmarks.{name}", "--help"],
+            cwd=ROOT, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        assert "usage" in done.stdout.lower(), name
