@@ -14,7 +14,7 @@ from flywheel.effects import WrittenTerm
 from flywheel.effects.written import MOST_PARAMETERS
 from flywheel.effects.written import Value as EffectValue
 from flywheel.errors import DataError
-from flywheel.quantities import Name
+from flywheel.quantities import Bounds, Name
 from flywheel.validation import validated
 
 FORMAT = 2  # of the JSON that is written
@@ -97,7 +97,7 @@ class Answer(_Part):
         not read here.
     """
 
-    format: Annotated[int, Field(ge=1)] = 1
+    format: Annotated[int, Bounds(1, 1000)] = 1
     verdict: Name = "(none)"
     answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
     calibration: Together = ()

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from flywheel.cli.main import app
 from flywheel.diagnosis.adoption import adopt, adoptable
+from flywheel.diagnosis.results.answer import FORMAT
 from flywheel.effects import EFFECTS, AdoptedPlant
 from flywheel.errors import DataError, FlywheelError
 from flywheel.files import parsed_yaml
@@ -126,6 +127,7 @@ def test_the_command_writes_what_a_diagnosis_can_be_asked_about(tmp_path: Path) 
 
 
 WHOLE = {
+    "format": FORMAT,
     "verdict": "EFFECT",
     "model": "plant",
     "answer_set": [[GAIN, {**FRICTION, "note": "of a newer version"}]],
@@ -214,6 +216,8 @@ def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
 @pytest.mark.parametrize(
     ("path", "to", "message"),
     [
+        (("format",), FORMAT + 1, f"has format {FORMAT + 1}, of a newer version"),
+        (("format",), True, "format: must be a whole number"),
         (("verdict",), [1], "verdict: .*valid string; got \\[1\\]"),
         (("answer_set", 0, 0), 3, r"answer_set.0.0: .*got 3"),
         (("answer_set", 0, 0, "effect"), None, r"answer_set.0.0.effect: .*got None"),
