@@ -71,11 +71,6 @@ class Information:
         own = self.slices[index][self.usual[index]]
         return _weakest(self.gram[:, own, own]) / np.sqrt(own.stop - own.start)
 
-    def shown(self, index: int) -> np.ndarray:
-        """(S,) whether an experiment shows anything of a candidate that nothing known explains."""
-        own = self.slices[index][self.usual[index]]
-        return np.asarray(np.trace(self.gram[:, own, own], axis1=1, axis2=2) > DEAD**2)
-
     def separation(self, index: int, rival: int) -> Floats:
         """(S,) what of a candidate at its typical size no size and shape of a rival explains [sigma].
 
