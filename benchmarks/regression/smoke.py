@@ -28,7 +28,7 @@ def of_run(folder: Path) -> dict[str, Any]:
 
 
 def _digest(array: Path) -> str:
-    """Of the chunks of a Zarr array, not of its metadata."""
+    """SHA-256 of the chunks of a Zarr array, without its metadata."""
     chunks = sorted(p for p in array.rglob("*") if p.is_file() and p.name != "zarr.json")
     return hashlib.sha256(b"".join(p.read_bytes() for p in chunks)).hexdigest()
 

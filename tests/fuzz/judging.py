@@ -67,7 +67,7 @@ class Verdict:
 
 
 def source(kind: str, seed: int, number: int) -> random.Random:
-    """Of all chance in one input, which depends on nothing else."""
+    """Seed of all chance in one input, which depends on nothing else."""
     return random.Random(f"{kind} {seed} {number}")
 
 

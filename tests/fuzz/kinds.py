@@ -358,7 +358,7 @@ def _spoilt_arrays(path: Path, rng: random.Random) -> bytes:
 
 
 def _paths(tree: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Of every node of nested mappings and lists."""
+    """Every node of nested mappings and lists."""
     keys = tree if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ()
     return [path for key in keys for path in ((*above, key), *_paths(tree[key], (*above, key)))]
 

@@ -38,7 +38,7 @@ def log(work: Path) -> Path:
 
 
 def answers() -> list[dict[str, Any]]:
-    """Of diagnoses of prism3: one effect; two, and a number that nobody was sure of."""
+    """Answers of diagnoses of prism3: one effect; two, and a number that nobody was sure of."""
     robot = load_robot("prism3")
     about = {
         "robot": {"name": robot.name, "digest": robot.digest},

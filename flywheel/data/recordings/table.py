@@ -213,7 +213,7 @@ class _Content(io.RawIOBase):
         return len(content)
 
     def digest(self) -> str:
-        """Of the file, after its end was reached.
+        """What was read of the file, after its end was reached.
 
         Raises:
           DataError: it is not what it was when it was opened.

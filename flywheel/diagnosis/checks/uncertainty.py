@@ -10,9 +10,8 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.selection.score_test import Projection
 from flywheel.records import Floats
 
-HALVINGS = (
-    2.0  # 1 + 1/2 + ...: what all further halvings of the time step change, over what one does
-)
+# 1 + 1/2 + 1/4 + ...: what all further halvings of the time step change, over what one does.
+HALVINGS = 2.0
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class BootstrapNull:
 
     @property
     def probability(self) -> float:
-        """Of at least as much excess by noise alone."""
+        """Probability of at least as much excess by noise alone."""
         as_much = (self._excess(self.own) >= self._excess(self.left)).sum()
         return float((1 + as_much) / (1 + len(self.own)))
 

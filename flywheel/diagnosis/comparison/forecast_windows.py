@@ -143,12 +143,12 @@ class ForecastWindows:
 
     @cached_property
     def winch(self) -> tuple[Floats, ...]:
-        """Of each recording, (T + 1, W) positions of nominal winches: measured, or dead-reckoned [m]."""
+        """(T + 1, W) positions of nominal winches in each recording: measured, or dead-reckoned [m]."""
         return self._winches(())
 
     @cached_property
     def smooth(self) -> tuple[tuple[Floats, Floats], ...]:
-        """Of each recording, (T + 1, P, 3) places [m] and speeds [m/s], without noise or gaps."""
+        """(T + 1, P, 3) positions [m] and velocities [m/s] in each recording, without noise or gaps."""
         seconds = SMOOTHED * Scales.of(self.robot).time
         points = [e.trajectory.observations.points for e in self.recordings]
         return tuple(savitzky_golay(each, self.dt, seconds) for each in points)
@@ -183,7 +183,7 @@ class ForecastWindows:
         )
 
     def _winches(self, terms: Terms) -> tuple[Floats, ...]:
-        """Of each recording, (T + 1, W) winch positions by what is known of the plant [m]."""
+        """(T + 1, W) winch positions in each recording, by what is known of the plant [m]."""
         key = tuple((term.effect.name, term.place, term.values) for term in terms)
         if key not in self._reckoned:
             reckoning = Reckoning(self.robot, self.dt, terms)

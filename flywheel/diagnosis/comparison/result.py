@@ -62,7 +62,7 @@ class Judgement:
 
     @property
     def whole(self) -> ExactSum:
-        """Of all points in all windows."""
+        """Squared errors of all points in all windows."""
         return self.squares.over((0, 1))
 
     @property
@@ -82,7 +82,7 @@ class Judgement:
         return int(np.nanargmax(self.squares.over(1).mean))
 
     def summary(self, sigma: float) -> dict[str, Any]:
-        """As in JSON.
+        """As JSON has it.
 
         Args:
           sigma: noise of a coordinate [m].

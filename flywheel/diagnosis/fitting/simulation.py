@@ -192,14 +192,14 @@ class WindowSimulator:
                 for log, k in zip(logs, members, strict=True)
             ]
             commands = np.stack(pieces, axis=1).reshape(-1, *pieces[0].shape[1:])
-            carried = _of_logs(memory, count, logs)
+            carried = _of_recordings(memory, count, logs)
             motion = self._simulated(np.tile(members, count), state, commands, each, carried)
             kept.append((members, _started_with(carried, motion.memory)))
             seen = np.where(motion.finite[:, None, None, None], motion.points, np.nan)
             points[:, members] = seen.reshape(count, len(members), *seen.shape[1:])
             last = self.plant.winch(motion.states[:, -1]).reshape(count, len(members), -1)
             held[:, logs] = last
-            memory = _to_logs(motion.memory, count, logs, len(windows.recordings))
+            memory = _to_recordings(motion.memory, count, logs, len(windows.recordings))
         return points, [self._carried(winch[i], kept, i, count) for i in range(count)]
 
     def parallel(
@@ -240,7 +240,7 @@ class WindowSimulator:
         terms: Sequence[Terms],
         memory: Memories | None = None,
     ) -> Motion:
-        """Of windows `members` (n,), each in steps as short as it needs; see `AugmentedPlant.simulate`."""
+        """Simulate windows `members` (n,) by `AugmentedPlant.simulate`, each in steps as short as it needs."""
         fineness = self.fineness[members]
         pieces, order = [], []
         for times in np.unique(fineness).tolist():
@@ -281,12 +281,12 @@ def _tiled(state: State, count: int) -> State:
     return State(*(np.tile(a, (count, 1)) for a in (state.qpos, state.qvel, state.act)))
 
 
-def _of_logs(memory: Memories, count: int, logs: np.ndarray) -> Memories:
-    """Of (count, all logs, C), what these logs remember, as rows."""
+def _of_recordings(memory: Memories, count: int, logs: np.ndarray) -> Memories:
+    """What these recordings remember, as rows, from (count, all recordings, C)."""
     return {name: v[:, logs].reshape(count * len(logs), -1) for name, v in memory.items()}
 
 
-def _to_logs(memory: Memories, count: int, logs: np.ndarray, total: int) -> Memories:
+def _to_recordings(memory: Memories, count: int, logs: np.ndarray, total: int) -> Memories:
     """The inverse: rows as (count, all logs, C)."""
     spread: Memories = {}
     for name, values in memory.items():

@@ -95,7 +95,7 @@ class Diagnosis:
 
     @property
     def exit_code(self) -> int:
-        """Of the command."""
+        """Exit code of the command: the verdict as a number."""
         return EXIT_CODES[self.verdict]
 
     def summary(self) -> dict[str, Any]:

@@ -131,7 +131,7 @@ def _unseen(ranking: Sequence[Score]) -> NextExperiment:
 
 
 def _candidates(answer: Alternative, ranking: Sequence[Score]) -> list[Candidate]:
-    """Of the effects of an answer."""
+    """The candidates of an answer's effects."""
     known = {(s.candidate.effect.name, s.candidate.location): s.candidate for s in ranking}
     places = [(each.effect, each.location) for each in answer]
     return [known[place] for place in places if place in known]
