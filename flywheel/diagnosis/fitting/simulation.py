@@ -240,7 +240,7 @@ class WindowSimulator:
         terms: Sequence[Terms],
         memory: Memories | None = None,
     ) -> Motion:
-        """Simulate windows `members` (n,) by `AugmentedPlant.simulate`, each in steps as short as it needs."""
+        """Simulate windows `members` (n,), each in steps as short as it needs."""
         fineness = self.fineness[members]
         pieces, order = [], []
         for times in np.unique(fineness).tolist():
