@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,6 +54,17 @@ TrainedOption = Annotated[
     ),
 ]
 
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="SETTING=NUMBER",
+        help="Another value of a tuned number, such as limits.threshold=36; `flywheel list settings` "
+        "shows them. May be given again.",
+        show_default=False,
+    ),
+]
+
 
 def diagnose(
     recordings: Annotated[
@@ -65,6 +76,7 @@ def diagnose(
     unsure: UnsureOption = None,
     window: WindowOption = None,
     model: TrainedOption = None,
+    settings: SetOption = None,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
@@ -85,7 +97,8 @@ def diagnose(
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis
 
-    others = held_out or []
+    others, changes = held_out or [], changes_of(settings or [])
+    tuned = diagnosis.changed(diagnosis.Settings(), changes)
     check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, robot])
     plant, out = open_plant(robot, dt, threads), console()
     subject = None if model is None else open_trained(model, plant.robot)
@@ -94,18 +107,20 @@ def diagnose(
         [each.trajectory for each in read_logs(recordings, plant.robot, dt, out)],
         [each.trajectory for each in read_logs(others, plant.robot, dt, out)],
         library_of(effects),
+        tuned,
         window_seconds=window,
         model=None if subject is None else subject.subject(plant.robot, threads),
         unsure=unsure_of(unsure or []),
     )
     _show(out, found, robot)
-    about = _about(plant, found, recordings, others)
+    about = {**_about(plant, found, recordings, others), **_about_settings(changes)}
     out.say(f"Page: {write_diagnosis(found, page, about)}")
     summary = {
         **found.summary(),
         "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
         "recordings": [path.name for path in recordings],
         "held_out_recordings": [path.name for path in others],
+        **({"settings": changes} if changes else {}),
     }
     out.keep_json(json, summary, allow_nan=False)
     raise typer.Exit(found.exit_code)
@@ -124,6 +139,31 @@ def _about(
         "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
         "control step": f"{plant.dt:g} s, MuJoCo steps of {robot.timestep:g} s",
     }
+
+
+def _about_settings(changes: Mapping[str, float]) -> dict[str, str]:
+    """A line about the settings that are not the usual ones."""
+    named = ", ".join(f"{path} {value:g}" for path, value in changes.items())
+    return {"settings": named} if named else {}
+
+
+def changes_of(statements: Sequence[str]) -> dict[str, float]:
+    """Read other values of settings: "limits.threshold=36".
+
+    Raises:
+      ConfigError: not of this form.
+    """
+    from flywheel.diagnosis.settings import NUMBER
+    from flywheel.errors import ConfigError
+    from flywheel.files import shown
+
+    found: dict[str, float] = {}
+    for statement in statements:
+        path, equals, text = statement.partition("=")
+        if not equals:
+            raise ConfigError(f"--set takes SETTING=NUMBER; got {shown(statement)}.")
+        found[path.strip()] = number(text, path.strip(), NUMBER)
+    return found
 
 
 def unsure_of(statements: Sequence[str]) -> dict[str, float]:

@@ -28,6 +28,7 @@ class Kind(StrEnum):
     datasets = "datasets"
     configs = "configs"
     runs = "runs"
+    settings = "settings"
 
 
 def list_(kind: Annotated[Kind, typer.Argument(help="What to list.", show_default=False)]) -> None:
@@ -116,6 +117,18 @@ def runs() -> Table:
     return table("Runs", ["folder", "robot", "#iterations", "state"], rows)
 
 
+def settings() -> Table:
+    """The tuned numbers of a diagnosis."""
+    from flywheel.diagnosis.settings import Settings, numbers
+
+    rows: list[tuple[object, ...]] = [
+        (path, setting.value, first_line(setting.record))
+        for path, setting in numbers(Settings()).items()
+    ]
+    title = "Settings of a diagnosis (flywheel diagnose --set SETTING=NUMBER)"
+    return table(title, ["setting", "#value", "of"], rows)
+
+
 def registry(title: str, module: str, name: str) -> Callable[[], Table]:
     """A list of one of the literal registries, with the first line of what each entry says."""
 
@@ -162,4 +175,5 @@ LISTS: dict[str, Callable[[], Table]] = {
     "datasets": datasets,
     "configs": configs,
     "runs": runs,
+    "settings": settings,
 }

@@ -4,7 +4,7 @@ from flywheel.diagnosis.diagnose import diagnose
 from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.diagnosis.results.diagnosis import Diagnosis
 from flywheel.diagnosis.results.verdict import EXIT_CODES, Found, Verdict
-from flywheel.diagnosis.settings import Limits, Settings
+from flywheel.diagnosis.settings import Limits, Settings, changed
 
 __all__ = [
     "EXIT_CODES",
@@ -13,6 +13,7 @@ __all__ = [
     "Limits",
     "Settings",
     "Verdict",
+    "changed",
     "diagnose",
     "noise_floor",
 ]

@@ -7,10 +7,19 @@ measurement noise [sigma^2].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from math import inf
+from typing import Any, TypeVar
 
+from flywheel.errors import ConfigError
+from flywheel.quantities import Bounds
+from flywheel.registry import lookup
 from flywheel.smoothing import MotionPrior
+
+S = TypeVar("S")
+NUMBER = Bounds(0, 1e6, above=True)  # what a setting can be set to
+COUNT = Bounds(1, 1000)  # the same where it is a whole number
 
 
 @dataclass(frozen=True)
@@ -376,3 +385,57 @@ class Settings:
     selection: SelectionSettings = SelectionSettings()
     checks: CheckSettings = CheckSettings()
     limits: Limits = Limits()
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One tuned number.
+
+    Attributes:
+      value: of it.
+      record: that it stands in.
+    """
+
+    value: float
+    record: Any
+
+
+def numbers(settings: Any, prefix: str = "") -> dict[str, Setting]:
+    """All single numbers of settings, by their paths: "selection.shortlist"."""
+    return dict(_numbers(settings, prefix))
+
+
+def _numbers(settings: Any, prefix: str) -> Iterator[tuple[str, Setting]]:
+    for field in fields(settings):
+        value, path = getattr(settings, field.name), f"{prefix}{field.name}"
+        if is_dataclass(value):
+            yield from _numbers(value, f"{path}.")
+        elif isinstance(value, int | float):
+            yield path, Setting(value, settings)
+
+
+def changed(settings: S, changes: Mapping[str, float]) -> S:
+    """Settings with other numbers.
+
+    Args:
+      settings: `Settings`, or a part of them.
+      changes: path -> number.
+
+    Raises:
+      UnknownNameError: no such path.
+      ConfigError: a number that a setting cannot be.
+    """
+    known = numbers(settings)
+    for path, number in changes.items():
+        default = lookup(known, path, "setting").value
+        bounds, whole = (COUNT, "whole ") if isinstance(default, int) else (NUMBER, "")
+        if number not in bounds or (whole and number != int(number)):
+            raise ConfigError(f"{path} must be a {whole}number {bounds}; got {number:g}.")
+        settings = _with(settings, path.split("."), type(default)(number))
+    return settings
+
+
+def _with(settings: Any, path: list[str], number: float) -> Any:
+    name, *rest = path
+    value = _with(getattr(settings, name), rest, number) if rest else number
+    return replace(settings, **{name: value})
