@@ -16,11 +16,6 @@ SECONDS = 1.6
 FEW = {name: EFFECTS[name] for name in ("cable_friction", "winch_gain", "payload", "slope")}
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
-
-
 def hidden(robot: Robot, name: str, seed: int) -> HiddenRecording:
     effects = ()
     if name:
@@ -28,8 +23,12 @@ def hidden(robot: Robot, name: str, seed: int) -> HiddenRecording:
     return record(robot, effects, seconds=SECONDS, seed=seed)
 
 
-@pytest.mark.parametrize("name", ["winch_gain", "cable_friction"])
-def test_a_hidden_effect_is_named_and_measured(robot: Robot, name: str) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot_name", "name"), [("prism3", "winch_gain"), ("platform4", "cable_friction")]
+)
+def test_a_hidden_effect_is_named_and_measured(robot_name: str, name: str) -> None:
+    robot = load_robot(robot_name)
     recording = hidden(robot, name, seed=7)
     found = diagnose(Plant(robot, threads=2), [recording.trajectory], library=FEW)
     assert found.verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
@@ -40,7 +39,9 @@ def test_a_hidden_effect_is_named_and_measured(robot: Robot, name: str) -> None:
     assert found.errors.augmented < found.errors.baseline
 
 
-def test_nothing_hidden_is_said_to_be_noise(robot: Robot) -> None:
+@pytest.mark.slow
+def test_nothing_hidden_is_said_to_be_noise() -> None:
+    robot = load_robot("prism3")
     found = diagnose(Plant(robot, threads=2), [hidden(robot, "", 11).trajectory], library=FEW)
     assert found.verdict is Verdict.NOISE_ONLY
     assert found.exit_code == 0
@@ -48,8 +49,10 @@ def test_nothing_hidden_is_said_to_be_noise(robot: Robot) -> None:
     assert found.errors.noise == pytest.approx(0.003 * robot.length, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sensor_latency", "command_delay"])
-def test_what_cannot_be_told_apart_is_answered_together(robot: Robot, name: str) -> None:
+def test_what_cannot_be_told_apart_is_answered_together(name: str) -> None:
+    robot = load_robot("platform4")
     recording = hidden(robot, name, seed=5)
     library = {each: EFFECTS[each] for each in ("sensor_latency", "command_delay", "winch_gain")}
     found = diagnose(Plant(robot, threads=2), [recording.trajectory], library=library)

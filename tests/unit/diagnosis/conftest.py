@@ -41,16 +41,16 @@ def recorded(robot: Robot, terms: Terms, seed: int, noise: float = 0.001) -> Tra
     return Trajectory(seen, controls[0], 0.01)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def trajectory(robot: Robot, seed: int) -> Trajectory:
     return recorded(robot, (), seed)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def windows(robot: Robot, trajectory: Trajectory) -> Windows:
     return Windows.cut(robot, [trajectory], seconds=0.4)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def fitter(robot: Robot, windows: Windows) -> PlantFitter:
     return fitter_of(windows, Plant(robot))

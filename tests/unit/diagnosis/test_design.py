@@ -74,6 +74,7 @@ def design(designer: Designer, seed: int) -> Design:
     return designer.design(seconds=0.6, count=8, seed=seed)
 
 
+@pytest.mark.slow
 def test_a_design_says_what_its_commands_are_worth(
     designer: Designer, design: Design, seed: int
 ) -> None:

@@ -16,10 +16,17 @@ from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.errors import DataError
 from flywheel.records import Trajectory
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import recorded
 
 
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """The smallest one: nothing here is about contacts or rods."""
+    return load_robot("platform4")
+
+
+@pytest.mark.slow
 def test_a_model_with_more_begins_where_the_one_before_ended(robot: Robot, seed: int) -> None:
     rng = np.random.default_rng(seed)
     gain = Term(NAMED["winch_gain"], None, (float(rng.uniform(0.2, 0.4)),))

@@ -59,6 +59,12 @@ class Drifting:
 
 
 @pytest.fixture(scope="module")
+def robot() -> Robot:
+    """The smallest one: nothing here is about contacts or rods."""
+    return load_robot("platform4")
+
+
+@pytest.fixture(scope="module")
 def model(robot: Robot) -> Subject:
     plant = RestartedPlant(Plant(robot), window=10, degree=2, roll="relaxed")
     return Subject("drifting", Drifting(plant, 0.05))
@@ -133,6 +139,7 @@ def test_what_an_effect_changes_vanishes_with_the_effect(fitter: NetworkFitter) 
     assert 0.0 < by_tiny < 1e-3 * by_small
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.3])
 def test_what_is_hidden_is_found_and_what_is_not_is_not(
     robot: Robot, model: Subject, seed: int, share: float
@@ -168,6 +175,6 @@ def test_a_model_that_does_not_fit_is_refused(
 ) -> None:
     with pytest.raises(ModelError, match="looks back 10 steps"):
         diagnose(Plant(robot), [trajectory], library=FEW, window_seconds=0.1, model=model)
-    other = Subject("other", RestartedPlant(Plant(load_robot("platform4"))))
+    other = Subject("other", RestartedPlant(Plant(load_robot("prism3"))))
     with pytest.raises(ModelError, match="The model other is for robot"):
         diagnose(Plant(robot), [trajectory], library=FEW, model=other)

@@ -25,11 +25,17 @@ from flywheel.effects import EFFECTS, Cables, Parameter, TensionEffect, Term
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats, Observation, Trajectory
 from flywheel.reports.diagnosis_page import diagnosis_page, sentence
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import recorded
 
-RECORDINGS = 3  # initial states make up for what is missing, in some more than in others
+RECORDINGS = 2  # initial states make up for what is missing, in some more than in others
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "slope")}
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """The smallest one: nothing here is about contacts or rods."""
+    return load_robot("platform4")
 
 
 class Ratchet(TensionEffect):
@@ -48,6 +54,7 @@ class Ratchet(TensionEffect):
 HIDDEN = (Term(Ratchet(), None, (0.3,)),)
 
 
+@pytest.mark.slow
 def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
     learned_falls, true_falls = [], []
     for each in range(seed, seed + RECORDINGS):
@@ -66,6 +73,7 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
     assert sum(learned_falls) > 0.5 * sum(true_falls), (seed, learned_falls, true_falls)
 
 
+@pytest.mark.slow
 def test_a_law_is_trained_only_while_that_explains_something(
     robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,6 +98,7 @@ def test_a_law_is_trained_only_while_that_explains_something(
     assert trained[0.0][1].cost <= trained[0.01][1].cost <= trained[10.0][1].cost
 
 
+@pytest.mark.slow
 def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
     never = Settings(limits=Limits(loud=0.0))  # nothing is ever enough
     logs = [recorded(robot, (), seed + i) for i in range(2)]

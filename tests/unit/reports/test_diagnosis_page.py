@@ -22,7 +22,7 @@ from flywheel.truth_simulator.recording import record
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
-    robot = load_robot("prism3")
+    robot = load_robot("platform4")
     hidden = hidden_effect("winch_gain").typical(robot, np.random.default_rng(0)).scaled(2.0)
     made = [record(robot, [hidden], seconds=0.8, seed=seed) for seed in (1, 2)]
     library = {name: EFFECTS[name] for name in ("winch_gain", "cable_friction")}
@@ -31,7 +31,7 @@ def found() -> Diagnosis:
 
 
 def test_it_needs_no_other_file_and_names_what_was_found(found: Diagnosis, tmp_path: Path) -> None:
-    page = write_diagnosis(found, tmp_path / "page.html", {"robot": "prism3"}).read_text()
+    page = write_diagnosis(found, tmp_path / "page.html", {"robot": "platform4"}).read_text()
     assert "winch_gain" in page
     assert "flywheel design winch_gain cable_friction" in page
     assert str(found.verdict) in page
