@@ -28,6 +28,7 @@ def test_a_pipeline_is_short_and_says_what_it_takes(
     assert "usage" in capsys.readouterr().out.lower()
 
 
+@pytest.mark.slow
 def test_a_pipeline_runs_by_its_path_from_any_folder(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, PIPELINES / "adoption.py", "--help"],
