@@ -101,9 +101,9 @@ def wrong_imports(path: str, source: str) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
-def test_a_file_imports_only_from_rows_above_and_through_its_doors(path: Path) -> None:
-    assert wrong_imports(relative(path), path.read_text()) == []
+def test_a_file_imports_only_from_rows_above_and_through_its_doors() -> None:
+    files = sources("flywheel", "benchmarks", "pipelines")
+    assert [w for path in files for w in wrong_imports(relative(path), path.read_text())] == []
 
 
 @pytest.mark.parametrize(
@@ -210,11 +210,11 @@ def silent_imports(source: str) -> list[str]:
     return silent
 
 
-@pytest.mark.parametrize("path", sources("flywheel"), ids=relative)
-def test_an_import_inside_a_function_says_why(path: Path) -> None:
-    if relative(path).startswith("flywheel/cli/"):
-        return  # every command imports what it needs, so that `--help` is instant
-    assert silent_imports(path.read_text()) == []
+def test_an_import_inside_a_function_says_why() -> None:
+    """Except in flywheel/cli: every command imports what it needs, so that `--help` is instant."""
+    files = {relative(path): path.read_text() for path in sources("flywheel")}
+    silent = {name: silent_imports(text) for name, text in files.items()}
+    assert [n for n, lines in silent.items() if lines and not n.startswith("flywheel/cli/")] == []
 
 
 def test_an_import_without_a_reason_is_found() -> None:
@@ -229,24 +229,23 @@ def test_every_package_has_a_row() -> None:
     assert present <= LAYERS.keys()
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
-def test_files_and_functions_stay_short(path: Path) -> None:
-    source = path.read_text()
-    assert len(source.splitlines()) <= LONGEST_FILE, "a file this long is missing a noun"
+def test_files_and_functions_stay_short() -> None:
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, functions):
-            length = (node.end_lineno or node.lineno) - node.lineno + 1
-            assert length <= LONGEST_FUNCTION, f"{node.name} has {length} lines"
+    for path in sources("flywheel", "benchmarks", "pipelines"):
+        source, name = path.read_text(), relative(path)
+        assert len(source.splitlines()) <= LONGEST_FILE, f"{name}: so long, it is missing a noun"
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, functions):
+                length = (node.end_lineno or node.lineno) - node.lineno + 1
+                assert length <= LONGEST_FUNCTION, f"{name}: {node.name} has {length} lines"
 
 
-@pytest.mark.parametrize(
-    "path", sources("flywheel", "benchmarks", "pipelines", "tests"), ids=relative
-)
-def test_no_path_of_one_machine_is_written_down(path: Path) -> None:
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            assert not ABSOLUTE.match(node.value), f"{relative(path)}:{node.lineno} {node.value!r}"
+def test_no_path_of_one_machine_is_written_down() -> None:
+    for path in sources("flywheel", "benchmarks", "pipelines", "tests"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                where = f"{relative(path)}:{node.lineno} {node.value!r}"
+                assert not ABSOLUTE.match(node.value), where
 
 
 def added_with_the_mjcfs_defaults(source: str) -> list[str]:
@@ -260,9 +259,9 @@ def added_with_the_mjcfs_defaults(source: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
-def test_only_one_function_adds_elements_to_a_robot(path: Path) -> None:
-    assert added_with_the_mjcfs_defaults(path.read_text()) == []
+def test_only_one_function_adds_elements_to_a_robot() -> None:
+    for path in sources("flywheel", "benchmarks", "pipelines"):
+        assert added_with_the_mjcfs_defaults(path.read_text()) == [], relative(path)
 
 
 def test_an_element_added_in_mujocos_own_way_is_found() -> None:
@@ -271,15 +270,15 @@ def test_an_element_added_in_mujocos_own_way_is_found() -> None:
     assert added_with_the_mjcfs_defaults("axes.add_patch(circle)") == []
 
 
-@pytest.mark.parametrize("path", sources("flywheel"), ids=relative)
-def test_the_library_does_not_print(path: Path) -> None:
-    for node in ast.walk(ast.parse(path.read_text())):
-        called = node.func if isinstance(node, ast.Call) else None
-        printing = isinstance(called, ast.Name) and called.id in {"print", "breakpoint"}
-        assert not printing, f"{relative(path)}:{node.lineno}"
+def test_the_library_does_not_print() -> None:
+    for path in sources("flywheel"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            called = node.func if isinstance(node, ast.Call) else None
+            printing = isinstance(called, ast.Name) and called.id in {"print", "breakpoint"}
+            assert not printing, f"{relative(path)}:{node.lineno}"
 
 
-@pytest.mark.parametrize("path", sources("flywheel", "benchmarks", "pipelines"), ids=relative)
-def test_no_file_is_named_for_nothing_in_particular(path: Path) -> None:
-    assert path.stem not in {"utils", "util", "common", "helpers", "misc", "manager"}
-    assert not re.search(r"_v\d+$|\d_new$|_old$", path.stem)
+def test_no_file_is_named_for_nothing_in_particular() -> None:
+    for path in sources("flywheel", "benchmarks", "pipelines"):
+        assert path.stem not in {"utils", "util", "common", "helpers", "misc", "manager"}, path
+        assert not re.search(r"_v\d+$|\d_new$|_old$", path.stem), path

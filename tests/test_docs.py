@@ -24,6 +24,7 @@ DECISIONS = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
 HASH = re.compile(r"`(?=[0-9a-f]*[0-9])(?=[0-9a-f]*[a-f])[0-9a-f]{7,40}`")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: p.stem)
 def test_the_code_in_a_document_runs(
     document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -17,11 +17,23 @@ LONGEST = 40  # lines: they only launch what stands elsewhere
 
 
 @pytest.mark.parametrize("file", sorted(PIPELINES.glob("*.py")), ids=lambda path: path.stem)
-def test_a_pipeline_is_short_and_says_what_it_takes(file: Path, tmp_path: Path) -> None:
+def test_a_pipeline_is_short_and_says_what_it_takes(
+    file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert len(file.read_text().splitlines()) <= LONGEST
+    monkeypatch.setattr(sys, "argv", [file.name, "--help"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(file), run_name="__main__")
+    assert ended.value.code == 0
+    assert "usage" in capsys.readouterr().out.lower()
+
+
+@pytest.mark.slow
+def test_a_pipeline_runs_by_its_path_from_any_folder(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, file, "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=120
-    )
+        [sys.executable, PIPELINES / "adoption.py", "--help"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout
 

@@ -85,11 +85,12 @@ def pair() -> tuple[Plant, Plant]:
     return Plant(robot), Plant(replace(robot, xml=spec.to_xml()))
 
 
+@pytest.mark.slow
 @NEEDED
 def test_numbers_are_fitted_down_to_the_noise(pair: tuple[Plant, Plant], seed: int) -> None:
     plant, truth = pair
     pieces = [piece(truth, seed + i) for i in range(3)]
-    found = identify(plant, pieces, NOISE, iterations=10)
+    found = identify(plant, pieces, NOISE, iterations=6)
     before, after = (error(plant, xml, pieces) for xml in (plant.robot.xml, found.xml))
     assert after < min(2.0, 0.5 * before), f"seed {seed}: {before}, {after}, {found.ended}"
     assert all(n.low < n.value < n.high for n in found.numbers if "winch" in n.name), f"seed {seed}"

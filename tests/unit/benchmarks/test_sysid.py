@@ -17,6 +17,7 @@ from flywheel.truth_simulator.winch_effects import WinchGain
 from tests import draws
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not hasattr(sysid, "optimize"), reason="mujoco.sysid lacks packages: mujoco[sysid]"
 )
@@ -28,7 +29,7 @@ def test_every_contender_is_measured_on_the_same_windows() -> None:
         fit=(Plan("random_steps", seed, 0.5),),
         held_out=Plan("random_steps", seed + 1, 0.5),
     )
-    result = study(case, {"sysid": Setup(True, 2, "scipy_parallel_fd")}, ["winch_gain"])
+    result = study(case, {"sysid": Setup(True, 1, "scipy_parallel_fd")}, ["winch_gain"])
     assert result.truth == "winch_gain: share 0.3 -"
     before, fitted, diagnosed = result.contenders
     assert len(fitted.numbers) == 101

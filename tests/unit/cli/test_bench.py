@@ -8,16 +8,24 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from flywheel.cli import benches
 from flywheel.cli.bench import parsed_threads
 from flywheel.cli.benches import BENCHES
 from flywheel.cli.main import app
+from flywheel.dynamics.gnn import benchmark
 from flywheel.errors import ConfigError
 
 run = CliRunner().invoke
 
 
 @pytest.mark.parametrize("name", BENCHES)
-def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(name: str, tmp_path: Path) -> None:
+def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(benches, "PLANS", (8,))
+    monkeypatch.setattr(benches, "PLAN_SECONDS", 0.5)
+    monkeypatch.setattr(benchmark, "_LEAST_ROUNDS", 1)
+    monkeypatch.setattr(benchmark, "STEPS", 16)
     file = tmp_path / "bench.json"
     done = run(
         app,
