@@ -50,6 +50,7 @@ def expected(count: int) -> list[float]:
     return [float(np.random.default_rng(i).normal()) for i in range(count)]
 
 
+@pytest.mark.slow
 def test_killed_workers_are_replaced_and_their_jobs_give_the_same_numbers(pool_of):
     killed: set[str] = set()  # jobs whose worker was killed; none twice, or it would be set aside
 
@@ -71,6 +72,7 @@ def test_killed_workers_are_replaced_and_their_jobs_give_the_same_numbers(pool_o
     assert len(killed) == 2 == report.restarts
 
 
+@pytest.mark.slow
 def test_a_job_that_kills_three_workers_is_set_aside_while_the_rest_goes_on(pool_of):
     bad = Job("bad", "stunt", "die", ("bad", 99))
     unlucky = Job("unlucky", "stunt", "die", ("unlucky", 2))
@@ -82,6 +84,7 @@ def test_a_job_that_kills_three_workers_is_set_aside_while_the_rest_goes_on(pool
     assert report.restarts == 5
 
 
+@pytest.mark.slow
 def test_hung_workers_are_replaced_and_their_jobs_done_again(pool_of):
     hung = [Job(how, "stunt", how, (how,)) for how in ("stop", "sleep")]
     report = pool_of(patience=IMPATIENCE).run([*hung, *drawing(2)])
@@ -89,6 +92,7 @@ def test_hung_workers_are_replaced_and_their_jobs_done_again(pool_of):
     assert report.restarts == 2
 
 
+@pytest.mark.slow
 def test_an_error_in_a_job_reaches_the_driver_with_its_place(pool_of):
     pool = pool_of(count=1)
     with pytest.raises(JobFailed, match="ValueError: a mistake in the job") as caught:
@@ -97,11 +101,13 @@ def test_an_error_in_a_job_reaches_the_driver_with_its_place(pool_of):
     assert pool.run(drawing(1)).results["draw-0"][0] == expected(1)[0], "the pool goes on"
 
 
+@pytest.mark.slow
 def test_workers_compute_with_the_threads_of_their_group(pool_of):
     report = pool_of(count=1, threads=2).run([Job("threads", "stunt", "threads")])
     assert report.results["threads"] == ("2", 2)
 
 
+@pytest.mark.slow
 def test_shared_arrays_are_read_by_all_workers_and_written_by_none(pool_of):
     pool = pool_of()
     shared = pool.share(np.arange(1000.0))
@@ -109,6 +115,7 @@ def test_shared_arrays_are_read_by_all_workers_and_written_by_none(pool_of):
     assert set(report.results.values()) == {(499500.0, False)}
 
 
+@pytest.mark.slow
 def test_a_request_to_stop_ends_within_the_time_to_drain(pool_of):
     stop, asked = StopRequest(), []
 
@@ -128,6 +135,7 @@ def test_a_request_to_stop_ends_within_the_time_to_drain(pool_of):
     assert ended - asked[0] < PATIENCE.drain + 10
 
 
+@pytest.mark.slow
 def test_a_cluster_too_small_is_refused_at_once_with_a_table(local_ray):
     groups = [Group("sim", Stunt, count=64), Group("trainer", Stunt, cpus=2, gpus=1)]
     begun = time.monotonic()

@@ -191,6 +191,7 @@ def test_a_full_disk_is_told_as_such(bench, monkeypatch):
         bench.turn()
 
 
+@pytest.mark.slow
 def test_two_runs_of_one_configuration_agree_to_the_bit_and_another_seed_does_not(tmp_path):
     one, two, other = (
         Bench(tmp_path / name, seed=seed, iterations=0).digests()
