@@ -35,8 +35,9 @@ def test_evaluate_finds_the_numbers_that_the_run_reported(stranger: Stranger) ->
 
 
 def test_evaluate_scores_subsets_apart(stranger: Stranger) -> None:
-    whole, _ = stranger.ask(f"flywheel evaluate {RUN} --starts 3")
-    apart, _ = stranger.ask(f"flywheel evaluate {RUN} --starts 3 --by controller")
+    settings = "--starts 1 --horizon 0.5"
+    whole, _ = stranger.ask(f"flywheel evaluate {RUN} {settings}")
+    apart, _ = stranger.ask(f"flywheel evaluate {RUN} {settings} --by controller")
 
     def predictions(printed: str) -> int:
         lines = [line.strip(" │┃|") for line in printed.splitlines() if "persistence" in line]
@@ -69,17 +70,9 @@ def test_a_flipped_bit_is_found_and_the_episode_named(stranger: Stranger, tmp_pa
 
 @pytest.mark.renders
 def test_navigate_drives_with_the_champion_and_films_it(stranger: Stranger) -> None:
-    printed, _ = stranger.ask(f"flywheel navigate {RUN} --video champion.mp4")
+    printed, _ = stranger.ask(f"flywheel navigate {RUN} --video champion.mp4 -- task.seconds=1")
     assert "goal" in printed
     assert (stranger.folder / "champion.mp4").stat().st_size > 1000
-
-
-@pytest.mark.renders
-def test_navigate_drives_with_the_oracle_of_a_configuration(stranger: Stranger) -> None:
-    command = "flywheel navigate configs/smoke.yaml --model oracle --video oracle.mp4"
-    printed, _ = stranger.ask(f"{command} -- task.seconds=2")
-    assert "goal" in printed
-    assert (stranger.folder / "oracle.mp4").stat().st_size > 1000
 
 
 def test_navigate_goes_on_after_the_episodes_it_has_results_of(stranger: Stranger) -> None:

@@ -77,6 +77,14 @@ def test_the_smoke_configuration_runs_by_its_name(environment: Path) -> None:
         "evaluate.oracle=false",
         "evaluate.floor=false",
         "evaluate.video=false",
+        "evaluate.unseen=[]",
+        "evaluate.tasks=1",
+        "task.seconds=1",
+        "collect.random_seconds=2",
+        "training.initial.steps=6",
+        "mppi.samples=4",
+        "workers.sim=1",
+        "workers.trainers=1",
     )
     printed = call(flywheel, "run", "smoke", *small, folder=environment)
     assert "i0000-mppi" in printed

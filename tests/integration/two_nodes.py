@@ -23,7 +23,7 @@ FAST = {"health_check_period_ms": 500, "health_check_failure_threshold": 3}
 
 
 def main() -> int:
-    """Do six jobs of three seconds on two nodes; the second node goes after a while."""
+    """Do four jobs of two seconds on two nodes; the second node goes after a while."""
     by_value()
     nodes = Nodes(
         initialize_head=True,
@@ -37,7 +37,7 @@ def main() -> int:
         groups = [Group("stunt", Stunt, (at,), count=2)]
         cluster.check_fits(groups)
         pool = WorkerPool(RayBackend(), groups, 2, Patience(start=60, stall=20))
-        jobs = [Job(f"draw-{i}", "stunt", "draw", (i, 3.0)) for i in range(6)]
+        jobs = [Job(f"draw-{i}", "stunt", "draw", (i, 2.0)) for i in range(4)]
         done: list[str] = []
 
         def on_result(job: Job, result: object) -> None:
@@ -50,7 +50,7 @@ def main() -> int:
 
         report = pool.run(jobs, on_result)
         pool.close()
-    expected = [float(np.random.default_rng(i).normal()) for i in range(6)]
+    expected = [float(np.random.default_rng(i).normal()) for i in range(4)]
     same = [report.results[job.id][0] for job in jobs] == expected
     sys.stdout.write(f"same={same} restarts={report.restarts} quarantined={report.quarantined}\n")
     nodes.shutdown()

@@ -151,6 +151,7 @@ def test_a_folder_with_too_long_a_path_for_sockets_is_not_taken(temporary, monke
 
 
 @pytest.mark.parametrize("deaf", [False, True])
+@pytest.mark.slow
 def test_a_group_is_ended_with_the_children_that_outlive_its_leader(deaf):
     child = "import signal, time\n"
     child += "signal.signal(signal.SIGTERM, signal.SIG_IGN)\n" if deaf else ""

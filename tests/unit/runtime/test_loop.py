@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from flywheel.dynamics.gnn import load_weights, save_weights
-from flywheel.errors import ModelError, RunError
+from flywheel.errors import DataError, ModelError, RunError
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
@@ -170,12 +170,28 @@ def test_a_damaged_episode_that_nothing_builds_on_is_set_aside_and_recorded_agai
     assert not bench.store.verify()
 
 
+def test_a_damaged_episode_that_is_sealed_stops_the_run_and_is_named(bench, monkeypatch):
+    with monkeypatch.context() as patch:
+        fail_at(patch, "i0001-mppi-collect-0001", error=RunError("stop"))
+        with pytest.raises(RunError):
+            bench.turn()
+    name = "i0000-random-0000"
+    files = [p for p in bench.files.path.rglob("*") if name in str(p) and ".zarr" in str(p)]
+    victim = max((p for p in files if p.is_file()), key=lambda p: p.stat().st_size)
+    content = bytearray(victim.read_bytes())
+    content[len(content) // 2] ^= 1
+    victim.write_bytes(content)
+    with pytest.raises(DataError, match=name):
+        bench.turn(resume=True)
+
+
 def test_a_full_disk_is_told_as_such(bench, monkeypatch):
     fail_at(monkeypatch, "random-0002", error=OSError(28, "No space left on device"))
     with pytest.raises(RunError, match=r"The disk is full.*--resume"):
         bench.turn()
 
 
+@pytest.mark.slow
 def test_two_runs_of_one_configuration_agree_to_the_bit_and_another_seed_does_not(tmp_path):
     one, two, other = (
         Bench(tmp_path / name, seed=seed, iterations=0).digests()

@@ -15,6 +15,7 @@ from flywheel.truth_simulator.recording import record
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 FEW = ["winch_gain", "slope"]
+LEAST = {"evaluate": {**TINY["evaluate"], "floor": False}}
 
 
 def stored_logs(folder, store, *names: str) -> list[str]:
@@ -34,9 +35,10 @@ def stored_logs(folder, store, *names: str) -> list[str]:
 def bench(folder, *effects: str) -> tuple[Bench, list[str]]:
     names = stored_logs(folder / "logs", Bench(folder).store, *effects)
     collect = {**TINY["collect"], "recordings": names}
-    return Bench(folder, collect=collect, diagnose={"on": True, "effects": FEW}), names
+    return Bench(folder, collect=collect, diagnose={"on": True, "effects": FEW}, **LEAST), names
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path):
     run, names = bench(tmp_path, "winch_gain")
     result = run.turn()
@@ -67,6 +69,7 @@ def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path):
     assert [i.model for i in again.iterations] == models
 
 
+@pytest.mark.slow
 def test_a_plant_that_explains_the_recordings_stays(tmp_path):
     run, _ = bench(tmp_path)
     result = run.turn()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from flywheel.data.recordings import read_recording, store_recording
 from flywheel.robots import load_robot
@@ -19,9 +20,9 @@ def logs(folder, store, rng) -> list[str]:
     """Names of stored recordings: every second row of a log, one marker hidden for a while."""
     robot, names = load_robot("prism3"), []
     for index, split in enumerate(SPLITS):
-        made = record(robot, seconds=3.0, seed=int(rng.integers(2**31)))
-        begin = int(rng.integers(20, 120))
-        made.points[begin : begin + 120, rng.integers(6)] = np.nan
+        made = record(robot, seconds=2.0, seed=int(rng.integers(2**31)))
+        begin = int(rng.integers(20, 80))
+        made.points[begin : begin + 60, rng.integers(6)] = np.nan
         path, _ = made.write(folder, f"log-{index}", robot)
         header, *rows = path.read_text().splitlines()
         path.write_text("\n".join([header, *rows[::2]]) + "\n")
@@ -30,6 +31,7 @@ def logs(folder, store, rng) -> list[str]:
     return names
 
 
+@pytest.mark.slow
 def test_recordings_are_trained_on_and_scored_apart_in_every_iteration(tmp_path):
     begun = Bench(tmp_path)
     names = logs(tmp_path / "logs", begun.store, np.random.default_rng(draws.seed()))

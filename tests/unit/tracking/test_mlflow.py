@@ -159,6 +159,7 @@ def run():
     return fake_run(iterations=2)
 
 
+@pytest.mark.slow
 def test_a_run_lands_in_its_own_sqlite_file_once_however_often_it_is_delivered(tmp_path, run):
     class Twice(MlflowReceiver):
         """Delivers every record, loses MLflow's first answer, and so delivers it again."""
@@ -253,6 +254,7 @@ def test_the_database_is_whole_even_if_another_process_makes_it_at_the_same_time
     assert sorted(path.name for path in tmp_path.glob("*mlflow*")) == ["mlflow.db"]
 
 
+@pytest.mark.slow
 def test_a_database_that_was_lost_is_made_anew_and_told_everything(tmp_path):
     tracker = open_tracker(tmp_path / "run", "key", "prism3", retry_seconds=FAST)
     tracker.open("key", "name", {})

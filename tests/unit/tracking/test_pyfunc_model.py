@@ -1,6 +1,5 @@
 """The model in the registry is the model that was trained: loaded from MLflow, the same numbers."""
 
-import random
 import time
 
 import numpy as np
@@ -13,6 +12,7 @@ from flywheel.robots import load_robot
 from flywheel.runtime.results import GateDecision
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.tracking.pyfunc_model import PyfuncDynamics, read_model, write_model
+from tests import draws
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def network(robot):
 
 def windows(robot, history, batch=2, horizon=18):
     """A present with its past near the keyframe, and controls to come."""
-    seed = random.randrange(2**32)
+    seed = draws.seed()
     rng = np.random.default_rng(seed)
     rest = np.stack([point.offset for point in robot.points]) + np.array([0.0, 0.0, 2.0])
     points = rest + rng.normal(0, 0.01, (batch, history + 1, len(robot.points), 3))
