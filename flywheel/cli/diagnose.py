@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -97,8 +97,8 @@ def diagnose(
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis
 
-    others, changes = held_out or [], changes_of(settings or [])
-    tuned = diagnosis.changed(diagnosis.Settings(), changes)
+    others = held_out or []
+    tuned = diagnosis.changed(diagnosis.Settings(), changes_of(settings or []))
     check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, robot])
     plant, out = open_plant(robot, dt, threads), console()
     subject = None if model is None else open_trained(model, plant.robot)
@@ -113,14 +113,13 @@ def diagnose(
         unsure=unsure_of(unsure or []),
     )
     _show(out, found, robot)
-    about = {**_about(plant, found, recordings, others), **_about_settings(changes)}
+    about = _about(plant, found, recordings, others)
     out.say(f"Page: {write_diagnosis(found, page, about)}")
     summary = {
         **found.summary(),
         "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
         "recordings": [path.name for path in recordings],
         "held_out_recordings": [path.name for path in others],
-        **({"settings": changes} if changes else {}),
     }
     out.keep_json(json, summary, allow_nan=False)
     raise typer.Exit(found.exit_code)
@@ -130,7 +129,10 @@ def _about(
     plant: Plant, found: Diagnosis, recordings: Sequence[Path], others: Sequence[Path]
 ) -> dict[str, str]:
     """Lines about a diagnosis, for the head of its page."""
+    from flywheel.diagnosis.settings import unusual
+
     robot = plant.robot
+    changes = ", ".join(f"{path} {value:g}" for path, value in unusual(found.settings).items())
     return {
         "robot": f"{robot.name} ({robot.digest[:12]})",
         "model under test": found.model or "the plant",
@@ -138,13 +140,8 @@ def _about(
         "held out": ", ".join(path.name for path in others) or "none",
         "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
         "control step": f"{plant.dt:g} s, MuJoCo steps of {robot.timestep:g} s",
+        **({"settings": changes} if changes else {}),
     }
-
-
-def _about_settings(changes: Mapping[str, float]) -> dict[str, str]:
-    """A line about the settings that are not the usual ones."""
-    named = ", ".join(f"{path} {value:g}" for path, value in changes.items())
-    return {"settings": named} if named else {}
 
 
 def changes_of(statements: Sequence[str]) -> dict[str, float]:
@@ -154,16 +151,9 @@ def changes_of(statements: Sequence[str]) -> dict[str, float]:
       ConfigError: not of this form.
     """
     from flywheel.diagnosis.settings import NUMBER
-    from flywheel.errors import ConfigError
-    from flywheel.files import shown
 
-    found: dict[str, float] = {}
-    for statement in statements:
-        path, equals, text = statement.partition("=")
-        if not equals:
-            raise ConfigError(f"--set takes SETTING=NUMBER; got {shown(statement)}.")
-        found[path.strip()] = number(text, path.strip(), NUMBER)
-    return found
+    pairs = _pairs(statements, "--set takes SETTING=NUMBER;")
+    return {path: number(text, path, NUMBER) for path, text in pairs}
 
 
 def unsure_of(statements: Sequence[str]) -> dict[str, float]:
@@ -175,20 +165,30 @@ def unsure_of(statements: Sequence[str]) -> dict[str, float]:
     Raises:
       ConfigError: not of that form.
     """
-    from flywheel.errors import ConfigError
     from flywheel.files import shown
 
     known = {}
-    for statement in statements:
-        name, given, text = statement.partition("=")
-        if not given:
-            raise ConfigError(
-                f"Say how unsure as effect=number or effect=5%, got {shown(statement)}."
-            )
+    for name, text in _pairs(statements, "Say how unsure as effect=number or effect=5%,"):
         what = f"How unsure one is of {shown(name)}, as a number or 5%,"
         value = number(text.removesuffix("%"), what, FACTOR)
-        known[name.strip()] = value / (100.0 if text.endswith("%") else 1.0)
+        known[name] = value / (100.0 if text.endswith("%") else 1.0)
     return known
+
+
+def _pairs(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
+    """Split "name=text".
+
+    Raises:
+      ConfigError: a statement is not of that form, which the message begins with.
+    """
+    from flywheel.errors import ConfigError
+    from flywheel.files import shown
+
+    for statement in statements:
+        name, equals, text = statement.partition("=")
+        if not equals:
+            raise ConfigError(f"{form} got {shown(statement)}.")
+        yield name.strip(), text
 
 
 def _show(out: Out, found: Diagnosis, robot: str) -> None:

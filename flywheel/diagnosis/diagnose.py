@@ -226,6 +226,7 @@ def _concluded(
         suspects=(
             () if under_test.model else suspect_parameters(search, judged.models, unexplained)
         ),
+        settings=under_test.settings,
     )
 
 

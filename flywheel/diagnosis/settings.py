@@ -400,12 +400,22 @@ class Setting:
     record: Any
 
 
-def numbers(settings: Any, prefix: str = "") -> dict[str, Setting]:
+def numbers(settings: Any) -> dict[str, Setting]:
     """All single numbers of settings, by their paths: "selection.shortlist"."""
-    return dict(_numbers(settings, prefix))
+    return dict(_numbers(settings))
 
 
-def _numbers(settings: Any, prefix: str) -> Iterator[tuple[str, Setting]]:
+def unusual(settings: Settings) -> dict[str, float]:
+    """The numbers that differ from the usual ones, by their paths."""
+    usual = numbers(Settings())
+    return {
+        path: setting.value
+        for path, setting in numbers(settings).items()
+        if setting.value != usual[path].value
+    }
+
+
+def _numbers(settings: Any, prefix: str = "") -> Iterator[tuple[str, Setting]]:
     for field in fields(settings):
         value, path = getattr(settings, field.name), f"{prefix}{field.name}"
         if is_dataclass(value):

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from flywheel.diagnosis import Diagnosis, Verdict
 from flywheel.diagnosis.results.verdict import Alternative
-from flywheel.diagnosis.settings import JacobianSettings, Limits
 from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render
@@ -76,7 +75,7 @@ def other_form(found: Diagnosis) -> str:
     law = found.misspecification
     if not found.other_form:
         return ""
-    if law.gain > Limits().equally_good:
+    if law.gain > found.settings.limits.equally_good:
         return (
             f"{law.instead}, which is none of them, explains more in the place of what was found (by "
             f"{law.gain:.0f}, BIC)"
@@ -101,7 +100,7 @@ def held_back(found: Diagnosis) -> str:
     names = ", ".join(each.effect for each in found.calibration if each.held_back)
     if not names:
         return ""
-    believed = JacobianSettings().believed
+    believed = found.settings.fitting.jacobian.believed
     return (
         f"These recordings ask for more of {names} than is believed ({believed:g} of the deviations that "
         "were named). Name a larger deviation, or look for what else is missing."

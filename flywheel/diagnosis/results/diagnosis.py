@@ -18,6 +18,7 @@ from flywheel.diagnosis.results.verdict import EXIT_CODES, Alternative, Verdict
 from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.selection.score_test import Score
 from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
+from flywheel.diagnosis.settings import Settings, unusual
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class Diagnosis:
         was `held_back` (see `Found`).
       time_steps: of the simulations.
       suspects: numbers of the MJCF that may be what is wrong instead.
+      settings: tuned numbers that it was made with; in JSON, the unusual ones.
     """
 
     verdict: Verdict
@@ -85,6 +87,7 @@ class Diagnosis:
     calibration: Alternative = ()
     time_steps: TimeSteps = TimeSteps(0.0, ())
     suspects: tuple[SuspectParameter, ...] = ()
+    settings: Settings = Settings()
 
     @property
     def next_experiment(self) -> NextExperiment:
@@ -126,6 +129,7 @@ class Diagnosis:
             "next_experiment": self.next_experiment.summary(),
             "time_steps": self.time_steps.summary(),
             "seconds": self.seconds,
+            **({"settings": changes} if (changes := unusual(self.settings)) else {}),
         }
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from flywheel.diagnosis import Diagnosis
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.errors import DataError
@@ -38,8 +41,8 @@ def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
 
 def _note(found: Diagnosis, before: Effects) -> DiagnosisNote:
     """A diagnosis as it is kept with the run."""
-    after, reason = _next_effects(found, before)
-    held_out = found.held_out
+    answer, held_out = found.summary(), found.held_out
+    after, reason = _next_effects(answer, before)
     return DiagnosisNote(
         verdict=found.verdict,
         effects=after,
@@ -50,15 +53,15 @@ def _note(found: Diagnosis, before: Effects) -> DiagnosisNote:
         augmented=found.errors.augmented,
         held_out_baseline=None if held_out is None else held_out.baseline,
         held_out_augmented=None if held_out is None else held_out.augmented,
-        answer=found.summary(),
+        answer=answer,
     )
 
 
-def _next_effects(found: Diagnosis, before: Effects) -> tuple[Effects, str]:
+def _next_effects(answer: Mapping[str, Any], before: Effects) -> tuple[Effects, str]:
     """The plant's effects from here on, and the reason for them."""
     try:
-        after = adoptable(found.summary())
+        after = adoptable(answer)
     except DataError as error:
         return before, str(error)
     labels = ", ".join(effect.label for effect in after)
-    return after, f"{found.verdict}: the plant now has {labels}."
+    return after, f"{answer['verdict']}: the plant now has {labels}."

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
-from flywheel.diagnosis.settings import Settings, changed, numbers
+from flywheel.diagnosis.settings import Settings, changed, numbers, unusual
 from flywheel.errors import ConfigError, UnknownNameError
 
 
@@ -34,6 +34,7 @@ def test_a_number_is_changed_and_all_others_stay() -> None:
     assert different == {"selection.shortlist": 2, "limits.threshold": 36.0}
     assert isinstance(after.selection.shortlist, int)
     assert before == Settings()
+    assert unusual(after) == different and unusual(before) == {}
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import Diagnosis, Verdict, diagnose
+from flywheel.diagnosis import Diagnosis, Settings, Verdict, changed, diagnose
 from flywheel.diagnosis.selection.misspecification import PROBES, Misspecification
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
-from flywheel.reports.diagnosis_page import sentence, write_diagnosis
+from flywheel.reports.diagnosis_page import held_back, other_form, sentence, write_diagnosis
 from flywheel.robots import load_robot
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
@@ -45,6 +45,22 @@ def test_every_verdict_has_a_sentence(found: Diagnosis, verdict: Verdict) -> Non
     other = dataclasses.replace(found, verdict=verdict)
     assert sentence(other).endswith(".")
     assert other.next_experiment.aim.endswith(".")
+
+
+def test_it_says_what_was_believed_and_decided_with_the_settings_it_was_made_with(
+    found: Diagnosis,
+) -> None:
+    assert "settings" not in found.summary()
+    changes = {"fitting.jacobian.believed": 2.0, "limits.equally_good": 60.0}
+    (effect,) = found.answers[0]
+    law = Misspecification(next(iter(PROBES)), 100.0, 0.5, next(iter(PROBES)), gain=50.0)
+    calibration = (replace(effect, held_back=True),)
+    usual = replace(found, calibration=calibration, misspecification=law, other_form=True)
+    other = replace(usual, settings=changed(Settings(), changes))
+    assert other.summary()["settings"] == changes
+    assert "than is believed (3 of" in held_back(usual)
+    assert "than is believed (2 of" in held_back(other)
+    assert other_form(usual) != other_form(other)
 
 
 def test_the_summary_is_plain_numbers(found: Diagnosis) -> None:
