@@ -35,7 +35,7 @@ from flywheel.truth_simulator.outside import (
     StiffnessDrift,
 )
 from flywheel.truth_simulator.sensing_effects import MarkerOffset, SensorLatency
-from flywheel.truth_simulator.simulator import HiddenMotion, TruthSimulator
+from flywheel.truth_simulator.simulator import HiddenMotion, Simulation, TruthSimulator
 from flywheel.truth_simulator.winch_effects import (
     ActuatorLag,
     CommandDelay,
@@ -92,6 +92,7 @@ __all__ = [
     "EffectTruth",
     "HiddenEffect",
     "HiddenMotion",
+    "Simulation",
     "TruthSimulator",
     "hidden_effect",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,7 +18,6 @@ class Motors:
     Args:
       robot: whose winches they are.
       start: (W,) positions they hold before the first command [m].
-      controls: (T, W) commands, from time 0 on.
       dt: how long each command lasts [s].
       step: time step [s].
       effects: on winches, in the order in which they act.
@@ -28,7 +28,6 @@ class Motors:
         self,
         robot: Robot,
         start: Floats,
-        controls: Floats,
         dt: float,
         step: float,
         effects: Sequence[WinchEffect] = (),
@@ -37,11 +36,12 @@ class Motors:
         self._robot, self._dt, self._step = robot, dt, step
         self._effects, self._slips = tuple(effects), tuple(slips)
         self._hold = robot.holding(start)
-        self._controls = np.clip(controls, robot.control_low, robot.control_high)
         self.position = start.copy()
         self._followed = [self._hold.copy() for _ in effects]
         self._spooled = [start.copy() for _ in effects]
         self._delay = sum(effect.delay for effect in effects)
+        self._heard = 0  # commands so far
+        self._commands: deque[Floats] = deque(maxlen=int(np.ceil(self._delay / dt)) + 2)
         gain = float(np.prod([effect.gain for effect in effects]))
         lag = np.array([winch.time_constant for winch in robot.winches])
         self._gain = gain
@@ -52,6 +52,12 @@ class Motors:
         self._length = np.array([cable.rest_length for cable in robot.cables])
         self._at_keyframe = robot.winch_of(robot.keyframe)
 
+    def hear(self, command: Floats) -> None:
+        """The next command (W,): the first for time 0 to dt, and so on; the last one stays."""
+        robot = self._robot
+        self._commands.append(np.clip(command, robot.control_low, robot.control_high))
+        self._heard += 1
+
     def command(self, time: float) -> Floats:
         """Mean command (W,) that arrives over the step that begins at `time`."""
         begin = time - self._delay
@@ -61,9 +67,9 @@ class Motors:
         return now if share > 1 - 1e-6 else share * now + (1 - share) * following
 
     def _sent(self, index: int) -> Floats:
-        if index < 0:
+        if index < 0 or not self._heard:
             return self._hold
-        return self._controls[min(index, len(self._controls) - 1)]
+        return self._commands[-1 - max(0, self._heard - 1 - index)]
 
     def rest(self, time: float) -> Floats:
         """(C,) rest lengths now [m]."""

@@ -1,4 +1,4 @@
-"""The truth simulator: one robot, one recording, hidden effects, a plain loop over small steps.
+"""The truth simulator: one robot with hidden effects, a plain loop over small steps.
 
 It is another implementation of the same physics as `flywheel.dynamics.plant`, on purpose: cables and
 winches are worked out here and not by MuJoCo, the time step is a fifth, the integrator and the contact
@@ -8,8 +8,9 @@ recordings has not been graded with its own answer key.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
@@ -36,15 +37,15 @@ DIVERGED = (
 
 @dataclass(frozen=True)
 class HiddenMotion:
-    """What happened, noise-free, at the T + 1 moments before and after each control.
+    """What happened, noise-free: at one moment, or at the T + 1 before and after each control (`...`).
 
     Attributes:
-      points: (T + 1, P, 3) tracked points, where they are [m].
-      seen: (T + 1, P, 3) where the markers look to be, with offset and latency [m].
-      motor: (T + 1, W) motor positions, as length paid out [m].
-      rest: (T + 1, C) rest lengths of the cables [m].
-      tension: (T + 1, C) [N].
-      energy: (T + 1,) kinetic, of height, and of the cables' springs [J].
+      points: (..., P, 3) tracked points, where they are [m].
+      seen: (..., P, 3) where the markers look to be, with offset and latency [m].
+      motor: (..., W) motor positions, as length paid out [m].
+      rest: (..., C) rest lengths of the cables [m].
+      tension: (..., C) [N].
+      energy: (...,) kinetic, of height, and of the cables' springs [J].
     """
 
     points: Floats
@@ -114,72 +115,146 @@ class TruthSimulator:
           ModelError: shapes or times that do not fit, a ground that a penalty contact cannot be, or a
             simulation that diverged.
         """
-        every = round(dt / self.step)
-        if every < 1 or not np.isclose(every * self.step, dt, rtol=1e-9):
-            raise ModelError(f"dt {dt:g} s must be a multiple of the time step, {self.step:g} s.")
         controls = np.asarray(controls, float)
         if controls.ndim != 2 or controls.shape[1] != len(self.robot.winches) or not len(controls):
             raise ModelError(
                 f"{self.robot.name} takes controls (T, {len(self.robot.winches)}) with T >= 1, got "
                 f"{controls.shape}."
             )
-        course = _Course(self, controls, dt, start or self.robot.keyframe)
-        before = round(settle / self.step)
-        with collected_warnings():
-            for index in range(-before, every * len(controls) + 1):
-                course.step(index * self.step, log=index >= 0 and index % every == 0)
-        return course.motion(before, every)
+        moving = self.begin(dt, start, settle)
+        moments = [moving.look()]
+        for control in controls:
+            moving.go(control)
+            moments.append(moving.look())
+        return HiddenMotion(
+            *(np.array([getattr(m, f.name) for m in moments]) for f in fields(HiddenMotion))
+        )
+
+    def begin(self, dt: float, start: State | None = None, settle: float = SETTLE) -> Simulation:
+        """The robot at rest, to be commanded step by step.
+
+        Args:
+          dt: how long each command lasts [s], a multiple of the step.
+          start: (unbatched) state to settle from; the keyframe if None.
+          settle: how long, with the winches holding [s].
+
+        Raises:
+          ModelError: times that do not fit, a ground that a penalty contact cannot be, or a simulation
+            that diverged.
+        """
+        every = round(dt / self.step)
+        if every < 1 or not np.isclose(every * self.step, dt, rtol=1e-9):
+            raise ModelError(f"dt {dt:g} s must be a multiple of the time step, {self.step:g} s.")
+        return Simulation(self, dt, start or self.robot.keyframe, round(settle / self.step))
 
 
-class _Course:
-    """One run of the simulator: everything that changes while it goes on."""
+class Simulation:
+    """A simulated robot that is commanded step by step: `look` at it, then let it `go` on.
 
-    def __init__(self, sim: TruthSimulator, controls: Floats, dt: float, start: State) -> None:
-        robot, self.sim = sim.robot, sim
-        model = sim.model.__copy__()  # a penalty contact changes it
-        self.model, self.data = model, mujoco.MjData(model)
+    Args:
+      sim: the simulator.
+      dt: how long each command lasts [s].
+      start: (unbatched) state to settle from.
+      settling: for so many time steps.
+    """
+
+    def __init__(self, sim: TruthSimulator, dt: float, start: State, settling: int) -> None:
+        robot, self.sim, self._every = sim.robot, sim, round(dt / sim.step)
+        self.model = sim.model.__copy__()  # a penalty contact changes it
+        self.data = mujoco.MjData(self.model)
         self.data.qpos[:], self.data.qvel[:] = start.qpos, start.qvel
-        self.skeleton = Skeleton(robot, model)
+        self.skeleton = Skeleton(robot, self.model)
         springs = sim.contact == "penalty"
-        self.ground = PenaltyGround(robot, model, self.skeleton) if springs else None
+        self.ground = PenaltyGround(robot, self.model, self.skeleton) if springs else None
         self.effects = effects = sim.families
-        held = robot.winch_of(start)
-        self.motors = Motors(robot, held, controls, dt, sim.step, effects.winch, effects.rest)
+        self.motors = Motors(
+            robot, robot.winch_of(start), dt, sim.step, effects.winch, effects.rest
+        )
         self.memories: list[Floats] = [np.zeros(len(robot.cables)) for _ in effects.cable]
         self.bends: list[Floats] = [np.zeros((len(robot.points), 3)) for _ in effects.flex]
         self.offset: Floats = np.zeros((len(robot.points), 3))
         for effect in effects.sensing:
             self.offset = self.offset + effect.offset(robot)
         self.rest = self.motors.rest(-np.inf)
-        self.seen: list[Floats] = []
-        self.log: list[tuple[Floats, ...]] = []
+        self._late = sum(effect.latency for effect in effects.sensing) / sim.step
+        self._seen: deque[Floats] = deque(maxlen=int(np.ceil(self._late)) + 2)
+        self._settling, self._index = settling, -settling
+        with collected_warnings():
+            self._present = self._sense()
+            for _ in range(settling):
+                self._move()
 
-    def step(self, time: float, log: bool) -> None:
-        """Look, pull, and move on by one step."""
+    @property
+    def time(self) -> float:
+        """Since the robot was at rest [s]."""
+        return self._index * self.sim.step
+
+    def look(self) -> HiddenMotion:
+        """What there is to see and to know now.
+
+        Raises:
+          ModelError: the simulation diverged.
+        """
+        now, data = self._present, self.data
+        points = self.skeleton.points(data, now.bent)
+        diverged = data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
+        if not np.isfinite(points).all() or diverged:
+            raise ModelError(f"{self.sim.robot.name} diverged before {self.time:.3f} s.")
+        cables = now.cables
+        spring = 0.5 * (cables.tension * np.maximum(cables.extension, 0.0)).sum()
+        return HiddenMotion(
+            points=points,
+            seen=self._seen_late(),
+            motor=self.motors.position.copy(),
+            rest=cables.rest,
+            tension=now.tension,
+            energy=np.asarray(data.energy.sum() + spring),
+        )
+
+    def go(self, control: Floats) -> None:
+        """Carry out one command (W,) for its time; it is clipped to the winches' ranges."""
+        self.motors.hear(control)
+        with collected_warnings():
+            for _ in range(self._every):
+                self._move()
+
+    def _sense(self) -> _Present:
+        """Where everything is, before anything pulls."""
         data, skeleton, sim = self.data, self.skeleton, self.sim
         mujoco.mj_step1(self.model, data)
         bent = np.zeros_like(self.offset)
         for bend in self.bends:
             bent = bent + bend
         ends, along, length, rate = skeleton.cables(data, bent)
-        rest = self.motors.rest(time)
+        rest = self.motors.rest(self.time)
         cables = CableMotion(
-            time, sim.step, length, rate, rest, (rest - self.rest) / sim.step, sim.law.stiffness
+            self.time,
+            sim.step,
+            length,
+            rate,
+            rest,
+            (rest - self.rest) / sim.step,
+            sim.law.stiffness,
         )
         self.rest = rest
         tension = self._tension(cables)
-        self.seen.append(skeleton.points(data, bent + self.offset))
-        if log:
-            self._record(time, cables, tension, skeleton.points(data, bent))
+        self._seen.append(skeleton.points(data, bent + self.offset))
+        return _Present(bent, ends, along, cables, tension)
+
+    def _move(self) -> None:
+        """Pull, and move on by one time step."""
+        data, skeleton, now, step = self.data, self.skeleton, self._present, self.sim.step
         data.xfrc_applied[:] = 0.0
-        force = skeleton.pull(data, ends, along, tension)
-        self._push(time)
+        force = skeleton.pull(data, now.ends, now.along, now.tension)
+        self._push(self.time)
         if self.bends:
             loads = skeleton.point_loads(data, force)
             flexes = zip(self.effects.flex, self.bends, strict=True)
-            self.bends = [flex.bend(loads, bend, sim.step) for flex, bend in flexes]
-        self.motors.advance(time, cables.tension)
+            self.bends = [flex.bend(loads, bend, step) for flex, bend in flexes]
+        self.motors.advance(self.time, now.cables.tension)
         mujoco.mj_step2(self.model, data)
+        self._index += 1
+        self._present = self._sense()
 
     def _tension(self, cables: CableMotion) -> Floats:
         extra = np.zeros_like(cables.length)
@@ -198,26 +273,25 @@ class _Course:
             force = effect.force(time, velocity, skeleton.mass)
             skeleton.push(data, skeleton.bodies, centre, force)
 
-    def _record(self, time: float, cables: CableMotion, tension: Floats, points: Floats) -> None:
-        if (
-            not np.isfinite(points).all()
-            or self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
-        ):
-            raise ModelError(f"{self.sim.robot.name} diverged before {time:.3f} s.")
-        spring = 0.5 * (cables.tension * np.maximum(cables.extension, 0.0)).sum()
-        energy = np.asarray(self.data.energy.sum() + spring)
-        self.log.append((points, self.motors.position.copy(), cables.rest, tension, energy))
-
-    def motion(self, before: int, every: int) -> HiddenMotion:
-        """What was logged; positions are seen late, by straight lines between the steps."""
-        seen = np.array(self.seen)
-        late = sum(effect.latency for effect in self.effects.sensing) / self.sim.step
-        wanted = np.maximum(before + every * np.arange(len(self.log)) - late, 0.0)
-        low = np.minimum(np.floor(wanted).astype(int), len(seen) - 1)
-        share = (wanted - low)[:, None, None]
-        high = np.minimum(low + 1, len(seen) - 1)
-        late_seen = (1 - share) * seen[low] + share * seen[high]
-        points, motor, rest, tension, energy = (
-            np.array(entry) for entry in zip(*self.log, strict=True)
+    def _seen_late(self) -> Floats:
+        """Positions as seen now, by straight lines between the time steps."""
+        present = self._settling + self._index
+        wanted = max(present - self._late, 0.0)
+        low = int(np.floor(wanted))
+        share = wanted - low
+        seen, newest = self._seen, len(self._seen) - 1
+        high = min(low + 1, present)
+        return np.asarray(
+            (1 - share) * seen[newest + low - present] + share * seen[newest + high - present]
         )
-        return HiddenMotion(points, late_seen, motor, rest, tension, energy)
+
+
+@dataclass(frozen=True)
+class _Present:
+    """What a time step begins with: bends (P, 3), cables' ends (2C, 3), directions (C, 3), pulls (C,)."""
+
+    bent: Floats
+    ends: Floats
+    along: Floats
+    cables: CableMotion
+    tension: Floats

@@ -116,9 +116,11 @@ def test_a_sliding_box_stops_after_the_way_that_friction_gives(contact: str, sha
 def motors(robot: Robot, controls: np.ndarray, *effects: HiddenEffect) -> np.ndarray:
     """(T + 1, W) motor positions with commands of 0.1 s, looked at every 0.1 s."""
     start = robot.winch_of(robot.keyframe)
-    winches = Motors(robot, start, controls, 0.1, 0.001, effects)
+    winches = Motors(robot, start, 0.1, 0.001, effects)
     positions = [winches.position]
     for index in range(100 * len(controls)):
+        if index % 100 == 0:
+            winches.hear(controls[index // 100])
         winches.advance(index * 0.001, np.zeros(len(robot.cables)))
         if index % 100 == 99:
             positions.append(winches.position)

@@ -165,6 +165,21 @@ def test_a_late_sensor_sees_what_was(prism3: Robot) -> None:
     np.testing.assert_allclose(motion.seen[2:], motion.points[:-2], atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["sensor_latency", "command_delay", "creep"])
+def test_it_can_be_commanded_step_by_step_and_does_the_same_to_the_bit(
+    prism3: Robot, name: str
+) -> None:
+    simulator = TruthSimulator(prism3, [HIDDEN[name].typical(prism3, np.random.default_rng(0))])
+    controls = script("random_steps", prism3, 0.2, 0.01, np.random.default_rng(0))
+    at_once = simulator.run(controls, 0.01)
+    moving = simulator.begin(0.01)
+    for step, control in enumerate(controls):
+        np.testing.assert_array_equal(moving.look().seen, at_once.seen[step])
+        moving.go(control)
+    np.testing.assert_array_equal(moving.look().points, at_once.points[-1])
+    assert moving.time == pytest.approx(0.2)
+
+
 def test_a_misplaced_marker_is_seen_at_its_distance(prism3: Robot) -> None:
     offset = ALL["marker_offset"].typical(prism3, np.random.default_rng(0))
     motion = play(prism3, offset)
