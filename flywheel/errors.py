@@ -28,6 +28,10 @@ class ModelError(FlywheelError):
     """A dynamics model that does not fit its robot or data, or predicts no finite number."""
 
 
+class LinkError(FlywheelError):
+    """A robot that cannot be reached, refuses, or answers with what cannot be understood."""
+
+
 class RunError(FlywheelError):
     """A run that cannot go on: workers gone, disk full, too few episodes. Finished work is kept."""
 

@@ -216,6 +216,8 @@ class Past:
       dataset: index of the data set (the network's one-hot).
       state: (B,) the plant's full state at the present. Only the oracle may look at it.
       terrains: under each of B, or one for all; None is the plane z = 0.
+      pending: (B, c, W) commands that follow before anything that is decided now: sent already, or part of
+        a plan that goes on meanwhile. None for none.
     """
 
     observations: Observation
@@ -224,6 +226,7 @@ class Past:
     dataset: int = 0
     state: State | None = None
     terrains: tuple[Terrain | None, ...] = (None,)
+    pending: Floats | None = None
 
     def __post_init__(self) -> None:
         if len(self.terrains) not in (1, len(self.observations.points)):

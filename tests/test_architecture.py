@@ -18,10 +18,10 @@ LAYERS = {
     "records": 0, "terrain": 0, "rotations": 0, "smoothing": 0, "registry": 0, "errors": 0, "files": 0,
     "quantities": 0, "validation": 0, "seals": 0, "faults": 0, "outputs": 0,
     "robots": 1,
-    "effects": 2, "tasks": 2, "data": 2,
+    "effects": 2, "tasks": 2, "data": 2, "truth_simulator": 2,
     "dynamics": 3,
-    "evaluation": 4,
-    "control": 5, "training": 5, "diagnosis": 5, "truth_simulator": 5,
+    "evaluation": 4, "robot_link": 4,
+    "control": 5, "training": 5, "diagnosis": 5,
     "runtime": 6, "reports": 6,
     "cli": 7,
 }  # fmt: skip

@@ -60,10 +60,10 @@ class Driver:
         self.model = model
         # Nothing else runs beside it: all cores plan.
         threads = f"sim_threads={len(os.sched_getaffinity(0))}"
-        self.config = _config(source, [threads, *overrides])
+        self.config = config_of(source, [threads, *overrides])
         self.recorder = EpisodeRecorder(self.config, RunFolder(source).robot(self.config))
-        self._dynamics, self._digest = _dynamics(source, self.config, self.recorder, model)
-        self._known = _effects(source, self.config, overrides)
+        self._dynamics, self._digest = network_of(source, self.config, self.recorder, model)
+        self._known = known_effects(source, self.config, overrides)
         robot = self.recorder.robot
         self._hidden = hidden_effects(hidden, robot) if hidden else None
 
@@ -166,14 +166,15 @@ class _ShownHeartbeat(Heartbeat):
         self._stage.update(done, note)
 
 
-def _config(source: Path, overrides: list[str]) -> RunConfig:
+def config_of(source: Path, overrides: list[str]) -> RunConfig:
+    """The configuration of a run's folder or of a file, with "key=value" on top of it."""
     if not source.is_dir():
         return load_config(source, overrides)
     RunFolder(source).config()  # refused where it is not what the run was begun with
     return load_stored_config(source / "config.yaml", overrides)
 
 
-def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:
+def known_effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:
     """Effects of the plant that is driven: those that are asked for, or those that a run adopted."""
     asked = any(each.partition("=")[0] == "effects" for each in overrides)
     if asked or not (source / RESULT_FILE).exists():
@@ -181,16 +182,16 @@ def _effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Eff
     return open_run(source).result.effects_before(config.iterations + 1)
 
 
-def _dynamics(
-    source: Path, config: RunConfig, recorder: EpisodeRecorder, model: str
+def network_of(
+    source: Path, config: RunConfig, recorder: EpisodeRecorder, model: str, instead: str = ORACLE
 ) -> tuple[Dynamics | None, str]:
-    """The model to plan with and its digest; the recorder makes the oracle itself."""
+    """The network to plan with and its digest; none for the oracle, which the recorder makes itself."""
     if model == ORACLE:
         return None, ""
     if not source.is_dir():
         raise ConfigError(
             f"{source} is a configuration, which has no models. Give a run's folder, or --model "
-            "oracle."
+            f"{instead}."
         )
     run = open_run(source)
     iteration = run.champion() if model == CHAMPION else run.iteration(model)

@@ -36,6 +36,7 @@ class Setting(ResultRecord):
       samples, horizon_seconds: of the planner.
       threads: that planned.
       config: digest of the configuration.
+      link: to the robot, where one was driven; "" for a plant.
     """
 
     robot: str
@@ -51,6 +52,7 @@ class Setting(ResultRecord):
     horizon_seconds: float
     threads: int
     config: str
+    link: str = ""
 
 
 class Drive(ResultRecord):

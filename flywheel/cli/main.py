@@ -12,6 +12,7 @@ from flywheel.cli.bench import bench
 from flywheel.cli.compare import compare
 from flywheel.cli.design import design
 from flywheel.cli.diagnose import diagnose
+from flywheel.cli.drive import drive
 from flywheel.cli.evaluate import evaluate
 from flywheel.cli.exits import CODES, Commands
 from flywheel.cli.list import list_
@@ -65,6 +66,7 @@ app.command("list", rich_help_panel=RUNS)(list_)
 app.add_typer(config.app, name="config", rich_help_panel=RUNS)
 app.command(rich_help_panel=RUNS)(evaluate)
 app.command(rich_help_panel=RUNS)(navigate)
+app.command(rich_help_panel=RUNS)(drive)
 app.command(rich_help_panel=RUNS)(report)
 app.command(rich_help_panel=RUNS)(summary)
 app.command(rich_help_panel=RUNS)(ui)

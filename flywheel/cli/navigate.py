@@ -130,7 +130,7 @@ def navigate(
         out.print(f"Seed {each}: {_ending(drive)}", highlight=False)
         if video and number == 0:
             _film(out, progress, driver, episode, each, video)
-    _show(out, there, picture)
+    show_drives(out, there, picture)
 
 
 def _video_of(model: str, seed: int) -> Path:
@@ -179,7 +179,7 @@ def _film(
         out.say(f"No video: {error}")
 
 
-def _show(out: Out, drives: Sequence[Drive], picture: Path | None) -> None:
+def show_drives(out: Out, drives: Sequence[Drive], picture: Path | None) -> None:
     """Print a table of the episodes where there are several, and draw them where that is asked for."""
     from flywheel.cli.drives import drive_picture, drive_table
 

@@ -12,6 +12,7 @@ import typer
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import FAILED
+from flywheel.cli.serve import serve
 
 if TYPE_CHECKING:
     from flywheel.dynamics.plant import Settling
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from flywheel.robots import Attachment, Robot
 
 app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
+app.command()(serve)
 
 EDGES = ("body", "cable", "contact")
 DT = 0.01  # between commands, unless it is given: what all commands take [s]

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from flywheel.control.episode_log import EpisodeLog
 from flywheel.control.protocol import Command, Controller, OnPiece, Piece
 from flywheel.dynamics.plant import MeasurementModel, Plant, Reckoning
-from flywheel.dynamics.plant.reckoning import APART
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import (
     Episode,
@@ -25,8 +25,8 @@ from flywheel.robots import Robot
 from flywheel.tasks import Task
 
 
-class Log:
-    """One episode so far: what was true, what was measured, what was commanded.
+class PlantLog:
+    """An episode on a plant so far: what was true, too.
 
     Args:
       plant: that is stepped.
@@ -46,19 +46,15 @@ class Log:
         steps: int,
         reckoning: Reckoning,
     ) -> None:
-        robot = plant.robot
         self._plant, self._measurement, self._rng = plant, measurement, rng
-        self._reckoning, self._next_look = reckoning, 0
-        self._last_lengths: Floats = np.zeros((1, len(robot.cables)))
-        self.done = 0
-        self._points = np.empty((1, steps + 1, len(robot.points), 3))
-        self._winch = np.empty((1, steps + 1, len(robot.winches)))
-        self._reckoned = np.empty_like(self._winch)
-        self._controls = np.empty((1, steps, len(robot.winches)))
+        self._log = EpisodeLog(plant.robot, plant.dt, steps, reckoning, plant.terrain)
         self._states = [start[:, None]]
         self._measure(plant.observe(start[:, None]), 0)
-        seen = self._winch[:, 0]
-        self._reckoned[:, 0] = np.where(np.isfinite(seen), seen, robot.winch_of(robot.keyframe))
+
+    @property
+    def done(self) -> int:
+        """Control steps so far."""
+        return self._log.done
 
     @property
     def state(self) -> State:
@@ -68,55 +64,22 @@ class Log:
     def append(self, simulated: Trajectory) -> None:
         """Add what the plant did from the present on."""
         assert simulated.states is not None
-        now, after = self.done, self.done + simulated.steps
-        self._measure(simulated.observations[:, 1:], now + 1)
-        self._controls[:, now:after] = simulated.controls
-        told = self._reckoning.told(self._controls[0, :after])[now:]
-        self._reckoned[0, now : after + 1] = self._reckoning.wound(
-            self._reckoned[0, now], told, self._lengths(now, after)
-        )
+        self._measure(simulated.observations[:, 1:], self.done + 1)
+        self._log.command(simulated.controls[0])
         self._states.append(simulated.states[:, 1:])
-        self.done = after
 
     def past(self) -> Past:
-        """All that is known now. A winch counts as measured if it was at every step so far."""
-        seen = self._winch[:, : self.done + 1]
-        measured = np.isfinite(seen).all(axis=1, keepdims=True)
-        return Past(
-            observations=self._observations(),
-            controls=self._controls[:, : self.done],
-            winch=np.where(measured, seen, self._reckoned[:, : self.done + 1]),
-            state=self.state,
-            terrains=(self._plant.terrain,),
-        )
+        """All that is known now."""
+        return self._log.past(self.state)
 
     def trajectory(self) -> Trajectory:
         """The whole of it, unbatched."""
         parts = [(s.qpos, s.qvel, s.act) for s in self._states]
         states = State(*(np.concatenate(part, axis=1) for part in zip(*parts, strict=True)))
-        controls = self._controls[0, : self.done].copy()
-        return Trajectory(_copied(self._observations()[0]), controls, self._plant.dt, states[0])
-
-    def _lengths(self, first: int, end: int) -> Floats | None:
-        """(end - first, C) of the cables, where they matter [m]; for a moment they stay as they were."""
-        if not self._reckoning.loaded:
-            return None
-        if end >= self._next_look:
-            self._last_lengths = self._reckoning.lengths(
-                self._points[0, : end + 1], self._reckoned[0, first], end - first
-            )
-            self._next_look = end + round(APART / self._plant.dt)
-            return self._last_lengths
-        return np.repeat(self._last_lengths[-1:], end - first, axis=0)
-
-    def _observations(self) -> Observation:
-        now = slice(None, self.done + 1)
-        return Observation(self._points[:, now], self._winch[:, now])
+        return self._log.trajectory(states[0])
 
     def _measure(self, truth: Observation, first: int) -> None:
-        seen = self._measurement.apply(truth, self._plant.robot, self._rng)
-        place = slice(first, first + truth.points.shape[1])
-        self._points[:, place], self._winch[:, place] = seen.points, seen.winch
+        self._log.see(self._measurement.apply(truth, self._plant.robot, self._rng), first)
 
 
 def record_episode(
@@ -154,36 +117,38 @@ def record_episode(
       ConfigError: no time for a single step.
       ModelError: the controller gave commands that do not fit, or plant or model diverged.
     """
-    steps = _steps(seconds if task is None else min(seconds, task.seconds), plant.dt)
+    steps = steps_of(seconds if task is None else min(seconds, task.seconds), plant.dt)
     for_controller, noise = np.random.SeedSequence(seed).spawn(2)
     reckoning = reckoning or Reckoning(plant.robot, plant.dt)
-    log = Log(plant, measurement, start, np.random.default_rng(noise), steps, reckoning)
-    controller.reset(task, _number(for_controller))
+    log = PlantLog(plant, measurement, start, np.random.default_rng(noise), steps, reckoning)
+    controller.reset(task, number_of(for_controller))
     commands: dict[float, Command] = {}
     reached, course = False, plant.begin(start)
     while log.done < steps and not reached:
         command = controller.act(log.past())
         commands[log.done * plant.dt] = command
-        controls = _checked(command.controls, controller.name, plant.robot)[: steps - log.done]
+        controls = checked_controls(command.controls, controller.name, plant.robot)[
+            : steps - log.done
+        ]
         simulated = course.go(controls[None])
         if task is not None:
             simulated, reached = _until_reached(simulated, task)
             if reached and task.then is not None:
                 task, reached = task.then, False
-                controller.reset(task, _number(for_controller.spawn(1)[0]))
+                controller.reset(task, number_of(for_controller.spawn(1)[0]))
         log.append(simulated)
         if on_piece:
             on_piece(Piece(log.done, simulated, command))
     outcome = None if task is None else _outcome(plant, log, task, reached)
-    track, telemetry = log.trajectory(), _telemetry(commands)
+    track, telemetry = log.trajectory(), telemetry_of(commands)
     return Episode(episode_id, track, provenance, split, outcome, telemetry, plant.terrain)
 
 
-def _number(seeds: np.random.SeedSequence) -> int:
+def number_of(seeds: np.random.SeedSequence) -> int:
     return int(seeds.generate_state(1, np.uint64)[0])
 
 
-def _telemetry(commands: Mapping[float, Command]) -> dict[str, Floats]:
+def telemetry_of(commands: Mapping[float, Command]) -> dict[str, Floats]:
     """What planning took and foresaw, at which time; to the millimetre, for it is to be looked at."""
     taken = np.array([command.plan_seconds for command in commands.values()])
     paths = {at: c.diagnostics["paths"] for at, c in commands.items() if "paths" in c.diagnostics}
@@ -209,12 +174,12 @@ def _until_reached(simulated: Trajectory, task: Task) -> tuple[Trajectory, bool]
     ), True
 
 
-def _outcome(plant: Plant, log: Log, task: Task, reached: bool) -> Outcome:
+def _outcome(plant: Plant, log: PlantLog, task: Task, reached: bool) -> Outcome:
     distance = task.distance(plant.observe(log.state).points[0])
     return Outcome(reached, log.done * plant.dt, float(distance))
 
 
-def _checked(controls: Floats, name: str, robot: Robot) -> Floats:
+def checked_controls(controls: Floats, name: str, robot: Robot) -> Floats:
     controls = np.asarray(controls, float)
     if controls.ndim != 2 or not len(controls) or controls.shape[1] != len(robot.winches):
         raise ModelError(
@@ -226,12 +191,8 @@ def _checked(controls: Floats, name: str, robot: Robot) -> Floats:
     return controls
 
 
-def _steps(seconds: float, dt: float) -> int:
+def steps_of(seconds: float, dt: float) -> int:
     steps = round(seconds / dt)
     if steps < 1:
         raise ConfigError(f"An episode needs at least one step of {dt:g} s, got {seconds:g} s.")
     return steps
-
-
-def _copied(observation: Observation) -> Observation:
-    return Observation(observation.points.copy(), observation.winch.copy())

@@ -67,7 +67,7 @@ class Mppi:
         if self._task is None:
             raise ConfigError("MPPI needs a task to plan for; call reset with one first.")
         begun = time.perf_counter()
-        winch, config = past.winch[0, -1], self.config
+        winch, config = self._winch_at_begin(past), self.config
         plan = self._resumed(winch)
         for turn in range(config.rounds):
             noise = config.noise * config.narrowing**turn
@@ -77,9 +77,17 @@ class Mppi:
             best = np.argsort(search.costs, kind="stable")[: config.elites]
             self._elites = candidates[best]
         self._plan = plan
-        controls = self.knots.controls(winch, plan)[: self._act_steps]
+        controls, now = self.knots.controls(winch, plan), self._act_steps
         seconds = time.perf_counter() - begun
-        return Command(controls, seconds, search.diagnostics() | {"paths": self._paths(search)})
+        seen = search.diagnostics() | {"paths": self._paths(search)}
+        return Command(controls[:now], seconds, seen, tail=controls[now:])
+
+    def _winch_at_begin(self, past: Past) -> Floats:
+        """(W,) where the winches are when the plan begins [m]."""
+        if past.pending is None or not past.pending.shape[1]:
+            return past.winch[0, -1]
+        dynamics = self.dynamics
+        return dynamics.robot.wind(past.winch[0, -1], past.pending[0], dynamics.dt)[-1]
 
     def _paths(self, search: Search) -> Floats:
         """(SHOWN, M, 2) where candidates lead, from the best to the worst, a knot apart [m]."""
@@ -111,10 +119,19 @@ class Mppi:
         drawn = np.concatenate([kept, low + range_ * steps, plan + noise * range_ * noisy])
         return np.clip(drawn, robot.rest_low, robot.rest_high)
 
+    def _rollout(self, past: Past, controls: Floats) -> Rollout:
+        """From the plan's beginning on, with what is pending before it."""
+        if past.pending is None or not past.pending.shape[1]:
+            return self.dynamics.rollout(past, controls)
+        first = np.repeat(past.pending, len(controls), axis=0)
+        whole = self.dynamics.rollout(past, np.concatenate([first, controls], axis=1))
+        begin = first.shape[1]
+        return Rollout(whole.points[:, begin:], whole.winch[:, begin:])
+
     def _try(self, past: Past, winch: Floats, candidates: Floats) -> Search:
         assert self._task is not None
         controls = self.knots.controls(winch, candidates)[:, : self._horizon]
-        rollout = self.dynamics.rollout(past, controls)
+        rollout = self._rollout(past, controls)
         finite = np.isfinite(rollout.points).all(axis=(1, 2, 3))
         if not finite.any():
             raise ModelError(f"None of {len(candidates)} rollouts of {self.name} is finite.")

@@ -19,11 +19,13 @@ class Command:
       plan_seconds: computing time the choice took [s]; 0 where nothing was planned.
       diagnostics: named arrays for figures and videos; nothing reads them to decide. "paths" (K, M, 2)
         are ways that the robot's centre of mass would take, the best one first [m].
+      tail: (R, W) commands to go on with for as long as nothing newer was chosen; None to hold still.
     """
 
     controls: Floats
     plan_seconds: float = 0.0
     diagnostics: dict[str, Floats] = field(default_factory=dict)
+    tail: Floats | None = None
 
 
 @dataclass(frozen=True)

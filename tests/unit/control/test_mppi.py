@@ -29,6 +29,21 @@ def followed(past: Past, gantry, controls: np.ndarray) -> Past:
     )
 
 
+def test_a_plan_that_begins_later_is_one_from_where_pending_commands_lead(
+    gantry, task: Task, past: Past
+) -> None:
+    pending = np.full((20, len(gantry.robot.winches)), 0.3) * gantry.robot.control_high
+    later = dataclasses.replace(past, pending=pending[None])
+    there = followed(past, gantry, pending)
+    unaware, ahead, direct = (
+        planner(gantry, task, temperature=1.0).act(each) for each in (past, later, there)
+    )
+    assert not np.allclose(unaware.controls, direct.controls, atol=1e-3)
+    np.testing.assert_allclose(ahead.controls, direct.controls, atol=1e-9)
+    assert direct.tail is not None and ahead.tail is not None
+    assert len(direct.tail) + len(direct.controls) == 20  # 2 s
+
+
 def test_weights_sum_to_one_and_fall_with_cost() -> None:
     rng = np.random.default_rng(seed := draws.seed())
     costs = rng.normal(size=40)

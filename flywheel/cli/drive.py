@@ -1,0 +1,179 @@
+"""`flywheel drive`: MPPI drives a robot behind a link to goals, and its logs are kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flywheel.cli.console import Out, console
+from flywheel.cli.exits import FAILED, INTERRUPTED
+from flywheel.cli.navigate import (
+    EpisodesOption,
+    PictureOption,
+    ResultsOption,
+    SeedOption,
+    SourceArgument,
+    show_drives,
+)
+from flywheel.cli.options import CHAMPION, Overrides
+from flywheel.cli.stand_in import (
+    DropoutOption,
+    EncodersOption,
+    HiddenOption,
+    LatencyOption,
+    NoiseOption,
+    RateOption,
+    ToldOption,
+    stand_in_config,
+)
+
+if TYPE_CHECKING:
+    from flywheel.cli.drives import Drive
+    from flywheel.cli.robot_driver import RobotDriver
+
+ENDINGS = {
+    "goal": "[green]reached the goal after {seconds:.1f} s[/green]",
+    "time": "[yellow]did not reach the goal in {seconds:.1f} s[/yellow], {distance:.2f} m were left",
+    "lost": "[red]the link was lost after {seconds:.1f} s[/red]",
+    "stopped": "[yellow]stopped after {seconds:.1f} s[/yellow]",
+}
+RobotOption = Annotated[
+    str,
+    typer.Option(
+        metavar="ROBOT",
+        help="simulated (a stand-in), tcp://HOST:PORT, or MODULE:CLASS for a link of your own.",
+    ),
+]
+ModelOption = Annotated[
+    str,
+    typer.Option(help="champion, an iteration's number, or plant (the MJCF and what was adopted)."),
+]
+ArgumentsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--argument", metavar="KEY=VALUE", help="Of a link of your own.", show_default=False
+    ),
+]
+LogsOption = Annotated[
+    Path, typer.Option(metavar="FOLDER", help="Gets each episode as CSV, a robot's log.")
+]
+CODES = {"lost": FAILED, "stopped": INTERRUPTED}
+
+
+def drive(
+    source: SourceArgument,
+    overrides: Overrides = None,
+    robot: RobotOption = "simulated",
+    model: ModelOption = CHAMPION,
+    seed: SeedOption = 0,
+    episodes: EpisodesOption = 1,
+    hidden: HiddenOption = None,
+    noise: NoiseOption = 0.003,
+    rate: RateOption = None,
+    latency: LatencyOption = 0.0,
+    latency_told: ToldOption = True,
+    dropout: DropoutOption = 0.0,
+    encoders: EncodersOption = False,
+    arguments: ArgumentsOption = None,
+    logs: LogsOption = Path("drives"),
+    results: ResultsOption = None,
+    picture: PictureOption = None,
+) -> None:
+    """Drive a robot to goals with MPPI, and keep what it measured.
+
+    Success is judged by measurements alone. However an episode ends, with Ctrl-C or by a lost link too, the
+    robot is told to hold still, and its log is whole up to there.
+
+    [bold]Examples[/bold]
+
+    flywheel drive runs/prism3 --hidden torque_speed --hidden payload
+
+    flywheel drive runs/prism3 --robot tcp://127.0.0.1:7420 --episodes 3
+
+    flywheel drive prism3 --model plant --robot my_lab:MyRobot --argument port=/dev/ttyUSB0
+    """
+    from flywheel.cli.robot_driver import RobotDriver
+    from flywheel.outputs import check_folder, check_outputs
+    from flywheel.runtime.config.shipped import config_file
+
+    out = console()
+    place = Path(source) if Path(source).is_dir() else config_file(source)
+    check_outputs({"results": results, "picture": picture}, inputs=[place])
+    check_folder(logs, "folder of the logs")
+    files = _new_files(logs, model, range(seed, seed + episodes))
+    stand_in = stand_in_config(hidden, noise, rate, latency, latency_told, dropout, encoders)
+    way = _arguments(arguments or [])
+    driver = RobotDriver(place, tuple(overrides or ()), model, robot, stand_in, way)
+    try:
+        lines, ended = _drive_all(out, driver, files, results)
+    finally:
+        driver.link.close()
+    show_drives(out, lines, picture)
+    if ended in CODES:
+        raise typer.Exit(CODES[ended])
+
+
+def _drive_all(
+    out: Out, driver: RobotDriver, files: Mapping[int, Path], results: Path | None
+) -> tuple[list[Drive], str]:
+    """Drive one episode for each seed, until one of them is lost or stopped; and how the last one ended."""
+    from flywheel.cli.drives import append_drive
+    from flywheel.data.recordings import write_recording
+    from flywheel.runtime.pool.progress import console_progress
+
+    lines, ended, progress = [], "", console_progress()
+    for number, (seed, file) in enumerate(files.items(), 1):
+        begun = time.process_time()
+        with progress.stage(f"drive {number}/{len(files)}", 1.0) as stage:
+            driven = driver.drive(seed, stage)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_recording(driven.episode, file, driver.robot)
+        lines.append(driver.line(seed, driven, begun))
+        if results:
+            append_drive(results, lines[-1])
+        ended, walk = driven.ended, lines[-1].walk
+        words = ENDINGS[ended].format(seconds=walk.seconds, distance=walk.distance)
+        out.print(f"Seed {seed}: {words}. {_remarks(driven.late_plans, driven.skipped)}{file}")
+        if driven.why:
+            out.say(driven.why, style="red")
+        if ended in CODES:
+            break
+    return lines, ended
+
+
+def _remarks(late: int, skipped: int) -> str:
+    words = []
+    if late:
+        words.append(f"{late} plans came late, and the one before went on.")
+    if skipped:
+        words.append(f"In {skipped} control periods no command was sent in time.")
+    return " ".join([*words, ""])
+
+
+def _new_files(folder: Path, model: str, seeds: Iterable[int]) -> dict[int, Path]:
+    """Where the log of each seed goes; refused now rather than after a drive, where one is there."""
+    from flywheel.errors import ConfigError
+    from flywheel.files import file_name
+
+    files = {seed: folder / f"{file_name(model)}-{seed}.csv" for seed in seeds}
+    for path in files.values():
+        if path.exists():
+            raise ConfigError(f"{path} is there already; name another folder with --logs.")
+    return files
+
+
+def _arguments(texts: list[str]) -> dict[str, str]:
+    """KEY=VALUE as a dictionary."""
+    from flywheel.errors import ConfigError
+
+    found = {}
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not sign or not key.isidentifier():
+            raise ConfigError(f"--argument takes KEY=VALUE, got {text!r}.")
+        found[key] = value
+    return found

@@ -1,0 +1,92 @@
+"""`flywheel robot serve`: a stand-in for a robot, behind a TCP port."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from flywheel.cli.console import console
+from flywheel.cli.options import within
+from flywheel.cli.stand_in import (
+    DropoutOption,
+    EncodersOption,
+    HiddenOption,
+    LatencyOption,
+    NoiseOption,
+    PeriodOption,
+    RateOption,
+    ToldOption,
+    stand_in_config,
+)
+from flywheel.quantities import Bounds
+
+LOOPBACK = "127.0.0.1"
+RobotArgument = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="Your .xml, or a shipped robot's name.")
+]
+PaceOption = Annotated[
+    bool,
+    typer.Option("--real-time/--lockstep", help="Go by the clock, or wait for whoever drives it."),
+]
+HostOption = Annotated[
+    str, typer.Option(help="Address to listen on; this machine only by default.")
+]
+PortOption = Annotated[
+    int, typer.Option(help="Port; 0 for one that is free.", callback=within(Bounds(0, 65_535)))
+]
+
+
+def serve(
+    robot: RobotArgument,
+    hidden: HiddenOption = None,
+    noise: NoiseOption = 0.003,
+    rate: RateOption = None,
+    latency: LatencyOption = 0.0,
+    latency_told: ToldOption = True,
+    dropout: DropoutOption = 0.0,
+    encoders: EncodersOption = False,
+    period: PeriodOption = 0.01,
+    real_time: PaceOption = True,
+    host: HostOption = LOOPBACK,
+    port: PortOption = 7420,
+) -> None:
+    """Stand in for a robot: simulate it with effects that nobody is told of, and let others drive it.
+
+    Nothing but measurements comes out. Ctrl-C ends it.
+
+    [bold]Example[/bold]
+
+    flywheel robot serve prism3 --hidden torque_speed --hidden payload:2 --latency 0.03
+
+    flywheel drive runs/prism3 --robot tcp://127.0.0.1:7420
+    """
+    import asyncio
+
+    from flywheel.robot_link import StandIn
+    from flywheel.robot_link.server import RobotServer
+    from flywheel.robots import load_robot
+
+    out = console()
+    config = stand_in_config(hidden, noise, rate, latency, latency_told, dropout, encoders)
+    found = load_robot(robot)
+    server = RobotServer(StandIn(found, config, period), real_time, say=out.say)
+    if host != LOOPBACK:
+        out.say(
+            f"Whoever can reach {host} can drive this robot: nobody is asked for a password.",
+            style="yellow",
+        )
+
+    def listening(port: int) -> None:
+        pace = "in real time" if real_time else "in lockstep"
+        out.say(f"{found.name} waits {pace} at tcp://{host}:{port}. Ctrl-C ends it.")
+
+    try:
+        asyncio.run(server.serve(host, port, listening))
+    except KeyboardInterrupt:
+        late = server.pace.late
+        out.say(
+            f"Ended; {late} of {server.pace.periods} control periods came late."
+            if late
+            else "Ended."
+        )

@@ -1,0 +1,300 @@
+"""Driving a robot through a link, by what is measured alone.
+
+A robot that waits to be observed is driven in lockstep, and planning takes none of its time. In real time a
+plan is made while the one before goes on; it begins `lead` control steps after it was asked for, and the
+commands until then are known to whoever plans. If it comes late, the one before goes on to its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from flywheel.control.closed_loop import checked_controls, steps_of, telemetry_of
+from flywheel.control.episode_log import EpisodeLog
+from flywheel.control.protocol import Command, Controller
+from flywheel.dynamics.plant import Reckoning
+from flywheel.errors import LinkError
+from flywheel.records import Episode, Floats, Observation, Outcome, Provenance, Split
+from flywheel.robot_link.protocol import RobotLink, Sample
+from flywheel.robots import Robot
+from flywheel.tasks import Task
+
+VALID = 0.1  # how long a command stays valid if no other follows [s]: then the driver is taken to be lost
+LEAST_PERIODS = 5  # the same in control periods
+Ending = Literal["goal", "time", "lost", "stopped"]
+TaskOf = Callable[[Floats], Task | None]
+OnStep = Callable[[int, Sample], None]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How a drive went.
+
+    Attributes:
+      episode: what was measured and commanded, whole up to its end.
+      ended: at the goal, by the time limit, because the link was lost, or because the user stopped it.
+      why: in words, where the link was lost; else "".
+      late_plans: plans that came after they were to begin.
+      skipped: control periods in which no command was sent in time; the one before stayed.
+    """
+
+    episode: Episode
+    ended: Ending
+    why: str = ""
+    late_plans: int = 0
+    skipped: int = 0
+
+
+@dataclass
+class _Going:
+    """A drive that is under way."""
+
+    log: EpisodeLog
+    planner: Planner
+    task: Task | None
+    last_seen: Floats
+    skipped: int = 0
+    reached: bool = False
+
+
+def drive(
+    link: RobotLink,
+    robot: Robot,
+    controller: Controller,
+    task_of: TaskOf,
+    *,
+    seconds: float,
+    seed: int,
+    episode_id: str,
+    provenance: Provenance,
+    split: Split,
+    lead: int = 0,
+    reckoning: Reckoning | None = None,
+    on_step: OnStep | None = None,
+) -> Drive:
+    """Let a controller drive a robot until the goal is reached or the time is over.
+
+    Success is judged by what is measured. However the drive ends, the robot is told to hold still, and what
+    was measured until then is kept.
+
+    Args:
+      link: to the robot; it is reset first.
+      robot: of its MJCF.
+      controller: chooses the commands.
+      task_of: gives the task, from the points (P, 3) where the robot stands; None for none.
+      seconds, seed: longest duration [s]; seed of controller and, where simulated, of the sensors.
+      episode_id, provenance, split: of the episode.
+      lead: control steps before which a plan is asked for; 0 to wait for every plan.
+      reckoning: of winches that are not measured; None for nominal ones.
+      on_step: is told of every control step, and may raise to end the drive.
+
+    Raises:
+      ConfigError: no time for a single step.
+      LinkError: the robot is another one, or is lost before the first step.
+      ModelError: the controller gave commands that do not fit, or its model diverged.
+    """
+    link.info.check_is(robot)
+    first, going, steps = _begun(link, robot, controller, task_of, seconds, seed, lead, reckoning)
+    ended, why = "time", ""
+    try:
+        _go(link, going, first, steps, on_step)
+        ended = "goal" if going.reached else "time"
+    except LinkError as error:
+        if not going.log.done:
+            raise
+        ended, why = "lost", str(error)
+    except KeyboardInterrupt:
+        if not going.log.done:
+            raise
+        ended = "stopped"
+    finally:
+        _hold_still(link)
+        going.planner.close()
+    return Drive(
+        _episode(going, episode_id, provenance, split, why),
+        ended,  # type: ignore[arg-type]  # one of the words above
+        why,
+        going.planner.late,
+        going.skipped,
+    )
+
+
+def _begun(
+    link: RobotLink,
+    robot: Robot,
+    controller: Controller,
+    task_of: TaskOf,
+    seconds: float,
+    seed: int,
+    lead: int,
+    reckoning: Reckoning | None,
+) -> tuple[Sample, _Going, int]:
+    """The first measurement, the drive that begins with it, and its most control steps."""
+    dt = link.info.period
+    link.reset(seed)
+    first = link.observe()
+    task = task_of(_standing(first))
+    steps = steps_of(seconds if task is None else min(seconds, task.seconds), dt)
+    log = EpisodeLog(robot, dt, steps, reckoning or Reckoning(robot, dt))
+    log.see(_observation(first), 0)
+    controller.reset(task, seed)
+    return first, _Going(log, Planner(controller, log, lead), task, _standing(first)), steps
+
+
+def _go(link: RobotLink, going: _Going, sample: Sample, steps: int, on_step: OnStep | None) -> None:
+    log, dt, begun = going.log, link.info.period, sample.time
+    valid = min(link.info.dead_man, max(VALID, LEAST_PERIODS * dt))
+    newest = -1
+    while log.done < steps and not going.reached:
+        control = np.clip(going.planner.command(), link.info.control_low, link.info.control_high)
+        link.send(control, sample.time + valid)
+        sample = link.observe()
+        passed = round((sample.time - begun) / dt) - log.done
+        if passed < 1:
+            raise LinkError(f"The robot's clock stands still at {sample.time:.3f} s.")
+        passed = min(passed, steps - log.done)
+        going.skipped += passed - 1
+        log.command(_obeyed(control, passed, valid, dt, log.robot))
+        row = round((sample.stamp - begun) / dt)
+        if newest < row <= log.done and row > 0:
+            log.see(_observation(sample), row)
+            newest = row
+            going.last_seen = np.where(sample.valid[:, None], sample.points, going.last_seen)
+            if going.task is not None:
+                _arrive(going, sample)
+        if on_step is not None:
+            on_step(log.done, sample)
+
+
+def _arrive(going: _Going, sample: Sample) -> None:
+    """Go on to the next task where a goal is reached, or be done."""
+    task = going.task
+    assert task is not None
+    if not task.reached(sample.points):
+        return
+    if task.then is None:
+        going.reached = True
+        return
+    going.task = task.then
+    going.planner.begin(task.then)
+
+
+class Planner:
+    """Asks a controller for commands: when they are needed, or ahead of time, in a thread.
+
+    Args:
+      controller: that is asked.
+      log: of the episode.
+      lead: control steps before which it is asked; 0 to wait for it.
+    """
+
+    def __init__(self, controller: Controller, log: EpisodeLog, lead: int = 0) -> None:
+        self._controller, self._log, self._lead = controller, log, lead
+        self._thread = ThreadPoolExecutor(1) if lead else None
+        self._asked: Future[Command] | None = None
+        hold = log.robot.holding(log.past().winch[0, -1])
+        self._plan, self._begin, self._next = _Plan(np.repeat(hold[None], lead, axis=0)), 0, lead
+        self._tasks = 0
+        self.late = 0
+        self.commands: dict[float, Command] = {}
+
+    def begin(self, task: Task) -> None:
+        """Plan for another task from the next plan on."""
+        if self._asked is not None:
+            self._asked.result()  # it may still plan for the task before
+        self._tasks += 1
+        self._controller.reset(task, self._tasks)
+
+    def command(self) -> Floats:
+        """The command (W,) of the next control step.
+
+        Raises:
+          ModelError: the controller's commands do not fit, or its model diverged.
+        """
+        now = self._log.done
+        if self._thread is None:
+            if now >= self._next:
+                self._take(self._controller.act(self._log.past()), now)
+        else:
+            self._ask_ahead(now, self._thread)
+        return self._plan.at(now - self._begin, self._log.robot)
+
+    def close(self) -> None:
+        """Wait for what is being planned, and forget it."""
+        if self._thread is not None:
+            self._thread.shutdown(wait=True, cancel_futures=True)
+
+    def _ask_ahead(self, now: int, thread: ThreadPoolExecutor) -> None:
+        if self._asked is not None and now >= self._next and self._asked.done():
+            self.late += now > self._next
+            self._take(self._asked.result(), self._next)
+            self._asked = None
+        if self._asked is None and now >= self._next - self._lead:
+            self._next = max(self._next, now + self._lead)
+            rows = range(now - self._begin, self._next - self._begin)
+            planned = np.array([self._plan.at(row, self._log.robot) for row in rows])
+            self._asked = thread.submit(self._controller.act, self._log.past(planned=planned))
+
+    def _take(self, command: Command, begin: int) -> None:
+        controls = checked_controls(command.controls, self._controller.name, self._log.robot)
+        self.commands[begin * self._log.dt] = command
+        self._begin, self._next = begin, begin + len(controls)
+        tail = controls[:0] if command.tail is None else command.tail
+        self._plan = _Plan(np.concatenate([controls, tail]))
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Commands (n, W) from some control step on."""
+
+    controls: Floats
+
+    def at(self, row: int, robot: Robot) -> Floats:
+        """(W,) of a control step; after the last one the winches hold still."""
+        if row < len(self.controls):
+            return self.controls[row]
+        return np.where(robot.rate_driven, 0.0, self.controls[-1])
+
+
+def _obeyed(control: Floats, passed: int, valid: float, dt: float, robot: Robot) -> Floats:
+    """(passed, W) what the robot did while control periods passed: it holds still after `valid` [s]."""
+    still = np.where(robot.rate_driven, 0.0, control)
+    return np.array([control if row * dt < valid - 1e-9 else still for row in range(passed)])
+
+
+def _observation(sample: Sample) -> Observation:
+    return Observation(sample.points[None, None], sample.winch[None, None])
+
+
+def _standing(sample: Sample) -> Floats:
+    """(P, 3) where the robot stands; the middle of the others for points that are not seen."""
+    middle = np.nanmean(sample.points, axis=0) if sample.valid.any() else np.zeros(3)
+    return np.where(sample.valid[:, None], sample.points, middle)
+
+
+def _hold_still(link: RobotLink) -> None:
+    try:
+        link.stop()
+    except LinkError:
+        return  # it holds still by itself once the last command is not valid any more
+
+
+def _episode(
+    going: _Going, episode_id: str, provenance: Provenance, split: Split, why: str
+) -> Episode:
+    log, task = going.log, going.task
+    outcome = None
+    if task is not None:
+        distance = float(task.distance(going.last_seen))
+        outcome = Outcome(going.reached, log.done * log.dt, distance)
+    telemetry = telemetry_of(going.planner.commands) if going.planner.commands else {}
+    telemetry |= {
+        "late_plans": np.array([going.planner.late]),
+        "skipped": np.array([going.skipped]),
+    }
+    return Episode(episode_id, log.trajectory(), provenance, split, outcome, telemetry)

@@ -1,0 +1,43 @@
+"""The process of a stand-in that `SimulatedLink` starts."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import sys
+import threading
+
+from flywheel.errors import FlywheelError
+from flywheel.robot_link.server import LOOPBACK, RobotServer
+from flywheel.robot_link.stand_in import StandIn, StandInConfig
+from flywheel.robots import read_robot
+
+
+def main() -> None:
+    """Serve one stand-in for as long as somebody holds the standard input."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it says when it ends
+    order = json.loads(sys.stdin.buffer.readline())
+    threading.Thread(target=_end_with_input, daemon=True).start()
+    try:
+        robot = read_robot(order["mjcf"])
+        stand_in = StandIn(robot, StandInConfig.model_validate(order["config"]), order["dt"])
+        server = RobotServer(stand_in, say=lambda words: None)
+        asyncio.run(server.serve(LOOPBACK, 0, lambda port: _say(port=port)))
+    except FlywheelError as error:
+        _say(error=str(error))
+
+
+def _say(**words: object) -> None:
+    sys.stdout.write(json.dumps(words) + "\n")
+    sys.stdout.flush()
+
+
+def _end_with_input() -> None:
+    sys.stdin.buffer.read()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

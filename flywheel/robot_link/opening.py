@@ -1,0 +1,100 @@
+"""The ways to a robot, as people write them: `simulated`, `tcp://HOST:PORT`, `MODULE:CLASS`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import Any
+from urllib.parse import urlsplit
+
+from flywheel.errors import ConfigError, LinkError
+from flywheel.robot_link.protocol import RobotLink
+from flywheel.robot_link.simulated import SimulatedLink
+from flywheel.robot_link.stand_in import StandInConfig
+from flywheel.robot_link.tcp import TcpLink
+from flywheel.robots import Robot
+
+SIMULATED, TCP = "simulated", "tcp"
+PORT = 7420  # where a robot listens if nothing else is said
+WAYS = f'"{SIMULATED}", "{TCP}://HOST:PORT" or "MODULE:CLASS"'
+
+
+def open_link(
+    where: str,
+    robot: Robot,
+    period: float,
+    stand_in: StandInConfig | None = None,
+    arguments: Mapping[str, Any] | None = None,
+) -> RobotLink:
+    """Reach a robot.
+
+    Args:
+      where: "simulated" for a stand-in in a process of its own, "tcp://HOST:PORT" (the port may be left
+        out), or "MODULE:CLASS" for a class of one's own that takes a Robot and the arguments.
+      robot: of the MJCF.
+      period: of a stand-in's control loop [s].
+      stand_in: what a stand-in is, beyond its MJCF.
+      arguments: of a class of one's own.
+
+    Raises:
+      ConfigError: there is no such way.
+      LinkError: the robot is not there, is another one, or has another control period.
+    """
+    link = _opened(where, robot, period, stand_in or StandInConfig(), arguments or {})
+    try:
+        link.info.check_is(robot)
+        if abs(link.info.period - period) > 1e-9:
+            raise LinkError(
+                f"The robot's control period is {link.info.period:g} s, the model's control step "
+                f"(network.dt) is {period:g} s; they must be the same."
+            )
+    except LinkError:
+        link.close()
+        raise
+    return link
+
+
+def _opened(
+    where: str, robot: Robot, period: float, stand_in: StandInConfig, arguments: Mapping[str, Any]
+) -> RobotLink:
+    if where == SIMULATED:
+        return SimulatedLink(robot, stand_in, period)
+    if where == TCP or where.startswith(f"{TCP}://"):
+        return TcpLink(*_address(where))
+    module, colon, name = where.partition(":")
+    if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
+        raise ConfigError(f"A robot is reached by {WAYS}, got {where!r}.")
+    kind = _class(module, name)
+    try:
+        made = kind(robot, **arguments)
+    except TypeError as error:
+        raise ConfigError(
+            f"{where} cannot be made from a robot and {arguments}: {error}."
+        ) from None
+    if not isinstance(made, RobotLink):
+        raise ConfigError(
+            f"{where} is no RobotLink: it needs info, reset, observe, send, stop and close."
+        )
+    return made
+
+
+def _address(where: str) -> tuple[str, int]:
+    try:
+        parts = urlsplit(where if "://" in where else f"{where}://")
+        port = parts.port or PORT
+    except ValueError:
+        raise ConfigError(f"{where!r} has no port from 1 to 65535.") from None
+    if parts.path or parts.query or parts.username:
+        raise ConfigError(f"A robot is reached by {TCP}://HOST:PORT, got {where!r}.")
+    return parts.hostname or "127.0.0.1", port
+
+
+def _class(module: str, name: str) -> Callable[..., Any]:
+    try:
+        there = importlib.import_module(module)
+    except ImportError as error:
+        raise ConfigError(f"The module {module} cannot be imported: {error}.") from None
+    try:
+        return getattr(there, name)
+    except AttributeError:
+        raise ConfigError(f"The module {module} has no {name}.") from None

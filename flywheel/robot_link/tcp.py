@@ -1,0 +1,125 @@
+"""The driver's side of a robot that is reached over TCP."""
+
+from __future__ import annotations
+
+import socket
+from typing import TypeVar
+
+from flywheel.errors import LinkError
+from flywheel.records import Floats
+from flywheel.robot_link.protocol import RobotInfo, Sample
+from flywheel.robot_link.wire import (
+    LONGEST_LINE,
+    About,
+    Hello,
+    Measured,
+    Message,
+    Observe,
+    Ready,
+    Refused,
+    Reset,
+    Stop,
+    Stopped,
+    answer_of,
+    check_format,
+    command_of,
+)
+
+CONNECTING = 10.0  # longest time that a robot may take to be there [s]
+RESETTING = (
+    300.0  # the same to stand where an episode begins; people may have to carry it there [s]
+)
+Expected = TypeVar("Expected", bound=Message)
+
+
+class TcpLink:
+    """A robot that is reached over TCP. Implements `RobotLink`.
+
+    Args:
+      host, port: where it listens.
+      patience: longest time that it may take to answer [s].
+
+    Raises:
+      LinkError: it is not there, or no robot.
+    """
+
+    def __init__(self, host: str, port: int, patience: float = 5.0) -> None:
+        self._where, self._patience = f"{host}:{port}", patience
+        try:
+            self._socket = socket.create_connection((host, port), timeout=CONNECTING)
+        except OSError as error:
+            raise LinkError(f"No robot answers at {self._where}: {error}.") from None
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._lines = self._socket.makefile("rb")
+        try:
+            about = self._ask(Hello(), About)
+            check_format(about.format, "robot")
+        except LinkError:
+            self._hang_up()
+            raise
+        self.info: RobotInfo = about.info
+
+    def reset(self, seed: int = 0) -> None:
+        """Let it stand where an episode begins."""
+        self._ask(Reset(seed=seed), Ready, RESETTING)
+
+    def observe(self) -> Sample:
+        """The newest measurement, once the next control period has begun."""
+        return self._ask(Observe(), Measured).sample
+
+    def send(self, controls: Floats, valid_until: float) -> None:
+        """Command (W,) until a time of the robot's clock [s]."""
+        self._tell(command_of(controls, valid_until))
+
+    def stop(self) -> None:
+        """Let it hold still."""
+        self._ask(Stop(), Stopped)
+
+    def close(self) -> None:
+        """Let it hold still, and let others drive. A robot that cannot be reached stops by itself."""
+        try:
+            self.stop()
+        except LinkError:
+            pass
+        finally:
+            self._hang_up()
+
+    def _tell(self, message: Message) -> None:
+        try:
+            self._socket.sendall(message.line())
+        except OSError as error:
+            raise self._lost(str(error)) from None
+
+    def _ask(
+        self, message: Message, expected: type[Expected], patience: float | None = None
+    ) -> Expected:
+        try:
+            self._socket.settimeout(patience or self._patience)
+        except OSError as error:
+            raise self._lost(str(error)) from None
+        self._tell(message)
+        try:
+            line = self._lines.readline(LONGEST_LINE)
+        except TimeoutError:
+            raise self._lost(f"no answer within {patience or self._patience:g} s") from None
+        except OSError as error:
+            raise self._lost(str(error)) from None
+        if not line:
+            raise self._lost("it hung up")
+        answer = answer_of(line)
+        if isinstance(answer, Refused):
+            raise LinkError(f"The robot at {self._where} refuses: {answer.message}")
+        if not isinstance(answer, expected):
+            raise LinkError(
+                f"The robot at {self._where} answered {type(message).__name__.lower()} with "
+                f"{type(answer).__name__.lower()}."
+            )
+        return answer
+
+    def _lost(self, why: str) -> LinkError:
+        self._hang_up()
+        return LinkError(f"The link to the robot at {self._where} is lost: {why}.")
+
+    def _hang_up(self) -> None:
+        self._lines.close()
+        self._socket.close()

@@ -1,0 +1,133 @@
+"""What went over a link, written down, and played back with no robot present.
+
+A transcript has the lines of the wire format (`wire`): what was asked, each followed by its answer.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import IO, TypeVar
+
+from flywheel.errors import LinkError
+from flywheel.records import Floats
+from flywheel.robot_link.protocol import RobotInfo, RobotLink, Sample
+from flywheel.robot_link.wire import (
+    About,
+    Hello,
+    Measured,
+    Message,
+    Observe,
+    Ready,
+    Reset,
+    Stop,
+    Stopped,
+    answer_of,
+    command_of,
+    request_of,
+)
+
+Expected = TypeVar("Expected", bound=Message)
+
+
+class TranscribedLink:
+    """Writes down what goes over a link. Implements `RobotLink`.
+
+    Args:
+      link: that is used.
+      path: of the transcript; what is there is replaced.
+    """
+
+    def __init__(self, link: RobotLink, path: Path) -> None:
+        self._link, self.info = link, link.info
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file: IO[bytes] = path.open("wb")
+        self._write(Hello(), About.of(self.info))
+
+    def reset(self, seed: int = 0) -> None:
+        """As the link does."""
+        self._link.reset(seed)
+        self._write(Reset(seed=seed), Ready())
+
+    def observe(self) -> Sample:
+        """As the link does."""
+        sample = self._link.observe()
+        self._write(Observe(), Measured.of(sample))
+        return sample
+
+    def send(self, controls: Floats, valid_until: float) -> None:
+        """As the link does."""
+        self._link.send(controls, valid_until)
+        self._write(command_of(controls, valid_until))
+
+    def stop(self) -> None:
+        """As the link does."""
+        self._link.stop()
+        self._write(Stop(), Stopped())
+
+    def close(self) -> None:
+        """As the link does; the transcript ends."""
+        self._link.close()
+        self._file.close()
+
+    def _write(self, *messages: Message) -> None:
+        for message in messages:
+            self._file.write(message.line())
+
+
+class ReplayedLink:
+    """Answers from a transcript, and refuses what was not asked when it was written. Implements `RobotLink`.
+
+    Args:
+      path: of the transcript.
+
+    Raises:
+      LinkError: there is none, or it is damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._lines = iter(path.read_bytes().splitlines())
+        except OSError as error:
+            raise LinkError(f"The transcript {path} cannot be read: {error.strerror}.") from None
+        self._path = path
+        self.info: RobotInfo = self._ask(Hello(), About).info
+
+    def reset(self, seed: int = 0) -> None:
+        """As it was."""
+        self._ask(Reset(seed=seed), Ready)
+
+    def observe(self) -> Sample:
+        """What was measured then."""
+        return self._ask(Observe(), Measured).sample
+
+    def send(self, controls: Floats, valid_until: float) -> None:
+        """Must be what was sent then."""
+        self._tell(command_of(controls, valid_until))
+
+    def stop(self) -> None:
+        """As it was."""
+        self._ask(Stop(), Stopped)
+
+    def close(self) -> None:
+        """Nothing is left to do."""
+
+    def _tell(self, message: Message) -> None:
+        then = self._next()
+        if request_of(then) != message:
+            raise LinkError(
+                f"{self._path} was written by another run: then came {then.decode()[:200]}, now "
+                f"{message.model_dump_json()[:200]}."
+            )
+
+    def _ask(self, message: Message, expected: type[Expected]) -> Expected:
+        self._tell(message)
+        answer = answer_of(self._next())
+        if not isinstance(answer, expected):
+            raise LinkError(f"{self._path} is damaged: the answer to {message} is {answer}.")
+        return answer
+
+    def _next(self) -> bytes:
+        line = next(self._lines, None)
+        if line is None:
+            raise LinkError(f"{self._path} ends before the episode does.")
+        return line

@@ -1,0 +1,215 @@
+"""How a robot and whoever drives it talk over TCP: a line of JSON for each message, in UTF-8.
+
+The driver begins with `hello`, and the robot answers with `robot`. After that the driver sends
+
+| message | answer |
+|---|---|
+| `{"type": "reset", "seed": 0}` | `{"type": "ready"}` |
+| `{"type": "observe"}` | `{"type": "sample", ...}`, once the next control period has begun |
+| `{"type": "send", "controls": [...], "valid_until": 1.25}` | none |
+| `{"type": "stop"}` | `{"type": "stopped"}` |
+
+What the robot refuses it answers with `{"type": "error", "message": "..."}`, and stops; a `send` that is
+refused is so answered at the next message. What is not measured is null. Numbers are SI units.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
+
+from flywheel.errors import LinkError
+from flywheel.quantities import CONTROL_STEP
+from flywheel.records import Floats
+from flywheel.robot_link.protocol import RobotInfo, Sample
+
+FORMAT = 1
+LONGEST_LINE = 1_000_000  # [bytes]; a sample of a hundred points takes some 6,000
+MOST = 1000  # points, or winches
+Coordinates = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Name = Annotated[str, Field(max_length=200)]
+
+
+class Message(BaseModel):
+    """Base of the messages. Fields that are not known here are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def line(self) -> bytes:
+        """As it goes over the wire."""
+        return self.model_dump_json().encode() + b"\n"
+
+
+class Hello(Message):
+    """The driver's first message."""
+
+    type: Literal["hello"] = "hello"
+    format: int = FORMAT
+
+
+class Reset(Message):
+    """Begin an episode."""
+
+    type: Literal["reset"] = "reset"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+
+
+class Observe(Message):
+    """Ask for the next measurement."""
+
+    type: Literal["observe"] = "observe"
+
+
+class Send(Message):
+    """A command, and the time of the robot's clock after which it is not valid any more [s]."""
+
+    type: Literal["send"] = "send"
+    controls: Annotated[tuple[FiniteFloat, ...], Field(max_length=MOST)]
+    valid_until: FiniteFloat
+
+
+class Stop(Message):
+    """Hold still."""
+
+    type: Literal["stop"] = "stop"
+
+
+class Ready(Message):
+    """The robot stands where an episode begins."""
+
+    type: Literal["ready"] = "ready"
+
+
+class Stopped(Message):
+    """The robot holds still."""
+
+    type: Literal["stopped"] = "stopped"
+
+
+class Refused(Message):
+    """Why the robot does not do what it was asked for."""
+
+    type: Literal["error"] = "error"
+    message: Annotated[str, Field(max_length=10_000)]
+
+
+class About(Message):
+    """What the robot says about itself, see `RobotInfo`."""
+
+    type: Literal["robot"] = "robot"
+    format: int = FORMAT
+    name: Name
+    points: Annotated[tuple[Name, ...], Field(max_length=MOST)]
+    winches: Annotated[tuple[Name, ...], Field(max_length=MOST)]
+    control_low: Annotated[tuple[FiniteFloat, ...], Field(max_length=MOST)]
+    control_high: Annotated[tuple[FiniteFloat, ...], Field(max_length=MOST)]
+    period: Annotated[float, CONTROL_STEP]
+    latency: Annotated[FiniteFloat, Field(ge=0)] = 0.0
+    dead_man: Annotated[FiniteFloat, Field(gt=0)] = 0.5
+    real_time: bool = False
+
+    @classmethod
+    def of(cls, info: RobotInfo) -> About:
+        """The message that says this."""
+        values = {name: getattr(info, name) for name in cls.model_fields if hasattr(info, name)}
+        limits = {name: getattr(info, name).tolist() for name in ("control_low", "control_high")}
+        return cls.model_validate({**values, **limits})
+
+    @property
+    def info(self) -> RobotInfo:
+        """What it says."""
+        values = self.model_dump(exclude={"type", "format"})
+        limits = {name: np.array(values[name]) for name in ("control_low", "control_high")}
+        return RobotInfo(**{**values, **limits})
+
+
+class Measured(Message):
+    """A measurement, see `Sample`."""
+
+    type: Literal["sample"] = "sample"
+    time: FiniteFloat
+    stamp: FiniteFloat
+    points: Annotated[tuple[Coordinates | None, ...], Field(max_length=MOST)]
+    winch: Annotated[tuple[FiniteFloat | None, ...], Field(max_length=MOST)]
+
+    @classmethod
+    def of(cls, sample: Sample) -> Measured:
+        """The message that says this."""
+        points = zip(sample.points.tolist(), sample.valid, strict=True)
+        return cls(
+            time=sample.time,
+            stamp=sample.stamp,
+            points=tuple(tuple(point) if valid else None for point, valid in points),
+            winch=tuple(x if np.isfinite(x) else None for x in sample.winch.tolist()),
+        )
+
+    @property
+    def sample(self) -> Sample:
+        """What it says."""
+        missing = (np.nan, np.nan, np.nan)
+        points = np.array([p or missing for p in self.points], float).reshape(-1, 3)
+        winch = np.array([np.nan if x is None else x for x in self.winch], float)
+        return Sample(self.time, self.stamp, points, winch)
+
+
+Request = Annotated[Hello | Reset | Observe | Send | Stop, Field(discriminator="type")]
+Answer = Annotated[About | Ready | Measured | Stopped | Refused, Field(discriminator="type")]
+_REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
+_ANSWER: TypeAdapter[Answer] = TypeAdapter(Answer)
+
+
+def request_of(line: bytes) -> Request:
+    """The driver's message in a line.
+
+    Raises:
+      LinkError: there is none.
+    """
+    return _read(_REQUEST, line, "driver")
+
+
+def answer_of(line: bytes) -> Answer:
+    """The robot's message in a line.
+
+    Raises:
+      LinkError: there is none.
+    """
+    return _read(_ANSWER, line, "robot")
+
+
+def check_format(number: int, whose: str) -> None:
+    """Refuse another format of messages.
+
+    Raises:
+      LinkError: it is another one.
+    """
+    if number != FORMAT:
+        raise LinkError(f"The {whose} speaks format {number} of the messages; this is {FORMAT}.")
+
+
+def command_of(controls: Floats, valid_until: float) -> Send:
+    """The message that sends a command.
+
+    Raises:
+      LinkError: a number is not finite.
+    """
+    controls = np.asarray(controls, float)
+    if controls.ndim != 1 or not np.isfinite(controls).all() or not np.isfinite(valid_until):
+        raise LinkError(
+            f"A command is finite numbers, one for each winch, got {np.array2string(controls, threshold=20)} "
+            f"until {valid_until}."
+        )
+    return Send(controls=tuple(controls.tolist()), valid_until=float(valid_until))
+
+
+def _read(kind: TypeAdapter[Any], line: bytes, whose: str) -> Any:
+    try:
+        return kind.validate_json(line)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        where = ".".join(str(part) for part in problem["loc"])
+        raise LinkError(
+            f"The {whose} sent what is no message here: {where + ': ' if where else ''}{problem['msg']}; got "
+            f"{line[:100].decode(errors='replace').strip()!r}."
+        ) from None

@@ -1,0 +1,115 @@
+"""A robot in one process and its driver in another: to the end, and with either of them killed."""
+
+from __future__ import annotations
+
+import csv
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from flywheel.robot_link import TcpLink
+
+FLYWHEEL = [sys.executable, "-m", "flywheel.cli"]
+SMALL = ["mppi.samples=2", "mppi.horizon_seconds=1", "task.radius=[3,4]"]
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str, Path]]:
+    """`flywheel robot serve` in real time, its address, and the file that it writes to."""
+    said = tmp_path / "server.txt"
+    command = [*FLYWHEEL, "robot", "serve", "prism3", "--hidden", "torque_speed", "--port", "0"]
+    with said.open("w") as file:
+        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, text=True)
+    try:
+        until = time.monotonic() + 60
+        while "waits" not in said.read_text():
+            assert time.monotonic() < until and process.poll() is None, said.read_text()
+            time.sleep(0.05)
+        address = said.read_text().split("tcp://")[1].split()[0].rstrip(".")
+        yield process, f"tcp://{address}", said
+    finally:
+        process.kill()
+        process.wait()
+
+
+def driver(address: str, folder: Path, seconds: float) -> subprocess.Popen[str]:
+    options = ["--model", "plant", "--robot", address, "--logs", str(folder)]
+    return subprocess.Popen(
+        [*FLYWHEEL, "drive", "smoke", *options, *SMALL, f"task.seconds={seconds}"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def wait_until_driven(said: Path) -> None:
+    until = time.monotonic() + 90
+    while "drives" not in said.read_text():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    time.sleep(3.0)  # on its way
+
+
+def rows(folder: Path) -> list[list[str]]:
+    (file,) = folder.glob("*.csv")
+    with file.open() as lines:
+        return list(csv.reader(lines))
+
+
+def test_a_drive_in_real_time_leaves_a_whole_log(
+    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
+) -> None:
+    _, address, said = server
+    driving = driver(address, tmp_path / "logs", 2.0)
+    out, _ = driving.communicate(timeout=120)
+    assert driving.returncode == 0 and "were left" in out, out
+    assert len(rows(tmp_path / "logs")) == 1 + 201
+    assert "the robot holds still" in said.read_text()
+
+
+def test_a_lost_robot_ends_the_drive_with_a_whole_log(
+    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
+) -> None:
+    process, address, said = server
+    driving = driver(address, tmp_path / "logs", 100.0)
+    wait_until_driven(said)
+    process.send_signal(signal.SIGKILL)
+    out, _ = driving.communicate(timeout=120)
+    assert driving.returncode == 1, out
+    assert "the link was lost after" in out and "is lost: " in out
+    table = rows(tmp_path / "logs")
+    assert len(table) > 20 and all(len(row) == len(table[0]) for row in table)
+
+
+def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(
+    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
+) -> None:
+    _, address, said = server
+    driving = driver(address, tmp_path / "logs", 100.0)
+    wait_until_driven(said)
+    driving.kill()
+    driving.communicate()
+    until = time.monotonic() + 30
+    while "the robot holds still" not in said.read_text():
+        assert time.monotonic() < until, said.read_text()
+        time.sleep(0.05)
+    host, _, port = address.removeprefix("tcp://").partition(":")
+    TcpLink(host, int(port)).close()
+
+
+def test_ctrl_c_ends_a_drive_with_a_whole_log(
+    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
+) -> None:
+    _, address, said = server
+    driving = driver(address, tmp_path / "logs", 100.0)
+    wait_until_driven(said)
+    driving.send_signal(signal.SIGINT)
+    out, _ = driving.communicate(timeout=120)
+    assert driving.returncode == 130 and "stopped after" in out, out
+    assert len(rows(tmp_path / "logs")) > 20
+    assert "the robot holds still" in said.read_text()
