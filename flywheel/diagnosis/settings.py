@@ -7,8 +7,10 @@ measurement noise [sigma^2].
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from inspect import getdoc
 from math import inf
 from typing import Any, TypeVar
 
@@ -393,11 +395,11 @@ class Setting:
 
     Attributes:
       value: of it.
-      record: that it stands in.
+      what: it is, as the docstring of its record says.
     """
 
     value: float
-    record: Any
+    what: str
 
 
 def numbers(settings: Any) -> dict[str, Setting]:
@@ -421,7 +423,17 @@ def _numbers(settings: Any, prefix: str = "") -> Iterator[tuple[str, Setting]]:
         if is_dataclass(value):
             yield from _numbers(value, f"{path}.")
         elif isinstance(value, int | float):
-            yield path, Setting(value, settings)
+            yield path, Setting(value, _said_of(field.name, settings))
+
+
+def _said_of(name: str, record: Any) -> str:
+    """What the docstring of a record says of one of its attributes, in one line; "" for nothing."""
+    _, _, attributes = (getdoc(type(record)) or "").partition("Attributes:\n")
+    for entry in re.split(r"\n(?=  \S)", attributes):
+        names, _, text = entry.partition(":")
+        if name in names.strip().split(", "):
+            return " ".join(text.split())
+    return ""
 
 
 def changed(settings: S, changes: Mapping[str, float]) -> S:
