@@ -180,7 +180,7 @@ def beyond(limits: Limits, own: OwnErrors) -> Limits:
     return replace(
         limits,
         threshold=max(limits.threshold, limits.margin * own.score),
-        loud=limits.loud * max(1.0, own.noise),
+        max_residual_variance=limits.max_residual_variance * max(1.0, own.noise),
         correlated=limits.correlated + max(0.0, own.correlation),
         outstanding=max(limits.outstanding, own.loudest),
     )
@@ -189,7 +189,7 @@ def beyond(limits: Limits, own: OwnErrors) -> Limits:
 def only_noise(limits: Limits, left: Adequacy) -> bool:
     """Whether nothing but noise is left."""
     return (
-        left.noise < limits.loud + limits.sure * left.doubt
+        left.noise < limits.max_residual_variance + limits.sure * left.doubt
         and left.correlation < limits.correlated
         and left.loudest < limits.outstanding
     )

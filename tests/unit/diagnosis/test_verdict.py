@@ -83,7 +83,7 @@ def test_what_a_model_does_wrong_by_itself_is_not_taken_for_more() -> None:
     wider = beyond(limits, own)
     # A few draws seldom show the worst of them: scores somewhat above theirs are no evidence either.
     assert wider.threshold > 1.2 * own.score
-    assert wider.loud > own.noise
+    assert wider.max_residual_variance > own.noise
     assert wider.correlated > own.correlation
     assert wider.outstanding >= own.loudest
 
