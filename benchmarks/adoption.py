@@ -162,7 +162,7 @@ class Bench:
         winches = EpisodeWinches(robot, effects)
         train, validation = (
             WindowCache.build(
-                SplitSource(store, snapshot, split, robot, winches, winches.belief), cache
+                SplitSource(store, snapshot, split, robot, winches, winches.effects_digest), cache
             )
             for split in SPLITS
         )

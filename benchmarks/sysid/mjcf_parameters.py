@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from mujoco import sysid
 
-from flywheel.dynamics.plant.world import undressed
+from flywheel.dynamics.plant.world import strip_visuals
 from flywheel.records import Floats
 
 INERTIA = (
@@ -91,7 +91,7 @@ def open_spec(xml: str) -> mujoco.MjSpec:
 def bare_spec(xml: str) -> mujoco.MjSpec:
     """An MJCF without textures and materials, which compiles ten times as fast."""
     spec = open_spec(xml)
-    undressed(spec)
+    strip_visuals(spec)
     return spec
 
 

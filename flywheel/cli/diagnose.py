@@ -193,6 +193,7 @@ def _pairs(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
 
 def _show(out: Out, found: Diagnosis, robot: str) -> None:
     from flywheel.reports.diagnosis_page import (
+        at_bounds,
         held_back,
         numbers,
         other_form,
@@ -213,7 +214,7 @@ def _show(out: Out, found: Diagnosis, robot: str) -> None:
         out.print(table("effects", columns, rows))
     if form := other_form(found):
         out.say(f"another form than the effects of the library: {form}")
-    for note in (suspects(found), held_back(found), numbers(found)):
+    for note in (at_bounds(found), suspects(found), held_back(found), numbers(found)):
         if note:
             out.say(note)
     scores = [

@@ -25,6 +25,7 @@ class Kind(StrEnum):
     tasks = "tasks"
     models = "models"
     controllers = "controllers"
+    effects = "effects"
     datasets = "datasets"
     configs = "configs"
     runs = "runs"
@@ -121,12 +122,9 @@ def settings() -> Table:
     """The tuned numbers of a diagnosis."""
     from flywheel.diagnosis.settings import Settings, numbers
 
-    rows: list[tuple[object, ...]] = [
-        (path, setting.value, first_line(setting.record))
-        for path, setting in numbers(Settings()).items()
-    ]
+    rows = [(path, each.value, each.what) for path, each in numbers(Settings()).items()]
     title = "Settings of a diagnosis (flywheel diagnose --set SETTING=NUMBER)"
-    return table(title, ["setting", "#value", "of"], rows)
+    return table(title, ["setting", "#value", "what"], rows)
 
 
 def registry(title: str, module: str, name: str) -> Callable[[], Table]:
@@ -172,6 +170,7 @@ LISTS: dict[str, Callable[[], Table]] = {
     "tasks": registry("Tasks", "flywheel.tasks", "TASKS"),
     "models": models,
     "controllers": registry("Controllers", "flywheel.control", "CONTROLLERS"),
+    "effects": registry("Effects", "flywheel.effects", "EFFECTS"),
     "datasets": datasets,
     "configs": configs,
     "runs": runs,

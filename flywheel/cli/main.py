@@ -79,3 +79,6 @@ app.command(rich_help_panel=LOGS)(design)
 app.add_typer(recordings.app, name="recordings", rich_help_panel=LOGS)
 app.add_typer(robot.app, name="robot", rich_help_panel=YOURS)
 app.command(rich_help_panel=YOURS)(bench)
+
+if __name__ == "__main__":
+    app(prog_name="flywheel")

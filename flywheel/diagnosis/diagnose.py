@@ -267,7 +267,7 @@ def _restarted(searched: _Searched, judged: _Judged, seed: int) -> _Judged:
     search, last = searched.search, judged.models[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    restart = Restart(seed + 1, stuck=search.settings.loud, usual=1.0)
+    restart = Restart(seed + 1, stuck=search.settings.restart_mean_square, usual=1.0)
     begun = restarted_with_care(search.fitter, last.fit, restart)
     if begun is last.fit:
         return judged

@@ -7,8 +7,10 @@ measurement noise [sigma^2].
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from inspect import getdoc
 from math import inf
 from typing import Any, TypeVar
 
@@ -83,46 +85,48 @@ class LeastSquaresSettings:
     Attributes:
       shared_damping: of the shared parameters' step, tried one after the other; infinite for no step.
       least_damping, first_damping, most_damping: of a window's own step.
-      renewed_damping: most that a window is damped with a new Jacobian.
-      trials: times the damping that suited a window's last step, all of which are tried.
+      max_damping_with_new_jacobian: of a window's own step.
+      damping_multipliers: times the damping that suited a window's last step, all of which are tried.
       steps: taken with one Jacobian.
-      many: shared parameters from which their sensitivities, too, are kept for all these steps: simulating
-        them costs the most then.
-      astray: share of a window's predicted change by which it may be missed before its Jacobian is stale.
-      unnoticed: square of such a miss that never matters [sigma^2].
+      reuse_sensitivities_from: number of shared parameters from which their sensitivities, too, are kept
+        for all these steps: simulating them costs the most then.
+      prediction_error_tolerance: error of a window's predicted change, relative to the change, above which
+        its Jacobian is stale.
+      negligible_prediction_error: square of such an error that never matters [sigma^2].
     """
 
     shared_damping: tuple[float, ...] = (0.0, 0.1, 1.0, 10.0, 100.0, inf)
     least_damping: float = 1e-4
     first_damping: float = 0.1
     most_damping: float = 1e4
-    renewed_damping: float = 1.0
-    trials: tuple[float, ...] = (0.1, 1.0, 10.0)
+    max_damping_with_new_jacobian: float = 1.0
+    damping_multipliers: tuple[float, ...] = (0.1, 1.0, 10.0)
     steps: int = 3
-    many: int = 12
-    astray: float = 0.3
-    unnoticed: float = 0.3
+    reuse_sensitivities_from: int = 12
+    prediction_error_tolerance: float = 0.3
+    negligible_prediction_error: float = 0.3
 
 
 @dataclass(frozen=True)
-class StoppingSettings:
-    """When a fit stops.
+class FitStoppingSettings:
+    """When a fit stops. `SelectionSettings` has the limits of the search.
 
     Attributes:
       converged_share, converged_fall: fall of the cost in a step below which it has converged, relative and
         absolute [sigma^2]: far below what tells models apart.
       wrong: times the noise above which a model is wrong, and not just badly fitted.
-      fruitless: of what such a model leaves above that, what a round must explain to be followed by another.
-      rounds: at most.
-      hope: further rounds like the last one after which a fit must have reached its target.
+      min_relative_gain: of what such a model leaves above that, what a round must explain to be followed by
+        another.
+      rounds: of a fit, at most.
+      max_rounds_to_target: further rounds like the last one after which a fit must have reached its target.
     """
 
     converged_share: float = 0.001
     converged_fall: float = 2.0
     wrong: float = 1.1
-    fruitless: float = 0.05
+    min_relative_gain: float = 0.05
     rounds: int = 10
-    hope: float = 2.0
+    max_rounds_to_target: float = 2.0
 
 
 @dataclass(frozen=True)
@@ -147,22 +151,22 @@ class MultistartSettings:
 
     Attributes:
       stuck: mean square of a window, over the usual one, from which it may be stuck.
-      turns: of the bodies about axes that no point shows, tried for each such window.
-      turn: their standard deviation [rad].
+      rotations: random ones of the bodies about axes that no point shows, tried for each such window.
+      rotation_sigma: their standard deviation [rad].
       damping: of a step in the search, all of which are tried.
       rounds: of the search.
-      heats: rounds after which only the `finalists` of each window go on.
-      finalists: see `heats`.
+      rounds_before_elimination: after which only the `finalists` of each window go on.
+      finalists: initial states of each window that go on after the elimination.
       eased: of what makes a window loud, what must go with another state if its state is to blame.
       before, after: rounds of a fit before windows are begun elsewhere, and after.
     """
 
     stuck: float = 1.3
-    turns: int = 4
-    turn: float = 0.4
+    rotations: int = 4
+    rotation_sigma: float = 0.4
     damping: tuple[float, ...] = (1e-4, 1e-2, 0.1, 1.0, 10.0)
     rounds: int = 6
-    heats: int = 2
+    rounds_before_elimination: int = 2
     finalists: int = 2
     eased: float = 0.2
     before: int = 2
@@ -216,7 +220,7 @@ class FittingSettings:
     initial_states: InitialStateSettings = InitialStateSettings()
     jacobian: JacobianSettings = JacobianSettings()
     least_squares: LeastSquaresSettings = LeastSquaresSettings()
-    stopping: StoppingSettings = StoppingSettings()
+    stopping: FitStoppingSettings = FitStoppingSettings()
     refinement: RefinementSettings = RefinementSettings()
     multistart: MultistartSettings = MultistartSettings()
     nuisance: NuisanceSettings = NuisanceSettings()
@@ -274,38 +278,40 @@ class SelectionSettings:
     """The stepwise search.
 
     Attributes:
-      shortlist: candidates that are fitted in each turn.
+      shortlist: candidates that are fitted in each forward step.
       share: of the best candidate's LM statistic that one needs to be fitted.
       per_family: places of one effect on the short list.
-      turns: at most.
-      most: effects found together.
+      max_forward_steps: of the search.
+      max_effects: that are found together.
       least_share: of what an answer leaves beyond noise, that another effect must promise to explain.
       least_share_of_last: the same of the last one that may be added, without which the answer is not the
         whole one anyway.
       by_chance: of what a fit leaves beyond noise, what other initial states may explain as well.
       slight_fall: of the cost in a round, by which no comparison is decided [sigma^2].
-      hope_of_last: `StoppingSettings.hope` where it is about the last effect that may be added.
-      hope_of_law: the same of a law of no library: one that is given up too early is an effect wrongly named.
+      max_rounds_to_target_of_last: `FitStoppingSettings.max_rounds_to_target` where it is about the last
+        effect that may be added.
+      max_rounds_to_target_of_law: the same of a law of no library: one that is given up too early is an
+        effect wrongly named.
       rival: share of an effect's LM statistic from which another is tried in its place.
       suspect_share: share by which a number of the MJCF is off at most.
-      loud: mean square of a window from which its initial state is doubted before anything is said to be
-        left [sigma^2].
+      restart_mean_square: of a window, from which its initial state is doubted before anything is said to
+        be left [sigma^2].
     """
 
     shortlist: int = 4
     share: float = 0.5
     per_family: int = 2
-    turns: int = 6
-    most: int = 3
+    max_forward_steps: int = 6
+    max_effects: int = 3
     least_share: float = 0.2
     least_share_of_last: float = 0.4
     by_chance: float = 0.1
     slight_fall: float = 5.0
-    hope_of_last: float = 1.0
-    hope_of_law: float = 40.0
+    max_rounds_to_target_of_last: float = 1.0
+    max_rounds_to_target_of_law: float = 40.0
     rival: float = 0.8
     suspect_share: float = 0.25
-    loud: float = 1.1
+    restart_mean_square: float = 1.1
     score: ScoreSettings = ScoreSettings()
     pairs: PairSettings = PairSettings()
     screening: ScreeningSettings = ScreeningSettings()
@@ -356,8 +362,8 @@ class Limits:
     Attributes:
       threshold: score from which an effect counts as seen.
       equally_good: difference of two criteria (BIC) below which data do not tell models apart.
-      loud: variance of what is left from which it is more than noise, were that known exactly.
-      sure: standard deviations of the noise's own error on top of `loud`.
+      max_residual_variance: of what is left, above which it is more than noise, were that known exactly.
+      sure: standard deviations of the noise's own error on top of that.
       correlated: correlation from sample to sample, likewise.
       inconstant: differences of a size between windows, likewise.
       outstanding: standard deviations of noise by which one window may stand out.
@@ -367,7 +373,7 @@ class Limits:
 
     threshold: float = 25.0
     equally_good: float = 10.0
-    loud: float = 1.05
+    max_residual_variance: float = 1.05
     sure: float = 2.0
     correlated: float = 0.05
     inconstant: float = 1.0
@@ -393,11 +399,11 @@ class Setting:
 
     Attributes:
       value: of it.
-      record: that it stands in.
+      what: it is, as the docstring of its record says.
     """
 
     value: float
-    record: Any
+    what: str
 
 
 def numbers(settings: Any) -> dict[str, Setting]:
@@ -421,7 +427,17 @@ def _numbers(settings: Any, prefix: str = "") -> Iterator[tuple[str, Setting]]:
         if is_dataclass(value):
             yield from _numbers(value, f"{path}.")
         elif isinstance(value, int | float):
-            yield path, Setting(value, settings)
+            yield path, Setting(value, _said_of(field.name, settings))
+
+
+def _said_of(name: str, record: Any) -> str:
+    """What the docstring of a record says of one of its attributes, in one line; "" for nothing."""
+    _, _, attributes = (getdoc(type(record)) or "").partition("Attributes:\n")
+    for entry in re.split(r"\n(?=  \S)", attributes):
+        names, _, text = entry.partition(":")
+        if name in names.strip().split(", "):
+            return " ".join(text.split())
+    return ""
 
 
 def changed(settings: S, changes: Mapping[str, float]) -> S:

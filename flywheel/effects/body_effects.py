@@ -1,4 +1,4 @@
-"""Effects on the bodies: what holds them back, and what they weigh."""
+"""Effects on the bodies: drag and mass."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LINEAR = 3  # a free joint's first velocities are linear
 
 
 class AirDrag(ModelEffect):
-    """Air, or a hose, that holds every freely moving body back, against its velocity."""
+    """Linear drag on every free body, as of air or a hose."""
 
     name = "air_drag"
     sizes = (Parameter("drag", "N s/m", lambda s: 0.1 * s.weight * s.time / s.length / s.bodies),)
@@ -31,7 +31,7 @@ class AirDrag(ModelEffect):
 
 
 class Payload(ModelEffect):
-    """Mass that the MJCF does not know of: a point mass at a tracked point."""
+    """Point mass missing from the MJCF, at a tracked point."""
 
     name = "payload"
     where = "point"

@@ -32,7 +32,8 @@ class Parameter:
     Attributes:
       name, unit: as printed.
       typical: a size that users meet, for a robot of given scales.
-      low, high: bounds, as multiples of the typical size.
+      low, high: bounds of the fit, in typical sizes. Of a true value beyond them something stays
+        unexplained, mostly so much that the verdict is PARTIAL or OUTSIDE_LIBRARY.
       grid: for shapes, the multiples of the typical value that are told apart.
     """
 

@@ -42,6 +42,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         other_form=other_form(found),
         numbers=numbers(found),
         held_back=held_back(found),
+        at_bounds=at_bounds(found),
         suspects=suspects(found),
         figures=_figures(found),
         about=about,
@@ -107,6 +108,22 @@ def held_back(found: Diagnosis) -> str:
     )
 
 
+def at_bounds(found: Diagnosis) -> str:
+    """Which fitted values of the answers ended at a bound; "" for none."""
+    ended = {
+        f"{value.name} of {each.label} is at its bound, {value.in_plant:.4g} {value.unit.strip('-')}".strip()
+        for answer in found.answers
+        for each in answer
+        for value in each.at_bound
+    }
+    if not ended:
+        return ""
+    return (
+        f"{'; '.join(sorted(ended))}. The true value may be beyond it; a part of the error then stays, as if "
+        "something else were missing."
+    )
+
+
 def suspects(found: Diagnosis) -> str:
     """Which number of the MJCF may be what is wrong instead; "" for none."""
     if not found.suspects:
@@ -130,8 +147,7 @@ def _subject(found: Diagnosis) -> str:
 
 
 def _names(answer: Alternative) -> str:
-    parts = [f"{f.effect} at {f.location}" if f.location else f.effect for f in answer]
-    return " with ".join(parts) or "nothing"
+    return " with ".join(each.label for each in answer) or "nothing"
 
 
 def _figures(found: Diagnosis) -> Sequence[Shown]:

@@ -17,17 +17,17 @@ MEASURES = (("e_pos_rmse", "position error, RMSE/L [%]"), ("e_rot", "rotation er
 
 def error_by_lead_time(run: RunResult) -> Figure | None:
     """How errors grow with lead time, for each iteration's model of the MPPI arm."""
-    turns = [(i, e) for i in run.of_arm("mppi") if (e := run.test_errors(i)) and e.by_lead_time]
-    if not turns:
+    results = [(i, e) for i in run.of_arm("mppi") if (e := run.test_errors(i)) and e.by_lead_time]
+    if not results:
         return None
     figure, measures = Figure(figsize=(9.2, 3.6)), _measures(run)
     (row,) = figure.subplots(1, len(measures), squeeze=False)
     for axes, (measure, label) in zip(row, measures, strict=True):
-        for place, (turn, errors) in enumerate(turns):
-            colour = style.iteration_colour(place, len(turns))
-            name = f"iteration {turn.iteration}"
-            _by_lead_time(axes, errors, measure, color=colour, label=name, zorder=3 + place)
-        top = max(max(getattr(e.by_lead_time, measure)) for _, e in turns if e.by_lead_time)
+        for index, (result, errors) in enumerate(results):
+            colour = style.iteration_colour(index, len(results))
+            name = f"iteration {result.iteration}"
+            _by_lead_time(axes, errors, measure, color=colour, label=name, zorder=3 + index)
+        top = max(max(getattr(e.by_lead_time, measure)) for _, e in results if e.by_lead_time)
         for name, floor, line in _floors(run):
             _by_lead_time(axes, floor, measure, label=name, zorder=9, **line)
         if run.persistence is not None:
@@ -61,26 +61,26 @@ def error_over_iterations(run: RunResult) -> Figure | None:
 def training_curves(run: RunResult) -> Figure | None:
     """Training loss and validation error of each iteration of the MPPI arm.
 
-    The error is that of rotations, or of positions where bodies show no rotation.
+    The error is that of rotations, or of positions if orientation is not observable.
     """
-    turns = [i for i in run.of_arm("mppi") if i.curve]
-    if not turns:
+    results = [i for i in run.of_arm("mppi") if i.curve]
+    if not results:
         return None
     figure = Figure(figsize=(9.2, 3.4))
     loss, validation = figure.subplots(1, 2)
     measure, label = _measures(run)[-1]
-    for place, turn in enumerate(turns):
-        look = {
-            "color": style.iteration_colour(place, len(turns)),
-            "label": f"iteration {turn.iteration}",
+    for index, result in enumerate(results):
+        line_style = {
+            "color": style.iteration_colour(index, len(results)),
+            "label": f"iteration {result.iteration}",
         }
-        few = "." if len(turn.curve) < 12 else ""
-        losses = [point.loss for point in turn.curve]
-        loss.plot([p.step for p in turn.curve], losses, marker=few, linewidth=1.5, **look)
-        errors = [(p.step, getattr(p, f"validation_{measure}")) for p in turn.curve]
+        few = "." if len(result.curve) < 12 else ""
+        losses = [point.loss for point in result.curve]
+        loss.plot([p.step for p in result.curve], losses, marker=few, linewidth=1.5, **line_style)
+        errors = [(p.step, getattr(p, f"validation_{measure}")) for p in result.curve]
         points = [(step, error) for step, error in errors if error is not None]
-        validation.plot([s for s, _ in points], [e for _, e in points], marker="o", **look)
-    if all(p.loss > 0 for turn in turns for p in turn.curve):
+        validation.plot([s for s, _ in points], [e for _, e in points], marker="o", **line_style)
+    if all(p.loss > 0 for result in results for p in result.curve):
         style.logarithmic(loss.yaxis)
     loss.set_ylabel("training loss")
     validation.set_ylabel(f"validation {label}")
@@ -92,29 +92,29 @@ def training_curves(run: RunResult) -> Figure | None:
 
 
 def overlay(run: RunResult) -> Figure | None:
-    """One test window from above, as it was and as the last iteration's model saw it coming."""
-    turns = [i for i in run.of_arm("mppi") if i.overlay is not None]
-    if not turns:
+    """One test window from above, as it was and as predicted by the last iteration's model."""
+    results = [i for i in run.of_arm("mppi") if i.overlay is not None]
+    if not results:
         return None
-    turn = turns[-1]
-    assert turn.overlay is not None
+    result = results[-1]
+    assert result.overlay is not None
     figure = Figure(figsize=(9.2, 4.4))
     above, distance = figure.subplots(1, 2, width_ratios=(1.25, 1))
-    _seen_from_above(above, turn.overlay)
-    above.set_title(f"iteration {turn.iteration}, from above")
-    _distances(distance, turn, run.length)
+    _seen_from_above(above, result.overlay)
+    above.set_title(f"iteration {result.iteration}, from above")
+    _distances(distance, result, run.length)
     return figure
 
 
 def _measures(run: RunResult) -> tuple[tuple[str, str], ...]:
-    """What is drawn: no rotations where bodies show none."""
-    errors = [found for turn in run.iterations if (found := run.test_errors(turn))]
+    """What is drawn: no rotations if orientation is not observable."""
+    errors = [found for result in run.iterations if (found := run.test_errors(result))]
     return MEASURES[:1] if any(each.short.turnless for each in errors) else MEASURES
 
 
-def _by_lead_time(axes: Axes, errors: Errors, measure: str, **look: Any) -> None:
+def _by_lead_time(axes: Axes, errors: Errors, measure: str, **line_style: Any) -> None:
     if (lead := errors.by_lead_time) is not None:
-        axes.plot(lead.seconds, getattr(lead, measure), **look)
+        axes.plot(lead.seconds, getattr(lead, measure), **line_style)
 
 
 def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
@@ -122,9 +122,9 @@ def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
     lost: dict[int, str] = {}
     for arm in reversed(run.arms):  # the MPPI arm lies on top
         points = [
-            (turn.iteration, getattr(numbers, measure))
-            for turn in run.of_arm(arm)
-            if (errors := run.test_errors(turn)) and (numbers := getattr(errors, kind))
+            (result.iteration, getattr(numbers, measure))
+            for result in run.of_arm(arm)
+            if (errors := run.test_errors(result)) and (numbers := getattr(errors, kind))
         ]
         iterations |= {iteration for iteration, _ in points}
         axes.plot(
@@ -158,7 +158,7 @@ def _diverged(axes: Axes, iteration: int, colour: str) -> None:
 
 
 def _floors(run: RunResult) -> list[tuple[str, Errors, dict[str, Any]]]:
-    """MuJoCo restarted from the same observations: name, errors and look of each that was measured."""
+    """MuJoCo restarted from the same observations: name, errors and line style of each that was measured."""
     floors = [
         ("floor", run.floor, style.FLOOR_LINE),
         ("informed floor", run.informed_floor, style.INFORMED_LINE),
@@ -169,13 +169,13 @@ def _floors(run: RunResult) -> list[tuple[str, Errors, dict[str, Any]]]:
 def _seen_from_above(axes: Axes, window: Overlay) -> None:
     measured, predicted = np.array(window.measured), np.array(window.predicted)
     frames = np.unique(np.linspace(0, len(window.seconds) - 1, 3).round().astype(int))
-    for place, t in enumerate(frames):
-        strength = 0.3 + 0.7 * place / max(1, len(frames) - 1)
+    for index, t in enumerate(frames):
+        alpha = 0.3 + 0.7 * index / max(1, len(frames) - 1)
         for cloud, colour, dashes in ((measured, style.INK, "-"), (predicted, style.MISSED, "--")):
             for a, b in window.rods:
                 ends = cloud[t, [a, b], :2].T
-                axes.plot(*ends, dashes, color=colour, alpha=strength, linewidth=1.6)
-            axes.plot(*cloud[t, :, :2].T, "o", color=colour, alpha=strength, markersize=3.5)
+                axes.plot(*ends, dashes, color=colour, alpha=alpha, linewidth=1.6)
+            axes.plot(*cloud[t, :, :2].T, "o", color=colour, alpha=alpha, markersize=3.5)
     for cloud, colour, dashes, name in (
         (measured, style.INK, "-", "measured"),
         (predicted, style.MISSED, "--", "predicted"),
@@ -188,8 +188,8 @@ def _seen_from_above(axes: Axes, window: Overlay) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.14))
 
 
-def _distances(axes: Axes, turn: IterationResult, length: float) -> None:
-    window = turn.overlay
+def _distances(axes: Axes, result: IterationResult, length: float) -> None:
+    window = result.overlay
     assert window is not None
     gap = np.linalg.norm(np.array(window.predicted) - np.array(window.measured), axis=-1)
     axes.plot(window.seconds, 100 * gap / length, color=style.FAINT, linewidth=1.2)

@@ -22,17 +22,17 @@ LETTERS = 90  # of a title across all of that
 
 def success_over_iterations(run: RunResult) -> Figure | None:
     """Success rate of both arms with 95% intervals, and of MPPI on the plant itself."""
-    if not any(turn.navigation for turn in run.iterations):
+    if not any(result.navigation for result in run.iterations):
         return None
     figure = Figure(figsize=(7.4, 3.7))
     axes = figure.subplots()
     iterations: set[int] = set()
     driven = [arm for arm in run.arms if any(i.arm == arm and i.navigation for i in run.iterations)]
     for shift, arm in enumerate(reversed(driven)):
-        turns = [turn for turn in run.of_arm(arm) if turn.navigation is not None]
-        places = [turn.iteration for turn in turns]
+        results = [result for result in run.of_arm(arm) if result.navigation is not None]
+        places = [result.iteration for result in results]
         iterations |= set(places)
-        counts = [turn.navigation.success for turn in turns if turn.navigation is not None]
+        counts = [result.navigation.success for result in results if result.navigation is not None]
         rates = np.array([100 * count.rate for count in counts])
         ends = 100 * np.array([count.interval for count in counts]).reshape(-1, 2).T
         axes.errorbar(
@@ -173,11 +173,11 @@ def planning_times(run: RunResult) -> Figure | None:
 def _series(run: RunResult) -> Series:
     """(label, colour, episodes): the MPPI arm's iterations, the control arm's last, the oracle."""
     series: Series = [
-        (f"iteration\n{turn.iteration}", style.MPPI, turn.navigation)
-        for turn in run.of_arm("mppi")
-        if turn.navigation is not None
+        (f"iteration\n{result.iteration}", style.MPPI, result.navigation)
+        for result in run.of_arm("mppi")
+        if result.navigation is not None
     ]
-    control = [turn for turn in run.iterations if turn.arm == "control" and turn.navigation]
+    control = [result for result in run.iterations if result.arm == "control" and result.navigation]
     if control and control[-1].navigation is not None:
         name = f"control arm\n{control[-1].iteration}"
         series.append((name, style.CONTROL, control[-1].navigation))

@@ -12,9 +12,9 @@ MILLI = 1000.0
 
 
 def ladder_over_iterations(run: RunResult) -> Figure | None:
-    """Errors of plant and networks on recordings, from turn to turn."""
-    turns = run.of_arm("mppi")
-    if not any(turn.diagnosis is not None for turn in turns):
+    """Errors of plant and networks on recordings, from iteration to iteration."""
+    results = run.of_arm("mppi")
+    if not any(result.diagnosis is not None for result in results):
         return None
     figure = Figure(figsize=(9.5, 3.4))
     plant, network = figure.subplots(1, 2)
@@ -22,7 +22,7 @@ def ladder_over_iterations(run: RunResult) -> Figure | None:
     _network(network, run)
     for axes in (plant, network):
         axes.set_ylim(bottom=0)
-        style.whole_steps(axes, [turn.iteration for turn in turns])
+        style.whole_steps(axes, [result.iteration for result in results])
         axes.legend(loc="lower left")
     return figure
 

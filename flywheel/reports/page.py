@@ -18,7 +18,7 @@ PAGE_FILE = "report.html"
 LARGEST_VIDEO = 16 * 2**20  # bytes; a page has to be mailed around
 
 LIMITS = (
-    "One seed: differences between iterations of one run are no proof for another seed.",
+    "One seed: differences between iterations of one run do not carry over to other seeds.",
     "Position errors are squared distances of centres of mass: MSE/L has the unit of a length and "
     "is shown times 100, RMSE/L is a share of the robot's characteristic length L.",
     "Intervals are Wilson's, at 95%; they cover the choice of tasks, not that of the training.",
@@ -78,15 +78,15 @@ def render_page(run: RunResult, folder: Path) -> str:
         figures=_figures(run),
         videos=_videos(run, folder),
         config=yaml.safe_dump(run.config, sort_keys=False, allow_unicode=True),
-        stages=list(dict.fromkeys(s for turn in run.iterations for s in turn.seconds)),
+        stages=list(dict.fromkeys(s for result in run.iterations for s in result.seconds)),
         limits=[*run.notes, *_missing(run), *LIMITS],
     )
 
 
 def result_rows(run: RunResult) -> list[Row]:
     """Every iteration of both arms, then the lines that they are judged by."""
-    rows = [_iteration_row(run, turn) for arm in run.arms for turn in run.of_arm(arm)
-            if turn.arm == arm]  # fmt: skip
+    rows = [_iteration_row(run, result) for arm in run.arms for result in run.of_arm(arm)
+            if result.arm == arm]  # fmt: skip
     beside: list[tuple[str, Errors | None, Navigation | None]] = [
         ("floor: plant restarted from the same observations", run.floor, None),
         ("informed floor: its roll computed from the cables", run.informed_floor, None),
@@ -94,7 +94,10 @@ def result_rows(run: RunResult) -> list[Row]:
         ("oracle: MPPI on the plant", None, run.oracle),
         *((f"{u.course}, never seen", None, u.navigation) for u in run.unseen),
         *((f"{u.course}: MPPI on the plant", None, u.oracle) for u in run.unseen),
-        *((f"{_name(turn)}, on recordings", turn.recordings, None) for turn in run.iterations),
+        *(
+            (f"{_name(result)}, on recordings", result.recordings, None)
+            for result in run.iterations
+        ),
         ("nothing moves, on recordings", run.persistence_on_recordings, None),
     ]
     for name, errors, navigation in beside:
@@ -103,22 +106,22 @@ def result_rows(run: RunResult) -> list[Row]:
     return rows
 
 
-def _iteration_row(run: RunResult, turn: IterationResult) -> Row:
+def _iteration_row(run: RunResult, result: IterationResult) -> Row:
     champion = ""
-    if turn.gate is not None:
-        champion = "yes" if turn.gate.promoted else "no"
+    if result.gate is not None:
+        champion = "yes" if result.gate.promoted else "no"
     return Row(
-        _name(turn),
-        turn.arm,
-        episodes=str(turn.episodes),
+        _name(result),
+        result.arm,
+        episodes=str(result.episodes),
         champion=champion,
-        **_errors(run.test_errors(turn)),
-        **_goals(turn.navigation),
+        **_errors(run.test_errors(result)),
+        **_goals(result.navigation),
     )
 
 
-def _name(turn: IterationResult) -> str:
-    return f"iteration {turn.iteration}" + ("" if turn.arm == "mppi" else ", control arm")
+def _name(result: IterationResult) -> str:
+    return f"iteration {result.iteration}" + ("" if result.arm == "mppi" else ", control arm")
 
 
 def _errors(errors: Errors | None) -> dict[str, str]:
@@ -166,11 +169,15 @@ def _figures(run: RunResult) -> list[Shown]:
 
 def _videos(run: RunResult, folder: Path) -> list[Shown]:
     """Videos of the first and last iterations of the MPPI arm that have one, and of unseen courses."""
-    turns = [turn for turn in run.of_arm("mppi") if turn.video and (folder / turn.video).is_file()]
-    chosen = turns if len(turns) < 2 else [turns[0], turns[-1]]
+    results = [
+        result
+        for result in run.of_arm("mppi")
+        if result.video and (folder / result.video).is_file()
+    ]
+    chosen = results if len(results) < 2 else [results[0], results[-1]]
     films = [
-        (f"Iteration {turn.iteration}", turn.video, "MPPI on this iteration's model")
-        for turn in chosen
+        (f"Iteration {result.iteration}", result.video, "MPPI on this iteration's model")
+        for result in chosen
     ]
     films += [
         (f"{unseen.course}, never seen", unseen.video, "MPPI on the last champion's model")
@@ -186,7 +193,7 @@ def _video(folder: Path, title: str, name: str, who: str) -> Shown:
         return Shown(title, title, f"Not shown: {name} lies outside the run's folder.", "")
     if path.stat().st_size > LARGEST_VIDEO:
         return Shown(title, title, f"Too large for this page: see {name}.", "")
-    words = f"{who} ({path.name}); on the ground the ways that the planner foresees."
+    words = f"{who} ({path.name}); on the ground the planner's predicted paths."
     return Shown(title, title, words, data_uri(path.read_bytes(), "video/mp4"))
 
 

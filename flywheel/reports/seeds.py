@@ -59,10 +59,10 @@ def summarise(runs: Sequence[RunResult]) -> list[SeedRow]:
     models = [(i.iteration, i.arm) for i in runs[0].iterations]
     rows = []
     for key in models:
-        turns = [next(i for i in run.iterations if (i.iteration, i.arm) == key) for run in runs]
-        errors = [run.test_errors(turn) for run, turn in zip(runs, turns, strict=True)]
+        results = [next(i for i in run.iterations if (i.iteration, i.arm) == key) for run in runs]
+        errors = [run.test_errors(result) for run, result in zip(runs, results, strict=True)]
         name = f"iteration {key[0]}" + ("" if key[1] == "mppi" else ", control arm")
-        rows.append(_row(name, errors, [turn.navigation for turn in turns]))
+        rows.append(_row(name, errors, [result.navigation for result in results]))
     none: list[Navigation | None] = [None] * len(runs)
     rows.append(_row("floor", [run.floor for run in runs], none))
     rows.append(_row("informed floor", [run.informed_floor for run in runs], none))

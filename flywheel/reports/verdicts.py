@@ -53,12 +53,12 @@ class _Pair(NamedTuple):
 
 def headline(run: RunResult) -> str:
     """One sentence: did the error fall, did success rise."""
-    turns = run.of_arm("mppi")
-    if len(turns) < 2:
-        state = "No iteration has ended yet" if not turns else "Only iteration 0 has ended"
+    results = run.of_arm("mppi")
+    if len(results) < 2:
+        state = "No iteration has ended yet" if not results else "Only iteration 0 has ended"
         return f"{state}: there is nothing to compare."
-    error, success = _error_verdict(run, turns), _success_verdict(turns)
-    start = f"From iteration {turns[0].iteration} to {turns[-1].iteration}"
+    error, success = _error_verdict(run, results), _success_verdict(results)
+    start = f"From iteration {results[0].iteration} to {results[-1].iteration}"
     tail = "." if run.finished else " (so far: the run has not ended)."
     falls = {
         "yes": "the prediction error fell",
@@ -76,18 +76,18 @@ def headline(run: RunResult) -> str:
 
 def verdicts(run: RunResult) -> list[Verdict]:
     """The questions that a run can answer by now, in the order of their weight."""
-    turns = run.of_arm("mppi")
-    if len(turns) < 2:
+    results = run.of_arm("mppi")
+    if len(results) < 2:
         return []
-    found = [_error_verdict(run, turns), _success_verdict(turns)]
+    found = [_error_verdict(run, results), _success_verdict(results)]
     if "control" in run.arms:
-        found.append(_control_verdict(run, turns[-1]))
-    if run.floor is not None and (errors := run.test_errors(turns[-1])) is not None:
+        found.append(_control_verdict(run, results[-1]))
+    if run.floor is not None and (errors := run.test_errors(results[-1])) is not None:
         found.append(_floor_verdict(errors.short, run.floor.short))
         if run.informed_floor is not None:
             found.append(_informed_verdict(errors.short, run.informed_floor.short))
-    if run.oracle is not None and turns[-1].navigation is not None:
-        found.append(_oracle_verdict(turns[-1].navigation.success, run.oracle.success))
+    if run.oracle is not None and results[-1].navigation is not None:
+        found.append(_oracle_verdict(results[-1].navigation.success, run.oracle.success))
     return found
 
 
@@ -99,8 +99,8 @@ def rate(success: Success) -> str:
     return f"{success.reached}/{success.total} ({success.rate:.0%}, {low:.0%} to {high:.0%})"
 
 
-def _error_verdict(run: RunResult, turns: tuple[IterationResult, ...]) -> Verdict:
-    first, last = run.test_errors(turns[0]), run.test_errors(turns[-1])
+def _error_verdict(run: RunResult, results: tuple[IterationResult, ...]) -> Verdict:
+    first, last = run.test_errors(results[0]), run.test_errors(results[-1])
     if first is None or last is None:
         return Verdict("open", "The models were not scored on test episodes.")
     pairs = _pairs(first.short, last.short)
@@ -109,7 +109,7 @@ def _error_verdict(run: RunResult, turns: tuple[IterationResult, ...]) -> Verdic
     fell = [_lower(each.second, each.first) for each in pairs]
     answer: Answer = "yes" if all(fell) else "open" if any(fell) else "no"
     where = "all test episodes of the run"
-    if run.pooled_errors(turns[0]) is None or run.pooled_errors(turns[-1]) is None:
+    if run.pooled_errors(results[0]) is None or run.pooled_errors(results[-1]) is None:
         where = "the test episodes that each iteration had (not the same ones)"
         answer = "open" if all(fell) else answer
     words = [
@@ -120,10 +120,10 @@ def _error_verdict(run: RunResult, turns: tuple[IterationResult, ...]) -> Verdic
     return Verdict(answer, f"Short-horizon errors on {where}: {', '.join(words)}.")
 
 
-def _success_verdict(turns: tuple[IterationResult, ...]) -> Verdict:
-    if turns[0].navigation is None or turns[-1].navigation is None:
+def _success_verdict(results: tuple[IterationResult, ...]) -> Verdict:
+    if results[0].navigation is None or results[-1].navigation is None:
         return Verdict("open", "Goal reaching was not evaluated in the first and last iteration.")
-    first, last = turns[0].navigation.success, turns[-1].navigation.success
+    first, last = results[0].navigation.success, results[-1].navigation.success
     text = f"Goals reached: {rate(first)} to {rate(last)}."
     if not first.total or not last.total or last.rate <= first.rate:
         return Verdict("no", text)
@@ -184,7 +184,7 @@ def _oracle_verdict(ours: Success, oracle: Success) -> Verdict:
 
 
 def _pairs(first: ErrorNumbers, second: ErrorNumbers) -> list[_Pair]:
-    """Both errors of both; without rotations where bodies show none."""
+    """Both errors of both; without rotations if orientation is not observable."""
     rotation = _Pair("rotation", "rotation error", "deg", GOAL_ROTATION, first.e_rot, second.e_rot)
     position = _Pair(
         "position",

@@ -27,7 +27,16 @@ from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.run.inventory import check_sound
 from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far, start_tags
 from flywheel.runtime.run.suitability import check_suits
-from flywheel.runtime.stages import Tally, collect, decide, diagnose, evaluate, snapshot, train
+from flywheel.runtime.stages import (
+    Tally,
+    collect,
+    decide,
+    diagnose,
+    evaluate,
+    record,
+    snapshot,
+    train,
+)
 from flywheel.runtime.stages.final_evaluation import evaluate_finally
 from flywheel.runtime.stages.video import filmed
 from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
@@ -38,9 +47,8 @@ from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 
 OVERBOOKED = 16  # most configured cores per core of this machine; each is a process of about 300 MB
-HURRY = (
-    3.0  # that the tracker may deliver when a run ends early [s]; a resumed run delivers the rest
-)
+# Longest that the tracker may deliver when a run ends early; a resumed run delivers the rest.
+EARLY_END_DELIVERY_SECONDS = 3.0
 OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
 
 
@@ -176,7 +184,7 @@ def _tracked(
         return
     robot = Path(config.robot).stem
     log = tracker(files.path, identity.key, robot, config.tracking)
-    patience: float | None = HURRY
+    patience: float | None = EARLY_END_DELIVERY_SECONDS
     try:
         yield log
         patience = None  # as configured
@@ -233,7 +241,8 @@ def run_iteration(run: Run, iteration: int) -> list[str]:
         outcomes = train(run, iteration, outcomes, tally)
     with tally.timed("evaluate"):
         outcomes = evaluate(run, iteration, outcomes, tally)
-    for result in decide(run, iteration, outcomes, tally):
+    outcomes = decide(run, outcomes)
+    for result in record(run, iteration, outcomes, tally):
         keep(run, filmed(run, result))
         run.progress.say(summary(result))
     return tally.problems

@@ -1,4 +1,4 @@
-"""A task: where to go, by when, among what, and what a predicted motion costs."""
+"""A task: goal, time limit, obstacles, and the cost of a predicted motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Distance(Protocol):
 
 
 class Cost(Protocol):
-    """One term of a cost. Terms add; no term at all costs nothing."""
+    """One term of a cost. Terms are summed; an empty cost is 0."""
 
     def __call__(self, points: Floats, task: Task) -> Floats:
         """Cost (B,) of predicted points (B, H + 1, P, 3) in a task; dimensionless."""
@@ -34,7 +34,7 @@ class Stand:
 
     Attributes:
       place: (2,) of its centre of mass [m].
-      turn: about the vertical, from how it stands in its own shape [rad].
+      turn: about the vertical, relative to the keyframe [rad].
     """
 
     place: Floats

@@ -76,7 +76,7 @@ class JacobianCache:
         fresh = np.zeros(len(jacobian.by_local), bool)
         if before is None:
             return cls(jacobian, fresh, np.full(len(fresh), settings.first_damping))
-        damping = np.minimum(before.damping, settings.renewed_damping)
+        damping = np.minimum(before.damping, settings.max_damping_with_new_jacobian)
         return cls(jacobian, fresh, damping, before.shared_damping, number=before.number + 1)
 
     def outdated(self, stale: np.ndarray) -> JacobianCache:
@@ -251,7 +251,7 @@ class Fitter(ABC):
             return begun
         unknowns = len(self.local_prior), begun.initial.winch.shape[1]
         nothing = Jacobian(*(np.zeros((*begun.residual.shape, count)) for count in unknowns))
-        return self.improved(replace(begun, cache=self.cached(nothing)), free)
+        return self.lm_steps(replace(begun, cache=self.cached(nothing)), free)
 
     def warm_start(self, fit: Fit, terms: Terms, free: Sequence[FreeParameter] = ()) -> Fit:
         """Other terms, before anything else is fitted to them: each window begins as before, or anew.
@@ -293,21 +293,21 @@ class Fitter(ABC):
         for _ in range(rounds):
             before, anew = fit.cost, fit.cache is None or bool(fit.cache.stale.all())
             begun = replace(fit, cache=self.renewed(fit))
-            fit = self.improved(begun, free)
+            fit = self.lm_steps(begun, free)
             if fit is begun and anew:  # differences of one side may have misled
                 precise = self.cached(self.jacobian(fit), fit.cache)
-                fit = self.improved(replace(fit, cache=precise), free)
+                fit = self.lm_steps(replace(fit, cache=precise), free)
             if converged(before, fit.cost, self.settings.stopping, enough):
                 if anew:
                     return replace(fit, converged=True)
                 fit = fit.outdated(np.ones(len(self.windows), bool))
         return fit
 
-    def improved(self, fit: Fit, free: Sequence[FreeParameter]) -> Fit:
+    def lm_steps(self, fit: Fit, free: Sequence[FreeParameter]) -> Fit:
         """Steps with the Jacobian that the fit has: computing it is what costs time."""
         settings, columns = self.settings.least_squares, None
         for _ in range(settings.steps):
-            if columns is None or len(free) < settings.many:
+            if columns is None or len(free) < settings.reuse_sensitivities_from:
                 columns = self.by_value(fit, free)
             after = self._step(fit, free, columns)
             if after is None:
@@ -380,7 +380,7 @@ class Fitter(ABC):
             if after.cost < fit.cost:
                 own = np.einsum("kdx,kx->kd", jacobian.by_local, after.local - fit.local)
                 went = replace(cache, shared_damping=index, untried=False)
-                stale = _astray(fit.residual, left - own, after.residual, settings)
+                stale = _mispredicted(fit.residual, left - own, after.residual, settings)
                 return replace(after, cache=went.outdated(stale))
         return None
 
@@ -423,10 +423,13 @@ def damped_step(matrix: Floats, right: Floats, damping: float, bounds: Floats) -
     return np.clip(within, *bounds)
 
 
-def _astray(
+def _mispredicted(
     before: Floats, promised: Floats, after: Floats, settings: LeastSquaresSettings
 ) -> np.ndarray:
     """(K,) windows whose residuals (K, D) are not what was promised."""
     off, went = ((after - x) ** 2 for x in (promised, before))
-    noticed = np.maximum(settings.astray**2 * went.sum(axis=1), settings.unnoticed)
+    noticed = np.maximum(
+        settings.prediction_error_tolerance**2 * went.sum(axis=1),
+        settings.negligible_prediction_error,
+    )
     return np.asarray(off.sum(axis=1) > noticed)

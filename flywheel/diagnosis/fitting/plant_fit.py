@@ -156,7 +156,7 @@ class PlantFitter(Fitter):
         """Each window takes the damping that suits it, or stays where it is."""
         settings = self.settings.least_squares
         tried = np.clip(
-            np.multiply.outer(settings.trials, cache.damping),
+            np.multiply.outer(settings.damping_multipliers, cache.damping),
             settings.least_damping,
             settings.most_damping,
         )
@@ -194,10 +194,10 @@ class PlantFitter(Fitter):
         doubted = np.sort(loudest[square[loudest] > stuck * max(1.0, usual)])
         if not len(doubted):
             return fit
-        here, turns = fit.local[doubted], settings.turns
-        turned = self._turned(np.repeat(here, turns, axis=0), restart.seed)
+        here, rotations = fit.local[doubted], settings.rotations
+        turned = self._turned(np.repeat(here, rotations, axis=0), restart.seed)
         tried = np.concatenate([here, np.zeros_like(here), turned])
-        members = np.concatenate([doubted, doubted, np.repeat(doubted, turns)])
+        members = np.concatenate([doubted, doubted, np.repeat(doubted, rotations)])
         return self.searched(fit, members, tried)
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
@@ -219,7 +219,7 @@ class PlantFitter(Fitter):
         rng, local = np.random.default_rng(seed), local.copy()
         for body, axis in unseen_axes(self.windows.robot).items():
             turn = FREE_VELOCITIES * body + np.arange(3, 6)
-            spread = self.settings.multistart.turn
+            spread = self.settings.multistart.rotation_sigma
             local[:, turn] += rng.normal(0.0, spread, (len(local), 1)) * axis
         return local
 
@@ -277,7 +277,7 @@ class PlantFitter(Fitter):
             cost = self.costs(fit.carried, fit.terms, rows, tried.reshape(-1, local.shape[1]))
             cost = cost.reshape(len(tried), -1)
             local = tried[cost.argmin(axis=0), np.arange(len(members))]
-            if number + 1 == settings.heats:
+            if number + 1 == settings.rounds_before_elimination:
                 through = _best_of_each(members, cost.min(axis=0), settings.finalists)
                 members, local = members[through], local[through]
         cost = self.costs(fit.carried, fit.terms, members, local)

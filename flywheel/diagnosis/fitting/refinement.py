@@ -60,7 +60,11 @@ def _compared(
             fit = fitter.fit(fit, free, rounds=1)
         before, other = other, finer.fit(other, free, rounds=1)
         missing, fell = other.cost - fit.cost, before.cost - other.cost
-        if missing < 0.0 or other.converged or out_of_reach(missing, fell, stopping.hope):
+        if (
+            missing < 0.0
+            or other.converged
+            or out_of_reach(missing, fell, stopping.max_rounds_to_target)
+        ):
             break
     return fit, other
 

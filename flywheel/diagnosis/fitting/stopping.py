@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.diagnosis.settings import StoppingSettings
+from flywheel.diagnosis.settings import FitStoppingSettings
 
 
-def converged(before: float, after: float, settings: StoppingSettings, enough: float = 0.0) -> bool:
+def converged(
+    before: float, after: float, settings: FitStoppingSettings, enough: float = 0.0
+) -> bool:
     """Whether a step hardly changed the cost.
 
     Args:
@@ -19,7 +21,7 @@ def converged(before: float, after: float, settings: StoppingSettings, enough: f
     return bool(np.isfinite(before)) and before - after < max(enough, hardly)
 
 
-def least_worthwhile_fall(cost: float, freedom: int, settings: StoppingSettings) -> float:
+def least_worthwhile_fall(cost: float, freedom: int, settings: FitStoppingSettings) -> float:
     """Fall of the cost that is worth another round; 0 for a model that may be right.
 
     A model that is clearly wrong is not fitted to the last digit.
@@ -29,15 +31,15 @@ def least_worthwhile_fall(cost: float, freedom: int, settings: StoppingSettings)
       freedom: its degrees of freedom, which noise alone would cost.
       settings: what is clearly wrong.
     """
-    return settings.fruitless * max(0.0, cost - settings.wrong * freedom)
+    return settings.min_relative_gain * max(0.0, cost - settings.wrong * freedom)
 
 
-def out_of_reach(missing: float, fell: float, hope: float) -> bool:
+def out_of_reach(missing: float, fell: float, max_rounds: float) -> bool:
     """Whether a fit clearly stays above its target, or diverges.
 
     Args:
       missing: to the target after a round; NaN or infinite for a fit that diverges.
       fell: what the cost fell by in that round.
-      hope: further rounds like that one that are allowed for.
+      max_rounds: further rounds like that one that are allowed for.
     """
-    return not missing <= hope * fell
+    return not missing <= max_rounds * fell

@@ -12,15 +12,22 @@ from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
 from flywheel.diagnosis.selection.misspecification import Misspecification
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.settings import JacobianSettings, Limits
-from flywheel.effects import Parameter, Term, place_name
+from flywheel.effects import Parameter, Scales, Term, place_name
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
+NEAR = 0.999  # of a bound: a step that ends there may miss it by a rounding
 QUANTILE = 1.96  # of a 95 % interval, in standard deviations
 
 
 class Verdict(StrEnum):
-    """The answer in a word."""
+    """The answer in a word.
+
+    `NOT_CONVERGED` means that the cost of the last model is not finite: no start was found from which the
+    simulation of the recordings stays finite. A search or a fit that ends at a limit on its rounds is judged
+    by what it leaves, so that the answer is likely to be `OUTSIDE_LIBRARY`. The same holds for an effect
+    whose true value is beyond the bounds of its fit; `Found.at_bound` tells.
+    """
 
     NOISE_ONLY = "NOISE_ONLY"
     EFFECT = "EFFECT"
@@ -81,6 +88,7 @@ class Found:
       values: of its parameters.
       term: the same, to be added to a plant.
       held_back: a value ended as far from what was said of it as that is believed.
+      at_bound: its values that ended at a bound of their parameter other than zero.
     """
 
     effect: str
@@ -88,6 +96,12 @@ class Found:
     values: tuple[Value, ...]
     term: Term
     held_back: bool = False
+    at_bound: tuple[Value, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """Readable name: "weak_cable at long_03"."""
+        return f"{self.effect} at {self.location}" if self.location else self.effect
 
     @property
     def shown(self) -> bool:
@@ -134,11 +148,22 @@ def found(
             term.effect.parameters, term.values, deviations, by_step, strict=True
         )
     )
-    # A step that ends at a bound may miss it by a rounding.
     known = zip(term.values, term.known, strict=False)
-    held_back = any(abs(value) > 0.999 * believed * deviation for value, deviation in known)
+    held_back = any(abs(value) > NEAR * believed * deviation for value, deviation in known)
     location = place_name(term.effect, term.place, robot)
-    return Found(term.effect.name, location, values, term, held_back)
+    at_bound = tuple(
+        value
+        for value, parameter in zip(values, term.effect.parameters, strict=True)
+        if _at_bound(value.in_plant / parameter.typical(Scales.of(robot)), parameter)
+    )
+    return Found(term.effect.name, location, values, term, held_back, at_bound)
+
+
+def _at_bound(size: float, parameter: Parameter) -> bool:
+    """Whether a size, in typical ones, is at a bound; zero is none that it was stopped at."""
+    return size >= NEAR * parameter.high or (
+        not parameter.one_sided and size <= NEAR * parameter.low
+    )
 
 
 def _value(parameter: Parameter, fitted: float, deviation: float, by_step: float) -> Value:
@@ -155,7 +180,7 @@ def beyond(limits: Limits, own: OwnErrors) -> Limits:
     return replace(
         limits,
         threshold=max(limits.threshold, limits.margin * own.score),
-        loud=limits.loud * max(1.0, own.noise),
+        max_residual_variance=limits.max_residual_variance * max(1.0, own.noise),
         correlated=limits.correlated + max(0.0, own.correlation),
         outstanding=max(limits.outstanding, own.loudest),
     )
@@ -164,7 +189,7 @@ def beyond(limits: Limits, own: OwnErrors) -> Limits:
 def only_noise(limits: Limits, left: Adequacy) -> bool:
     """Whether nothing but noise is left."""
     return (
-        left.noise < limits.loud + limits.sure * left.doubt
+        left.noise < limits.max_residual_variance + limits.sure * left.doubt
         and left.correlation < limits.correlated
         and left.loudest < limits.outstanding
     )

@@ -90,8 +90,8 @@ def _in_place(
         if fit is None:
             terms = (*others, score.candidate.term(score.sizes, score.shape))
             begun = search.fitter.with_terms(last, terms)
-            hope = search.settings.hope_of_law if probed(terms) else None
-            fit = search.fit_until(begun, limit, hope)
+            most = search.settings.max_rounds_to_target_of_law if probed(terms) else None
+            fit = search.fit_until(begun, limit, most)
             known.append((fit, fit.terms[-1]))
         if search.criterion(fit) < limit:
             found.append(fit)

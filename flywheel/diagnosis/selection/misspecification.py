@@ -22,7 +22,7 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 
 
-class FasterDamping(TensionEffect):
+class QuadraticDamping(TensionEffect):
     """Damping in proportion to the square of the speed, as in a fluid."""
 
     name = "damping_by_speed_squared"
@@ -39,7 +39,7 @@ class FasterDamping(TensionEffect):
         return values["damping"] * np.abs(cables.speed) * cables.speed, memory
 
 
-class StretchedDamping(TensionEffect):
+class TensionDamping(TensionEffect):
     """Damping in proportion to the tension."""
 
     name = "damping_by_tension"
@@ -52,7 +52,7 @@ class StretchedDamping(TensionEffect):
         return values["time"] * cables.elastic * cables.speed / cables.rest, memory
 
 
-class Tiring(TensionEffect):
+class StiffnessDrift(TensionEffect):
     """Cables that lose stiffness, or gain some, while a recording runs. The memory is the time."""
 
     name = "stiffness_in_time"
@@ -66,7 +66,7 @@ class Tiring(TensionEffect):
         return -values["rate"] * memory * cables.elastic, memory + cables.dt
 
 
-class UnevenGain(CommandEffect):
+class RateDependentGain(CommandEffect):
     """Winches whose rate is no straight line of what they are told."""
 
     name = "gain_by_rate"
@@ -83,7 +83,8 @@ class UnevenGain(CommandEffect):
 
 
 PROBES: dict[str, Effect] = {
-    probe.name: probe for probe in (FasterDamping(), StretchedDamping(), Tiring(), UnevenGain())
+    probe.name: probe
+    for probe in (QuadraticDamping(), TensionDamping(), StiffnessDrift(), RateDependentGain())
 }
 
 

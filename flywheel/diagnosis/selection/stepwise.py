@@ -64,7 +64,7 @@ class Search:
         return fit.cost + values * float(np.log(measured))
 
     def fit_until(
-        self, fit: Fit, target: float = np.inf, hope: float | None = None, slight: float = 0.0
+        self, fit: Fit, target: float = np.inf, max_rounds: float | None = None, slight: float = 0.0
     ) -> Fit:
         """A fit, fitted on until it converges or its criterion clearly stays above the target.
 
@@ -74,18 +74,20 @@ class Search:
         Args:
           fit: where to begin.
           target: criterion that is to be reached.
-          hope: further rounds like the last one, within which it must be; None for the settings'.
+          max_rounds: further rounds like the last one, within which it must be; None for the settings'.
           slight: fall of the cost in a round, below which the rest is left for later [sigma^2].
         """
         stopping = self.fitter.settings.stopping
-        hope, free = stopping.hope if hope is None else hope, self.fitter.free(fit.terms)
+        free = self.fitter.free(fit.terms)
+        if max_rounds is None:
+            max_rounds = stopping.max_rounds_to_target
         for _ in range(stopping.rounds):
             if fit.converged:
                 break
             enough = self.fitter.worthwhile(fit)
             before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
             fell = before.cost - fit.cost
-            if fell < slight or out_of_reach(self.criterion(fit) - target, fell, hope):
+            if fell < slight or out_of_reach(self.criterion(fit) - target, fell, max_rounds):
                 break
         return fit
 
@@ -228,12 +230,12 @@ def deduplicated(fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _forward(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredModel]]:
-    """The turns of `stepwise`, in the time steps that the fitter has or that an effect asks for."""
+    """The forward steps of `stepwise`, in the time steps that the fitter has or that an effect asks for."""
     settings = search.settings
-    models, most = [first], len(first.fit.terms) + settings.most
+    models, most = [first], len(first.fit.terms) + settings.max_effects
     if changed := _with_other_values(search, first):
         models.append(search.score_all(changed))
-    for _ in range(settings.turns):
+    for _ in range(settings.max_forward_steps):
         last = models[-1]
         room = most - len(last.fit.terms)
         least = settings.least_share if room > 1 else settings.least_share_of_last
@@ -278,8 +280,10 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
         proposals += promising_pairs(model.test, model.scores, search.threshold, settings.pairs)
     begun = [search.warm_start(model, (*model.fit.terms, *terms)) for terms in proposals]
     fits = [_after_a_round(search, fit) for fit in deduplicated(begun)]
-    hope = fitter.settings.stopping.hope if room > 1 else settings.hope_of_last
-    search, (first, *others) = _fitted_in_turn(search, fits, hope)
+    stopping = fitter.settings.stopping
+    last = settings.max_rounds_to_target_of_last
+    max_rounds = stopping.max_rounds_to_target if room > 1 else last
+    search, (first, *others) = _fitted_in_turn(search, fits, max_rounds)
     return search, search.pruned(first, (model.fit, *others))
 
 
@@ -290,7 +294,7 @@ def _after_a_round(search: Search, fit: Fit) -> Fit:
 
 
 def _fitted_in_turn(
-    search: Search, begun: Sequence[Fit], hope: float | None = None
+    search: Search, begun: Sequence[Fit], max_rounds: float | None = None
 ) -> tuple[Search, list[Fit]]:
     """Several models, each fitted on for as long as it may become the best; the best one first.
 
@@ -301,7 +305,7 @@ def _fitted_in_turn(
       search: its state.
       begun: the one that promised the most first. If it is not ahead, windows of it may be stuck, and begin
         elsewhere before anything else.
-      hope: see `Search.fit_until`.
+      max_rounds: see `Search.fit_until`.
     """
     favourite, *others = deduplicated(begun)
     if any(search.criterion(fit) < search.criterion(favourite) for fit in others):
@@ -312,7 +316,7 @@ def _fitted_in_turn(
     ended = [search.fit_until(first, slight=slight)]
     for fit in others:
         target = min(map(search.criterion, ended))
-        ended.append(search.fit_until(fit, target, hope, slight))
+        ended.append(search.fit_until(fit, target, max_rounds, slight))
     best, *beaten = sorted(ended, key=search.criterion)
     search, best = in_time_steps(search, search.restarted(best))
     return search, [search.fit_until(best), *beaten]

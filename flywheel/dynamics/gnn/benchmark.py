@@ -24,7 +24,7 @@ from flywheel.dynamics.gnn.learned import (
     one_thread_per_operation,
 )
 from flywheel.dynamics.gnn.network import ChunkNetwork
-from flywheel.dynamics.gnn.prediction import Prepare
+from flywheel.dynamics.gnn.prediction import ForwardFactory
 from flywheel.dynamics.gnn.reference import PlainForward
 from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.records import Observation, Past
@@ -192,7 +192,9 @@ def product_fraction(robot: Robot, config: NetworkConfig, seconds: float) -> tup
     )
 
 
-def _forward_call(robot: Robot, config: NetworkConfig, prepare: Prepare) -> Callable[[], object]:
+def _forward_call(
+    robot: Robot, config: NetworkConfig, prepare: ForwardFactory
+) -> Callable[[], object]:
     """One call of the network, features and LSTM state given."""
     torch.manual_seed(0)
     network = ChunkNetwork(robot, config).requires_grad_(False)
@@ -209,7 +211,7 @@ def _forward_call(robot: Robot, config: NetworkConfig, prepare: Prepare) -> Call
     controls = torch.rand(len(robot.winches), CANDIDATES, config.control_history + config.chunk)
     features = parts.builder(state, start.origin, heading, controls, torch.zeros(1).long())
     forward = simulator.prepare(network)
-    memory = forward.remember(features.nodes["body_node"], features.dataset, None)
+    memory = forward.warm_up(features.nodes["body_node"], features.dataset, None)
     return lambda: forward(features, memory)
 
 

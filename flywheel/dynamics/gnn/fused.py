@@ -36,7 +36,7 @@ class FusedForward:
             for name, relation in graph.relations.items()
         }
 
-    def remember(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
+    def warm_up(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""
         if self._packed.gates is None:
             return None

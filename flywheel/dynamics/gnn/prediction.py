@@ -1,4 +1,4 @@
-"""What passes between the simulator and a network's forward pass, whichever way that is computed."""
+"""What passes between the simulator and a network's forward pass, shared by all implementations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Memory = tuple[Tensor, Tensor]
 
 @dataclass(frozen=True)
 class Prediction:
-    """What one call of the network says about its n steps, in the axes it was shown.
+    """What one call of the network says about its n steps, in the input frame.
 
     Attributes:
       velocity: (3, n, N, K) velocity changes since the chunk's start [m/s].
@@ -35,7 +35,7 @@ class Prediction:
 class Forward(Protocol):
     """One way of computing the network."""
 
-    def remember(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
+    def warm_up(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""
         ...
 
@@ -44,7 +44,7 @@ class Forward(Protocol):
         ...
 
 
-Prepare = Callable[[ChunkNetwork, RobotGraph], Forward]
+ForwardFactory = Callable[[ChunkNetwork, RobotGraph], Forward]
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Unrolled:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a prediction starts, component-major; K is 1 where all samples start alike.
+    """Where a prediction starts, component-major; K = 1 if all samples share a start.
 
     Attributes:
       origin: (2, K) horizontal position of the states' origin in the world [m].

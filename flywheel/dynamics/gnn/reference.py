@@ -75,7 +75,7 @@ class PlainForward:
     def __init__(self, network: ChunkNetwork, graph: RobotGraph) -> None:
         self.network, self.graph = network, graph
 
-    def remember(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
+    def warm_up(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""
         if self.network.memory is None:
             return None

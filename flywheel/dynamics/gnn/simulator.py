@@ -25,9 +25,9 @@ from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.past import PastReader
 from flywheel.dynamics.gnn.prediction import (
     Forward,
+    ForwardFactory,
     Memory,
     Prediction,
-    Prepare,
     Start,
     Unrolled,
     expanded,
@@ -66,7 +66,7 @@ class Simulator:
         self,
         robot: Robot,
         config: NetworkConfig,
-        prepare: Prepare = FusedForward,
+        prepare: ForwardFactory = FusedForward,
     ) -> None:
         self.robot, self.config, self.dt = robot, config, config.dt
         self._prepare = prepare
@@ -196,7 +196,7 @@ class Simulator:
         memory: Memory | None = None
         for state in start.states[:-1]:
             shown = parts.builder.memory_features(state, start.origin, start.ground)
-            memory = forward.remember(shown, dataset, memory)
+            memory = forward.warm_up(shown, dataset, memory)
         return memory
 
     def _advance(

@@ -13,7 +13,7 @@ from mujoco.rollout import Rollout as MujocoRollout
 from flywheel.dynamics.plant.laws import Geometry, Laws, Memories, grouped, has_laws
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.plant import DISABLED, Plant
-from flywheel.dynamics.plant.world import scene, undressed
+from flywheel.dynamics.plant.world import scene, strip_visuals
 from flywheel.effects import CommandEffect, ModelEffect, Scales, TensionEffect, Term, Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, State
@@ -280,7 +280,7 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
       movable: without MuJoCo's short cut for bodies whose centre of mass never moves.
     """
     spec = scene(plant.robot, plant.obstacles, plant.terrain)
-    undressed(spec)
+    strip_visuals(spec)
     for tendon in list(spec.tendons):
         add_plain(
             spec,

@@ -1,4 +1,4 @@
-"""What stands around the robot: the MJCF with box obstacles added, on a ground that need not be flat."""
+"""The scene: the robot's MJCF plus obstacles and terrain."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ PAIRED = ("condim", "friction", "solref", "solreffriction", "solimp", "margin", 
 def scene(
     robot: Robot, obstacles: Sequence[Box] = (), terrain: Terrain | None = None
 ) -> mujoco.MjSpec:
-    """The robot's MJCF with the obstacles and the terrain, which touch as its ground does.
+    """The robot's MJCF with the obstacles and the terrain, with the ground's contact parameters.
 
-    They get the contact numbers of the MJCF's ground, or MuJoCo's own without one, and are part of the
-    same contact pairs.
+    Without a ground in the MJCF they have MuJoCo's defaults. They are part of the same contact pairs.
 
     Raises:
       ModelError: a terrain for a robot whose MJCF has no level ground plane.
@@ -38,22 +37,22 @@ def scene(
     model = spec.compile()
     ground = ground_of(model)
     plane = None if ground is None else _geom(spec, ground.geom)
-    added = [_stand(spec, box, number) for number, box in enumerate(obstacles)]
+    added = [_add_box(spec, box, number) for number, box in enumerate(obstacles)]
     if terrain is not None:
         if ground is None or plane is None or not ground.level:
             raise ModelError(
                 f"A terrain takes the place of a level ground plane, which {robot.name} does not have."
             )
-        added.append(_lay(spec, terrain, plane))
-        _lower(plane, model, ground, terrain.plane)
+        added.append(_add_height_field(spec, terrain, plane))
+        _move_plane(plane, model, ground, terrain.plane)
     if plane is not None:
         for geom in added:
-            _touch_alike(spec, geom, plane)
+            _copy_contact_parameters(spec, geom, plane)
     return spec
 
 
-def undressed(spec: mujoco.MjSpec) -> None:
-    """Take away what is only looked at: a ground's texture is most of a model, and slow to compile.
+def strip_visuals(spec: mujoco.MjSpec) -> None:
+    """Remove what is only looked at: a ground's texture is most of a model, and slow to compile.
 
     sysid's own `remove_visuals` would also take away masses: those of geoms that collide with nothing.
     """
@@ -70,8 +69,8 @@ def _geom(spec: mujoco.MjSpec, number: int) -> mujoco.MjsGeom:
     return next(geom for geom in spec.geoms if geom.id == number)
 
 
-def _stand(spec: mujoco.MjSpec, box: Box, number: int) -> mujoco.MjsGeom:
-    """Put a box into the world."""
+def _add_box(spec: mujoco.MjSpec, box: Box, number: int) -> mujoco.MjsGeom:
+    """Add a box to the world."""
     return add_plain(
         spec.worldbody,
         "geom",
@@ -83,8 +82,10 @@ def _stand(spec: mujoco.MjSpec, box: Box, number: int) -> mujoco.MjsGeom:
     )
 
 
-def _lay(spec: mujoco.MjSpec, terrain: Terrain, plane: mujoco.MjsGeom) -> mujoco.MjsGeom:
-    """Put a terrain into the world, which looks as the plane does."""
+def _add_height_field(
+    spec: mujoco.MjSpec, terrain: Terrain, plane: mujoco.MjsGeom
+) -> mujoco.MjsGeom:
+    """Add a terrain to the world, with the plane's material and colour."""
     lowest = float(terrain.heights.min())
     relief = max(float(terrain.heights.max()) - lowest, LEAST_RELIEF)
     half_x, half_y = (side / 2 for side in terrain.size)
@@ -110,19 +111,24 @@ def _lay(spec: mujoco.MjSpec, terrain: Terrain, plane: mujoco.MjsGeom) -> mujoco
     )
 
 
-def _lower(plane: mujoco.MjsGeom, model: mujoco.MjModel, ground: Ground, height: float) -> None:
+def _move_plane(
+    plane: mujoco.MjsGeom, model: mujoco.MjModel, ground: Ground, height: float
+) -> None:
     """Move the ground's plane to another height [m], whatever body and frames it is in."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.geom_quat[ground.geom])
-    up = turn.reshape(3, 3)[:, 2]  # in the frame of its body, because it is level
-    plane.set_frame(add_plain(plane.parent, "frame"))  # else its place is one in frames of its own
+    up = turn.reshape(3, 3)[:, 2]  # the plane is level: world z, in the frame of its body
+    # A geom's position is relative to its innermost <frame>; in this new one it is relative to the body.
+    plane.set_frame(add_plain(plane.parent, "frame"))
     plane.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     plane.quat = model.geom_quat[ground.geom]
     plane.pos = model.geom_pos[ground.geom] + (height - ground.height) * up
 
 
-def _touch_alike(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, plane: mujoco.MjsGeom) -> None:
-    """Let a geom make contacts as the plane does."""
+def _copy_contact_parameters(
+    spec: mujoco.MjSpec, geom: mujoco.MjsGeom, plane: mujoco.MjsGeom
+) -> None:
+    """Give a geom the plane's contact parameters, and its contact pairs."""
     for name in CONTACT:
         setattr(geom, name, getattr(plane, name))
     for pair in list(spec.pairs):

@@ -1,7 +1,7 @@
 """Workers on a Ray cluster. This is the only module that imports ray.
 
-A worker is a plain class. Here it becomes an actor with a second thread, which answers how far the job is
-while it runs. Ray's own restarts and retries are off: the pool counts and reports them instead.
+A worker is a plain class. Here it becomes an actor with a second thread that reports progress while a job
+runs. Ray's own restarts and retries are off: the pool counts and reports them instead.
 
 A local cluster has a temporary folder of its own, with a short path, which is removed afterwards.
 """
@@ -82,7 +82,7 @@ class Cluster:
 
     def __init__(self, config: ClusterConfig) -> None:
         self._config = config
-        self._own = ExitStack()  # what ends with the block, because it began with it
+        self._own = ExitStack()  # resources opened by this block
 
     def __enter__(self) -> Self:
         if not ray.is_initialized():
@@ -100,7 +100,7 @@ class Cluster:
         self._own.close()
 
     def _connect(self, own: ExitStack) -> None:
-        _log_obituaries()
+        _log_death_messages()
         quiet = {"log_to_driver": False, "logging_level": "ERROR"}
         if self._config.address is not None:
             check_reachable(self._config.address)
@@ -176,7 +176,7 @@ def _no_connection(error: Exception, address: str | None) -> RunError:
     return RunError(f"No connection to the Ray cluster at {address}: {first} {advice}")
 
 
-def _log_obituaries() -> None:
+def _log_death_messages() -> None:
     """Log what Ray would print on stdout about every dead worker, whatever `log_to_driver` says."""
     from ray._private import worker  # no public switch; without this attribute nothing changes
 
@@ -284,7 +284,7 @@ class RayBackend:
                 raise cause from None
             raise JobFailed(f"{type(cause).__name__}: {cause}", str(error)) from cause
         except (*_DEATHS, exceptions.GetTimeoutError) as error:
-            raise WorkerDied(_obituary(error)) from None
+            raise WorkerDied(_death_message(error)) from None
 
     def beat(self, worker: Any) -> Beat | None:
         """The last known sign of progress; asks for the next one without waiting."""
@@ -310,7 +310,7 @@ class RayBackend:
         return ray.put(value)
 
 
-def _obituary(error: BaseException) -> str:
+def _death_message(error: BaseException) -> str:
     """The one line about a dead actor that matters in Ray's paragraph."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if lines and "creation task" in lines[0]:

@@ -1,5 +1,6 @@
 """The six stages of an iteration, one module each, and the records that they hand on.
 
+`record` puts what they did together, as an `IterationResult`.
 Every stage first looks at what is already there, so that a killed run goes on where it was.
 """
 
@@ -8,7 +9,8 @@ from flywheel.runtime.stages.decide import decide
 from flywheel.runtime.stages.diagnose import diagnose
 from flywheel.runtime.stages.evaluate import evaluate
 from flywheel.runtime.stages.outcomes import Tally
+from flywheel.runtime.stages.record import record
 from flywheel.runtime.stages.snapshot import snapshot
 from flywheel.runtime.stages.train import train
 
-__all__ = ["Tally", "collect", "decide", "diagnose", "evaluate", "snapshot", "train"]
+__all__ = ["Tally", "collect", "decide", "diagnose", "evaluate", "record", "snapshot", "train"]

@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 
 from flywheel.data import Snapshot
 from flywheel.runtime.pool.jobs import PoolReport
-from flywheel.runtime.results import Arm, Errors, Navigation, Overlay
+from flywheel.runtime.results import Arm, Errors, GateDecision, Navigation, Overlay
 from flywheel.runtime.run.context import Model, usable
 from flywheel.runtime.workers.trainer_worker import TrainingNote
 
 
 @dataclass
 class Tally:
-    """What an iteration cost, in all arms together.
+    """Cost of an iteration, in all arms together.
 
     Attributes:
       seconds: wall time of each stage [s].
@@ -92,7 +92,7 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class ArmOutcome:
-    """What an iteration has come to in one arm. Each stage returns a copy with its own part filled in.
+    """State of an iteration in one arm. Each stage returns a copy with its own part filled in.
 
     Attributes:
       collected: the arm's new episodes.
@@ -100,6 +100,7 @@ class ArmOutcome:
       model: the new model; None before the training, and where that diverged.
       training: the trainer's report.
       evaluated: the model's errors and closed-loop episodes.
+      gate: whether the model becomes the champion; None before that is decided, and in an arm without.
     """
 
     collected: Collected
@@ -107,6 +108,7 @@ class ArmOutcome:
     model: Model | None = None
     training: TrainingNote = field(default_factory=TrainingNote)
     evaluated: Evaluated = Evaluated()
+    gate: GateDecision | None = None
 
     @property
     def arm(self) -> Arm:

@@ -92,7 +92,7 @@ class MlflowReceiver:
         """Do what one record says."""
         self._actions[record["kind"]](self._connected(), record)
 
-    def hopeless(self, error: Exception) -> bool:
+    def is_permanent(self, error: Exception) -> bool:
         """Whether MLflow will always refuse the record, or what it names is gone."""
         refused = getattr(error, "error_code", "") == "INVALID_PARAMETER_VALUE"
         return refused or isinstance(error, (FileNotFoundError, LookupError))

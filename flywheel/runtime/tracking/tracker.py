@@ -64,7 +64,7 @@ class Receiver(Protocol):
         """Do what the record says. The same record again changes nothing. Raises if it failed."""
         ...
 
-    def hopeless(self, error: Exception) -> bool:
+    def is_permanent(self, error: Exception) -> bool:
         """Whether `deliver` would raise this error every time."""
         ...
 
@@ -98,7 +98,9 @@ class Tracker:
         self._logged = {point for record in self._outbox.records() for point in _points(record)}
         self._open: set[str] = set()
         self._close_seconds = close_seconds
-        self._delivery = Delivery(self._outbox, receiver.deliver, receiver.hopeless, retry_seconds)
+        self._delivery = Delivery(
+            self._outbox, receiver.deliver, receiver.is_permanent, retry_seconds
+        )
 
     def open(self, run: str, name: str, tags: Mapping[str, str], parent: str = "") -> None:
         """Open a run under its key, or open it again."""
@@ -243,7 +245,7 @@ def _points(record: Record) -> Iterator[tuple[str, str, int]]:
 
 
 class Outbox:
-    """A file of records, one JSON object a line, and beside it how far delivery has come.
+    """A file of records, one JSON object a line, and beside it the offset of the last delivered record.
 
     Args:
       folder: of `outbox.jsonl`, `outbox.offset` and, if records were refused, `outbox.rejected.jsonl`.
@@ -368,7 +370,7 @@ class Delivery:
     Args:
       outbox: of the records.
       deliver: takes one record; raises if it could not be delivered.
-      hopeless: whether an error means that a record will never be taken; it is then set aside.
+      is_permanent: whether an error means that a record will never be taken; it is then set aside.
       retry_seconds: first and longest pause after a failure [s]; the pause doubles in between.
     """
 
@@ -376,14 +378,14 @@ class Delivery:
         self,
         outbox: Outbox,
         deliver: Callable[[Record], None],
-        hopeless: Callable[[Exception], bool] = lambda error: False,
+        is_permanent: Callable[[Exception], bool] = lambda error: False,
         retry_seconds: tuple[float, float] = (1.0, 60.0),
     ) -> None:
         self.problem = ""
         self._stuck = False  # until someone does something about the problem
         self._outbox = outbox
         self._deliver = deliver
-        self._hopeless = hopeless
+        self._is_permanent = is_permanent
         self._first_pause, self._longest_pause = retry_seconds
         self._pause = self._first_pause
         self._wake = threading.Event()
@@ -440,7 +442,7 @@ class Delivery:
             try:
                 self._deliver(record)
             except Exception as error:  # no client's error may end the thread
-                if not self._hopeless(error):
+                if not self._is_permanent(error):
                     self._note(error)
                     return False
                 log.warning("tracking: set aside a record that was refused: %s", error)

@@ -1,4 +1,4 @@
-"""Computed from stored episodes: effects of their plant, winch positions, one predicted window."""
+"""Quantities derived from stored episodes: effects of their plant, winch positions, a predicted window."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEPT = 32  # episodes whose winch positions are kept, because scoring asks for t
 class EpisodeWinches:
     """Winch positions of episodes, by dead-reckoning (`Reckoning`).
 
-    A simulated episode names the effects of its plant. Recordings are taken to have those adopted so far.
+    A simulated episode names the effects of its plant. Recordings are assumed to have the adopted effects.
 
     Attributes:
       robot: of the episodes.
@@ -50,7 +50,7 @@ class EpisodeWinches:
         return Reckoning(self.robot, episode.trajectory.dt, terms).known(episode.trajectory)
 
     @property
-    def belief(self) -> str:
+    def effects_digest(self) -> str:
         """A short digest of the adopted effects; "" for none."""
         if not self.effects:
             return ""

@@ -90,7 +90,9 @@ class TrainerWorker:
             winches = EpisodeWinches(self._robot, order.effects)
             train, validation = (
                 WindowCache.build(
-                    SplitSource(self._store, snapshot, split, self._robot, winches, winches.belief),
+                    SplitSource(
+                        self._store, snapshot, split, self._robot, winches, winches.effects_digest
+                    ),
                     order.cache,
                 )
                 for split in SPLITS

@@ -74,6 +74,13 @@ def test_help_imports_none_of_the_engines() -> None:
     assert done.stdout.strip() == ""
 
 
+@pytest.mark.parametrize("module", ["flywheel.cli", "flywheel.cli.main"])
+def test_it_runs_as_a_module(module: str) -> None:
+    command = [sys.executable, "-m", module, "list", "effects"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "sensor_latency" in done.stdout
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids="-".join)
 def test_every_command_explains_itself_with_an_example(command: list[str]) -> None:
     done = run(app, [*command, "--help"])
@@ -135,6 +142,7 @@ def test_a_list_names_what_is_there(kind: str, monkeypatch: pytest.MonkeyPatch) 
         "tasks": "reach",
         "models": "lean",
         "controllers": "mppi",
+        "effects": "rolling_resistance",
         "datasets": "nominal",
         "configs": "paper/training",
     }

@@ -36,7 +36,9 @@ def library(robot: Robot) -> tuple[Candidate, ...]:
 def test_sensitivities_to_many_values_are_kept_until_the_next_jacobian(
     fitter: PlantFitter, seed: int, monkeypatch, many: int
 ) -> None:
-    settings = replace(fitter.settings, least_squares=LeastSquaresSettings(many=many, steps=2))
+    settings = replace(
+        fitter.settings, least_squares=LeastSquaresSettings(reuse_sensitivities_from=many, steps=2)
+    )
     fitter = PlantFitter(fitter.simulator, fitter.first, settings)
     gain = float(np.random.default_rng(seed).uniform(0.05, 0.15))
     begun = fitter.first_estimate((Term(EFFECTS["winch_gain"], None, (gain,)),))
@@ -45,7 +47,7 @@ def test_sensitivities_to_many_values_are_kept_until_the_next_jacobian(
     by_value, step = fitter.by_value, fitter._step
     monkeypatch.setattr(fitter, "by_value", lambda *a: asked.append(a) or by_value(*a))
     monkeypatch.setattr(fitter, "_step", lambda *a: steps.append(a) or step(*a))
-    after = fitter.improved(begun, fitter.free(begun.terms))
+    after = fitter.lm_steps(begun, fitter.free(begun.terms))
     assert len(steps) == 2, seed
     assert len(asked) == (1 if many == 1 else 2)
     assert after.cost < begun.cost, seed

@@ -54,7 +54,7 @@ def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) ->
 @pytest.mark.slow
 def test_cable_damping_itself_has_the_right_form(robot: Robot, seed: int) -> None:
     # Rarely (seed 2372015498) the noise of so short recordings is estimated so much too small.
-    strict = Limits(other=0.0, loud=1.3)
+    strict = Limits(other=0.0, max_residual_variance=1.3)
     found = _diagnosed(robot, _of(robot, "cable_damping", 1.0), 2, seed, strict)
     assert found.verdict is Verdict.EFFECT, (seed, found.misspecification)
     assert found.summary()["misspecification"] is None

@@ -26,6 +26,15 @@ def test_every_setting_is_said_to_be_something() -> None:
                 assert f"{field.name}" in (type(record).__doc__ or ""), (type(record), field.name)
 
 
+def test_each_number_is_listed_with_what_its_docstring_says() -> None:
+    said = {path: setting.what for path, setting in numbers(Settings()).items()}
+    assert all(said.values())
+    assert said["windows.remnant"] == (
+        "share of that length below which what a recording holds gives no window if others do."
+    )
+    assert said["checks.discrepancy.step"].startswith("of a finite difference of an output")
+
+
 def test_a_number_is_changed_and_all_others_stay() -> None:
     before = Settings()
     after = changed(before, {"selection.shortlist": 2.0, "limits.threshold": 36.0})

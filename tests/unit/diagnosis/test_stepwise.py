@@ -15,7 +15,7 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.stepwise import Search, _fitted_in_turn, _forward, _next
-from flywheel.diagnosis.settings import SelectionSettings, StoppingSettings
+from flywheel.diagnosis.settings import FitStoppingSettings, SelectionSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.errors import DataError
@@ -23,7 +23,7 @@ from flywheel.records import Observation, Trajectory
 from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import recorded
 
-SELECTION, STOPPING = SelectionSettings(), StoppingSettings()
+SELECTION, STOPPING = SelectionSettings(), FitStoppingSettings()
 STEPWISE = "flywheel.diagnosis.selection.stepwise"
 
 
@@ -88,7 +88,7 @@ def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(
     assert not models["wrong"].promises(*asked), seed
 
 
-@pytest.mark.parametrize(("room", "finds"), [(1, False), (SELECTION.most, True)])
+@pytest.mark.parametrize(("room", "finds"), [(1, False), (SELECTION.max_effects, True)])
 def test_models_with_the_last_effect_that_may_be_added_are_given_up_sooner(
     robot: Robot, seed: int, monkeypatch, room: int, finds: bool
 ) -> None:
@@ -100,16 +100,18 @@ def test_models_with_the_last_effect_that_may_be_added_are_given_up_sooner(
     library = candidates(robot, {"winch_gain": hidden[0].effect})
     search = Search(fitter, library, 25.0)
     model = search.score_all(fitted(fitter))
-    hopes: list[float] = []
+    asked: list[float] = []
 
-    def in_turn(search, begun, hope):
-        hopes.append(hope)
+    def in_turn(search, begun, max_rounds):
+        asked.append(max_rounds)
         return search, list(begun)
 
     monkeypatch.setattr(f"{STEPWISE}._fitted_in_turn", in_turn)
     _next(search, model, room)
-    (hope,) = hopes
-    assert hope == (STOPPING.hope if finds else SELECTION.hope_of_last)
+    (max_rounds,) = asked
+    assert max_rounds == (
+        STOPPING.max_rounds_to_target if finds else SELECTION.max_rounds_to_target_of_last
+    )
 
     fall = float(np.random.default_rng(seed).uniform(50.0, 500.0))
     falls = [fall * 0.6**number for number in range(10)]
@@ -120,7 +122,7 @@ def test_models_with_the_last_effect_that_may_be_added_are_given_up_sooner(
         return replace(before, cost=before.cost - falls.pop(0))
 
     monkeypatch.setattr(fitter, "fit", fit)
-    other = search.fit_until(replace(model.fit, converged=False), target, hope)
+    other = search.fit_until(replace(model.fit, converged=False), target, max_rounds)
     assert (search.criterion(other) < target) == finds, seed
 
 

@@ -16,9 +16,9 @@ from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.stepwise import Search
 from flywheel.diagnosis.settings import (
     DiscrepancySettings,
+    FitStoppingSettings,
     FittingSettings,
     Settings,
-    StoppingSettings,
 )
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Cables, Parameter, TensionEffect, Term
@@ -87,7 +87,7 @@ def test_a_law_is_trained_only_while_that_explains_something(
     trained: dict[float, tuple[int, Fit]] = {}
     for worth in (0.0, 0.01, 10.0):
         rounds.clear()
-        stopping = StoppingSettings(fruitless=worth)
+        stopping = FitStoppingSettings(min_relative_gain=worth)
         asking = PlantFitter(fitter.simulator, fitter.first, FittingSettings(stopping=stopping))
         learned = learned_law(asking, model, seed, settings)
         trained[worth] = len(rounds) - settings.beginnings, learned
@@ -100,7 +100,7 @@ def test_a_law_is_trained_only_while_that_explains_something(
 
 @pytest.mark.slow
 def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
-    never = Settings(limits=Limits(loud=0.0))  # nothing is ever enough
+    never = Settings(limits=Limits(max_residual_variance=0.0))  # nothing is ever enough
     logs = [recorded(robot, (), seed + i) for i in range(2)]
     found = diagnose(Plant(robot), logs[:1], logs[1:], FEW, never, window_seconds=0.4, seed=seed)
     assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), seed

@@ -8,7 +8,7 @@ import pytest
 from flywheel.diagnosis.checks.adequacy import OwnErrors
 from flywheel.diagnosis.results.verdict import Found, beyond, found
 from flywheel.diagnosis.settings import Limits
-from flywheel.effects import EFFECTS, Term
+from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.robots import Robot
 from tests import draws
 
@@ -51,6 +51,25 @@ def test_an_effect_is_shown_where_an_interval_leaves_out_zero(
     assert known(robot, effect, values, deviation, 0.0).shown == shown
 
 
+@pytest.mark.parametrize(
+    ("effect", "sizes", "names"),
+    [
+        ("winch_gain", (5.0,), ["share"]),
+        ("winch_gain", (-5.0,), ["share"]),
+        ("winch_gain", (4.9,), []),
+        ("cable_friction", (20.0,), ["force"]),
+        ("cable_friction", (0.0,), []),  # absent, not stopped
+        ("marker_offset", (-20.0, 1.0, 20.0), ["x", "z"]),
+    ],
+)
+def test_a_value_that_a_bound_stopped_is_named(
+    robot: Robot, effect: str, sizes: tuple[float, ...], names: list[str]
+) -> None:
+    scales, parameters = Scales.of(robot), EFFECTS[effect].sizes
+    values = tuple(s * p.typical(scales) for s, p in zip(sizes, parameters, strict=True))
+    assert [value.name for value in known(robot, effect, values, 0.01, 0.0).at_bound] == names
+
+
 def test_a_shape_alone_shows_nothing(robot: Robot) -> None:
     """The time constant of a creep of no size is sure of itself for no reason."""
     creep = EFFECTS["creep"]
@@ -64,7 +83,7 @@ def test_what_a_model_does_wrong_by_itself_is_not_taken_for_more() -> None:
     wider = beyond(limits, own)
     # A few draws seldom show the worst of them: scores somewhat above theirs are no evidence either.
     assert wider.threshold > 1.2 * own.score
-    assert wider.loud > own.noise
+    assert wider.max_residual_variance > own.noise
     assert wider.correlated > own.correlation
     assert wider.outstanding >= own.loudest
 

@@ -53,7 +53,7 @@ def one_call(robot, config, network, window):
         memory = None
         for state in start.states[:-1]:
             shown = parts.builder.memory_features(state, start.origin)
-            memory = forward.remember(shown, window.dataset, memory)
+            memory = forward.warm_up(shown, window.dataset, memory)
         state, heading = start.states[-1], parts.builder.heading(start.states[-1])
         steps = config.control_history + config.chunk
         ramp = torch.linspace(-1.0, 1.0, len(robot.winches) * len(window.dataset) * steps)

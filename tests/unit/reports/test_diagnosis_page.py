@@ -14,7 +14,14 @@ from flywheel.diagnosis import Diagnosis, Settings, Verdict, changed, diagnose
 from flywheel.diagnosis.selection.misspecification import PROBES, Misspecification
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
-from flywheel.reports.diagnosis_page import held_back, other_form, sentence, write_diagnosis
+from flywheel.reports.diagnosis_page import (
+    at_bounds,
+    diagnosis_page,
+    held_back,
+    other_form,
+    sentence,
+    write_diagnosis,
+)
 from flywheel.robots import load_robot
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
@@ -61,6 +68,15 @@ def test_it_says_what_was_believed_and_decided_with_the_settings_it_was_made_wit
     assert "than is believed (3 of" in held_back(usual)
     assert "than is believed (2 of" in held_back(other)
     assert other_form(usual) != other_form(other)
+
+
+def test_it_says_where_a_bound_stopped_a_fit(found: Diagnosis) -> None:
+    assert at_bounds(found) == ""
+    (effect,) = found.answers[0]
+    stopped = replace(found, answers=((replace(effect, at_bound=effect.values),),))
+    value = f"{effect.values[0].in_plant:.4g}"
+    assert at_bounds(stopped).startswith(f"share of winch_gain is at its bound, {value}. ")
+    assert at_bounds(stopped) in diagnosis_page(stopped, {})
 
 
 def test_the_summary_is_plain_numbers(found: Diagnosis) -> None:

@@ -64,9 +64,9 @@ def test_winches_of_episodes_are_where_what_is_known_of_their_plant_says() -> No
     assert np.abs(nothing(log) - truth).max() > 0.01
     for known in (nothing(episode), adopted(episode), adopted(log)):
         assert np.allclose(known, truth, atol=1e-6)
-    assert nothing.belief == "" and adopted.belief
+    assert nothing.effects_digest == "" and adopted.effects_digest
     weaker = WrittenTerm(effect="winch_gain", parameters={"share": 0.1})
-    assert adopted.belief != EpisodeWinches(robot, (weaker,)).belief
+    assert adopted.effects_digest != EpisodeWinches(robot, (weaker,)).effects_digest
 
 
 class Told(PlantDynamics):

@@ -105,8 +105,8 @@ def test_a_record_that_will_never_be_taken_is_set_aside_with_the_reason(tmp_path
         taken.append(record)
 
     outbox = Outbox(tmp_path)
-    hopeless = lambda error: isinstance(error, ValueError)  # noqa: E731
-    delivery = Delivery(outbox, deliver, hopeless, FAST)
+    is_permanent = lambda error: isinstance(error, ValueError)  # noqa: E731
+    delivery = Delivery(outbox, deliver, is_permanent, FAST)
     for record in numbers(3):
         outbox.append(record)
     assert delivery.close(5)

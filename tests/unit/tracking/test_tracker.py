@@ -24,7 +24,7 @@ class Notes:
     def deliver(self, record):
         self.records.append(record)
 
-    def hopeless(self, error):
+    def is_permanent(self, error):
         return False
 
     def of(self, kind):
