@@ -39,6 +39,7 @@ ENDINGS = {
     "goal": "[green]reached the goal after {seconds:.1f} s[/green]",
     "time": "[yellow]did not reach the goal in {seconds:.1f} s[/yellow], {distance:.2f} m were left",
     "lost": "[red]the link was lost after {seconds:.1f} s[/red]",
+    "failed": "[red]the planner failed after {seconds:.1f} s[/red]",
     "stopped": "[yellow]stopped after {seconds:.1f} s[/yellow]",
 }
 RobotOption = Annotated[
@@ -61,7 +62,7 @@ ArgumentsOption = Annotated[
 LogsOption = Annotated[
     Path, typer.Option(metavar="FOLDER", help="Gets each episode as CSV, a robot's log.")
 ]
-CODES = {"lost": FAILED, "stopped": INTERRUPTED}
+CODES = {"lost": FAILED, "failed": FAILED, "stopped": INTERRUPTED}
 
 
 def drive(
@@ -120,7 +121,7 @@ def drive(
 def _drive_all(
     out: Out, driver: RobotDriver, files: Mapping[int, Path], results: Path | None
 ) -> tuple[list[Drive], str]:
-    """Drive one episode for each seed, until one of them is lost or stopped; and how the last one ended."""
+    """Drive one episode for each seed, until one of them ends before its time; and how the last one ended."""
     from flywheel.cli.drives import append_drive
     from flywheel.data.recordings import write_recording
     from flywheel.runtime.pool.progress import console_progress

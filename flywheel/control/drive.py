@@ -18,7 +18,7 @@ from flywheel.control.closed_loop import checked_controls, steps_of, telemetry_o
 from flywheel.control.episode_log import EpisodeLog
 from flywheel.control.protocol import Command, Controller
 from flywheel.dynamics.plant import Reckoning
-from flywheel.errors import LinkError
+from flywheel.errors import LinkError, ModelError
 from flywheel.records import Episode, Floats, Observation, Outcome, Provenance, Split
 from flywheel.robot_link.protocol import RobotLink, Sample
 from flywheel.robots import Robot
@@ -26,7 +26,7 @@ from flywheel.tasks import Task
 
 VALID = 0.1  # how long a command stays valid if no other follows [s]: then the driver is taken to be lost
 LEAST_PERIODS = 5  # the same in control periods
-Ending = Literal["goal", "time", "lost", "stopped"]
+Ending = Literal["goal", "time", "lost", "failed", "stopped"]
 TaskOf = Callable[[Floats], Task | None]
 OnStep = Callable[[int, Sample], None]
 
@@ -37,8 +37,9 @@ class Drive:
 
     Attributes:
       episode: what was measured and commanded, whole up to its end.
-      ended: at the goal, by the time limit, because the link was lost, or because the user stopped it.
-      why: in words, where the link was lost; else "".
+      ended: at the goal, by the time limit, because the link was lost, because the controller failed, or
+        because the user stopped it.
+      why: in words, where something was lost or failed; else "".
       late_plans: plans that came after they were to begin.
       skipped: control periods in which no command was sent in time; the one before stayed.
     """
@@ -96,7 +97,7 @@ def drive(
     Raises:
       ConfigError: no time for a single step.
       LinkError: the robot is another one, or is lost before the first step.
-      ModelError: the controller gave commands that do not fit, or its model diverged.
+      ModelError: the same of the controller: its commands do not fit, or its model diverged.
     """
     link.info.check_is(robot)
     first, going, steps = _begun(link, robot, controller, task_of, seconds, seed, lead, reckoning)
@@ -104,10 +105,10 @@ def drive(
     try:
         _go(link, going, first, steps, on_step)
         ended = "goal" if going.reached else "time"
-    except LinkError as error:
+    except (LinkError, ModelError) as error:
         if not going.log.done:
             raise
-        ended, why = "lost", str(error)
+        ended, why = "lost" if isinstance(error, LinkError) else "failed", str(error)
     except KeyboardInterrupt:
         if not going.log.done:
             raise
@@ -137,7 +138,7 @@ def _begun(
     """The first measurement, the drive that begins with it, and its most control steps."""
     dt = link.info.period
     link.reset(seed)
-    first = link.observe()
+    first = link.info.check(link.observe())
     task = task_of(_standing(first))
     steps = steps_of(seconds if task is None else min(seconds, task.seconds), dt)
     log = EpisodeLog(robot, dt, steps, reckoning or Reckoning(robot, dt))
@@ -153,7 +154,7 @@ def _go(link: RobotLink, going: _Going, sample: Sample, steps: int, on_step: OnS
     while log.done < steps and not going.reached:
         control = np.clip(going.planner.command(), link.info.control_low, link.info.control_high)
         link.send(control, sample.time + valid)
-        sample = link.observe()
+        sample = link.info.check(link.observe())
         passed = round((sample.time - begun) / dt) - log.done
         if passed < 1:
             raise LinkError(f"The robot's clock stands still at {sample.time:.3f} s.")

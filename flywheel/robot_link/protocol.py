@@ -64,6 +64,24 @@ class RobotInfo:
                     f"{robot.name} says {here.tolist()}."
                 )
 
+    def check(self, sample: Sample) -> Sample:
+        """The sample, if it can be one of this robot.
+
+        Raises:
+          LinkError: it has another number of points or winches, or a time that is no number.
+        """
+        shapes = sample.points.shape, sample.winch.shape
+        if shapes != ((len(self.points), 3), (len(self.winches),)):
+            raise LinkError(
+                f"{self.name} has {len(self.points)} points and {len(self.winches)} winches; it measured "
+                f"points of the shape {shapes[0]} and winches of the shape {shapes[1]}."
+            )
+        if not np.isfinite([sample.time, sample.stamp]).all():
+            raise LinkError(
+                f"{self.name} gave the time {sample.time} and the stamp {sample.stamp}."
+            )
+        return sample
+
     @classmethod
     def of(cls, robot: Robot, period: float, **more: float | bool) -> RobotInfo:
         """What a robot of this MJCF says.

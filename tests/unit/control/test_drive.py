@@ -9,7 +9,7 @@ import pytest
 
 from flywheel.control import Command, RandomControls
 from flywheel.control.drive import Drive, drive
-from flywheel.errors import LinkError
+from flywheel.errors import LinkError, ModelError
 from flywheel.records import Floats, Past, Provenance
 from flywheel.robot_link import RobotInfo, RobotLink, Sample, StandIn, StandInConfig
 from flywheel.robots import Robot, load_robot
@@ -155,6 +155,38 @@ def test_a_lost_link_ends_the_drive_and_what_was_measured_is_whole(robot: Robot)
     assert np.isfinite(done.episode.trajectory.observations.points).all()
     with pytest.raises(LinkError, match="it broke"):
         driven(Clockwork(robot, breaks=2), robot, Planner())
+
+
+class Diverging(Planner):
+    """Its third plan is not finite."""
+
+    def act(self, past: Past) -> Command:
+        if len(self.pasts) == 2:
+            raise ModelError("Not one rollout is finite.")
+        return super().act(past)
+
+
+def test_a_planner_that_fails_loses_nothing_that_was_measured(robot: Robot) -> None:
+    link = Clockwork(robot)
+    done = driven(link, robot, Diverging())
+    assert (done.ended, done.why, link.stopped) == ("failed", "Not one rollout is finite.", True)
+    assert done.episode.trajectory.steps == 10
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (Sample(0.0, 0.0, np.zeros((5, 3)), np.zeros(6)), "6 points and 6 winches; it measured"),
+        (Sample(np.nan, 0.0, np.zeros((6, 3)), np.zeros(6)), "gave the time nan"),
+    ],
+)
+def test_measurements_that_cannot_be_are_refused(
+    robot: Robot, wrong: Sample, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = Clockwork(robot)
+    monkeypatch.setattr(link, "observe", lambda: wrong)
+    with pytest.raises(LinkError, match=message):
+        driven(link, robot, Planner())
 
 
 def test_ctrl_c_ends_the_drive_and_stops_the_robot(robot: Robot) -> None:
