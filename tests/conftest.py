@@ -70,8 +70,8 @@ def starts_ray(nodeid: str) -> bool:
     return nodeid.startswith(STARTING_RAY)
 
 
-class TwoProcesses(LoadScopeScheduling):
-    """Gives one of two processes all tests that start a Ray.
+class OneProcessForRay(LoadScopeScheduling):
+    """Gives one process all tests that start a Ray; more Rays at a time would wait for each other.
 
     The others go by file, so that what a file sets up is set up once; pages of the docs one by one.
     """
@@ -85,7 +85,7 @@ class TwoProcesses(LoadScopeScheduling):
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadScopeScheduling:
     """How tests are shared out to the processes."""
-    return TwoProcesses(config, log)
+    return OneProcessForRay(config, log)
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_other_draws(
     assert one["by_lead_time"] != other["by_lead_time"]
 
 
+@pytest.mark.slow
 def test_missing_measurements_are_neither_counted_nor_held_against_a_model(
     robot: Robot, nothing_hidden: list[Trajectory], seed: int
 ) -> None:
@@ -96,6 +97,7 @@ def test_missing_measurements_are_neither_counted_nor_held_against_a_model(
     assert found.models[0].excess < LOUD + 0.15, seed
 
 
+@pytest.mark.slow
 def test_the_summary_is_plain_json_and_speaks_for_the_last_model(
     robot: Robot, nothing_hidden: list[Trajectory]
 ) -> None:

@@ -96,6 +96,7 @@ def test_the_search_never_loses_what_it_had(design: Design, seed: int) -> None:
     assert design.tried == 8 + 4 * 2
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_script(designer: Designer, seed: int) -> None:
     one, same, other = (
         designer.design(seconds=0.3, count=1, seed=s).controls for s in (seed, seed, seed + 1)

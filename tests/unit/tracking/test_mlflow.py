@@ -186,6 +186,7 @@ def test_a_run_lands_in_its_own_sqlite_file_once_however_often_it_is_delivered(t
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}") == held
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path, run):
     uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
     states = []
@@ -221,6 +222,7 @@ def test_a_dead_server_delays_no_call_and_gets_everything_once_when_it_comes_up(
     assert not (folder / "outbox.rejected.jsonl").exists()
 
 
+@pytest.mark.slow
 def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
@@ -292,6 +294,7 @@ def test_a_damaged_database_delays_nobody_and_is_told_in_one_line(tmp_path, capl
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]["status"] == "RUNNING"
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_while_the_database_is_used_is_told_in_one_line(
     tmp_path, caplog, capfd
 ):
@@ -314,6 +317,7 @@ def test_a_disk_that_fills_up_while_the_database_is_used_is_told_in_one_line(
     assert len(held["metrics"]["training/loss"]) == 3000
 
 
+@pytest.mark.slow
 def test_a_champion_that_mlflow_does_not_know_is_set_aside_and_the_rest_goes_on(tmp_path):
     tracker = open_tracker(tmp_path, "key", "it's my robot", retry_seconds=FAST)
     tracker.open("key", "name", {})
