@@ -56,8 +56,12 @@ def pytest_report_header(config: pytest.Config) -> str:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that start a Ray first, which take longest; skip those that draw where nothing can."""
-    items.sort(key=lambda item: not starts_ray(item.nodeid))
+    """Tests that start a Ray first, quick files last; skip tests that draw where nothing can.
+
+    A slow file at the end would have one process work while the others are done.
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: (not starts_ray(item.nodeid), item.path not in slow))
     if ctypes.util.find_library("EGL"):
         return
     for item in items:

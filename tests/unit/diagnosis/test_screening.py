@@ -19,6 +19,8 @@ from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("winch_gain", "payload", "hysteresis")
 Misled = tuple[PlantFitter, ScoredModel]
 
@@ -43,7 +45,6 @@ def misled(robot: Robot, library: tuple[Candidate, ...], seed: int, sign: float)
     return fitter, replace(model, scores=tuple(replace(s, statistic=1.0) for s in model.scores))
 
 
-@pytest.mark.slow
 def test_a_large_effect_is_seen_with_its_sign(
     misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
 ) -> None:
@@ -91,7 +92,6 @@ def test_what_explains_little_is_not_proposed(
     assert screened(*misled, payloads, known=()) == [], seed
 
 
-@pytest.mark.slow
 def test_what_is_screened_is_fitted_beside_what_scores_propose(
     misled: Misled,
     library: tuple[Candidate, ...],

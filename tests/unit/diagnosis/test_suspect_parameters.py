@@ -28,6 +28,8 @@ from flywheel.reports.diagnosis_page import suspects
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
+pytestmark = pytest.mark.slow
+
 FEW = {"winch_gain": EFFECTS["winch_gain"]}  # which is unlike the numbers in any recording
 OFF = 0.08
 Scored = tuple[Search, ScoredModel]
@@ -63,7 +65,6 @@ def with_added(
     return replace(model, fit=replace(model.fit, terms=(*model.fit.terms, term), cost=cost))
 
 
-@pytest.mark.slow
 def test_a_wrong_stiffness_is_suspected(stiffer: Scored, seed: int) -> None:
     search, model = stiffer
     found = named(search, model, with_added(model))["cable_stiffness"]
@@ -72,7 +73,6 @@ def test_a_wrong_stiffness_is_suspected(stiffer: Scored, seed: int) -> None:
     assert found.summary()["off"] == found.off
 
 
-@pytest.mark.slow
 def test_a_wrong_mass_is_suspected(robot: Robot, seed: int) -> None:
     search, model = scored(robot, seed, mass=1.0 / (1.0 + OFF))
     found = named(search, model, with_added(model))["body_mass"]
@@ -106,7 +106,6 @@ def test_beside_an_answer_it_is_asked_only_of_what_that_leaves(stiffer: Scored, 
     assert named(search, model, unexplained=True)["cable_stiffness"].instead == "", seed
 
 
-@pytest.mark.slow
 def test_no_number_is_suspected_where_an_effect_explains_far_more(robot: Robot, seed: int) -> None:
     search, model = scored(robot, seed, (Term(EFFECTS["winch_gain"], None, (0.3,)),))
     assert model.scores[0].candidate.effect.name == "winch_gain", seed
