@@ -56,8 +56,12 @@ def pytest_report_header(config: pytest.Config) -> str:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that start a Ray first, which take longest; skip those that draw where nothing can."""
-    items.sort(key=lambda item: not starts_ray(item.nodeid))
+    """Tests that start a Ray first, quick files last; skip tests that draw where nothing can.
+
+    A slow file at the end would have one process work while the others are done.
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: (not starts_ray(item.nodeid), item.path not in slow))
     if ctypes.util.find_library("EGL"):
         return
     for item in items:
@@ -70,8 +74,8 @@ def starts_ray(nodeid: str) -> bool:
     return nodeid.startswith(STARTING_RAY)
 
 
-class TwoProcesses(LoadScopeScheduling):
-    """Gives one of two processes all tests that start a Ray.
+class OneProcessForRay(LoadScopeScheduling):
+    """Gives one process all tests that start a Ray; more Rays at a time would wait for each other.
 
     The others go by file, so that what a file sets up is set up once; pages of the docs one by one.
     """
@@ -85,7 +89,7 @@ class TwoProcesses(LoadScopeScheduling):
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadScopeScheduling:
     """How tests are shared out to the processes."""
-    return TwoProcesses(config, log)
+    return OneProcessForRay(config, log)
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,7 @@ def test_a_robot_of_one_s_own_is_checked(command: str, stranger: Stranger) -> No
     assert "It settles" in stranger.run(command)[0]
 
 
+@pytest.mark.slow
 def test_every_command_in_the_table_is_one() -> None:
     named = re.findall(r"`flywheel ([a-z ]+?)(?: [A-Z\[`]|`)", TEXT)
     assert len(named) >= 9

@@ -92,6 +92,7 @@ def test_time_can_be_cut_anywhere(name: str, augmented: AugmentedPlant) -> None:
     assert np.array_equal(second.points, whole.points[:, cut:]), (seed, cut)
 
 
+@pytest.mark.slow
 def test_what_was_simulated_before_changes_nothing(augmented: AugmentedPlant) -> None:
     # batches, their states and the models with effects are kept from call to call
     rng = np.random.default_rng(seed := draws.seed())

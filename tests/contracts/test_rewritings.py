@@ -120,6 +120,7 @@ def original(name: str) -> Mapping[str, Sequence[Any]]:
     return numbers(read_robot(XML[name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rewriting", WRITTEN.values(), ids=WRITTEN)
 @pytest.mark.parametrize("name", XML)
 def test_a_robot_in_other_words_gives_the_same_numbers(name: str, rewriting) -> None:
@@ -252,6 +253,7 @@ def test_a_robot_in_another_order_moves_alike(name: str, rewriting) -> None:
     moves_alike(name, rewriting)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_robot_whose_contacts_are_listed_in_pairs_moves_alike(name: str) -> None:
     moves_alike(name, in_pairs)
@@ -280,7 +282,7 @@ def moves_alike(name: str, rewriting: Rewriting) -> None:
 # --- The same answer
 
 
-def recording(robot: Robot, seconds: float = 3.0) -> Trajectory:
+def recording(robot: Robot, seconds: float = 1.5) -> Trajectory:
     """A log of a robot that carries more than its MJCF says at its last point."""
     rng = np.random.default_rng(SEED)
     knots = rng.uniform(robot.control_low, robot.control_high, (15, len(robot.winches)))
@@ -316,6 +318,7 @@ def original_answer() -> tuple[Trajectory, Diagnosis]:
     return log, diagnosed(robot, log)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rewriting", WRITTEN.values(), ids=WRITTEN)
 def test_a_robot_in_other_words_lacks_the_same_to_the_last_digit(rewriting) -> None:
     log, first = original_answer()
@@ -324,6 +327,7 @@ def test_a_robot_in_other_words_lacks_the_same_to_the_last_digit(rewriting) -> N
     assert answer(again) == answer(first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rewriting", ORDERED.values(), ids=ORDERED)
 def test_a_robot_in_another_order_lacks_the_same(rewriting) -> None:
     log, first = original_answer()

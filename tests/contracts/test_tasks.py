@@ -34,6 +34,7 @@ def motions(task: Task, start: np.ndarray, seed: int, batch: int = 6) -> np.ndar
     return points
 
 
+@pytest.mark.slow
 def test_the_same_chance_draws_the_same_task(drawn: tuple[Task, np.ndarray, int]) -> None:
     task, start, seed = drawn
     again = sample_task(task.name, task.robot, start, np.random.default_rng(seed), TaskConfig())

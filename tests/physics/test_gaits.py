@@ -45,6 +45,7 @@ def test_rolling_goes_as_far_as_published() -> None:
     assert np.linalg.norm(way - ROLL) < 0.15 * np.linalg.norm(ROLL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pattern", "seconds", "degrees"), [("cw", CW_SECONDS, CW), ("ccw", CCW_SECONDS, CCW)]
 )

@@ -49,6 +49,7 @@ def test_a_slack_cable_lets_it_fall_freely() -> None:
     np.testing.assert_allclose(motion.points[:, 0, 2], 2.0 - G * t * (t + 0.001) / 2, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "stretch"),
     [
@@ -82,12 +83,14 @@ def test_a_payload_pulls_the_centre_of_mass_towards_its_point(point: int) -> Non
     np.testing.assert_allclose(centres[1], expected, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_mass_on_stiffening_cable_hangs_where_the_cubic_says() -> None:
     motion = run(hanging(damping=40.0), 8.0, Stiffening(9.0))
     e = HEIGHT - motion.points[-1, 0, 2] - REST
     assert STIFFNESS * e * (1 + 9.0 * (e / REST) ** 2) == pytest.approx(MASS * G, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_on_a_slope_it_hangs_askew() -> None:
     robot = hanging(damping=40.0, z=HEIGHT - REST - MASS * G / STIFFNESS)
     motion = run(robot, 8.0, Slope(0.0, 0.02), AirDrag(10.0))

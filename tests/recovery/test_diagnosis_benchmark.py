@@ -17,19 +17,14 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.ray
 @pytest.mark.slow
-def test_a_case_is_diagnosed_counted_and_not_made_again(tmp_path: Path) -> None:
+def test_a_case_is_diagnosed_and_counted(tmp_path: Path) -> None:
     options = "--robot platform4 --groups single --sizes 1 --seeds 1 --only weak_cable"
     command = [sys.executable, "-m", "benchmarks.diagnosis", str(tmp_path), *options.split()]
-
-    def printed() -> str:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
-        return done.stdout
-
-    first = printed()
-    assert "all: single" in first and "100%" in first
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    assert "all: single" in done.stdout and "100%" in done.stdout
     (file,) = tmp_path.glob("*.json")
-    written, result = file.stat().st_mtime_ns, CaseResult.model_validate_json(file.read_text())
+    result = CaseResult.model_validate_json(file.read_text())
     assert result.name == file.stem == "platform4.single.weak_cable.x1.s0"
     assert (result.verdict, result.failure) == ("EFFECT", "")
     assert result.first_is_right and result.contains_truth
@@ -37,6 +32,3 @@ def test_a_case_is_diagnosed_counted_and_not_made_again(tmp_path: Path) -> None:
     assert max(result.augmented, result.held_out) < 1.1 * result.noise
     steps, own = np.array(result.time_steps), load_robot("platform4").timestep
     assert len(steps) and ((steps > 0) & (steps <= own)).all()
-    again = printed()
-    assert file.stat().st_mtime_ns == written
-    assert "all: single" in again

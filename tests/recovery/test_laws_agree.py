@@ -34,6 +34,7 @@ def hidden_winch(robot: Robot, controls: Floats, *effects) -> Floats:
     return rest[:, [winch.cables[0] for winch in robot.winches]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot_name", ["prism3", "platform4"])
 @pytest.mark.parametrize("name", WINCH)
 def test_winches_wind_as_in_another_simulator(name: str, robot_name: str) -> None:

@@ -74,6 +74,7 @@ def test_a_mutant_is_named_by_its_place_and_its_lines_wherever_they_stand() -> N
     assert (lower.key, lower.line) == (first.key, 6)
 
 
+@pytest.mark.slow
 def test_every_mutant_is_another_program() -> None:
     source = (ROOT / "flywheel/control/mppi.py").read_text()
     mutants = mutants_of("mppi.py", source)

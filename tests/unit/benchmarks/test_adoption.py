@@ -18,7 +18,7 @@ from flywheel.runtime.pool.progress import Quiet
 
 TINY = (
     *NOISY,
-    "collect.random_seconds=2.0",
+    "collect.random_seconds=1.2",
     "training.initial.steps=10",
     "training.fine_tuning.steps=4",
     "network.warmup_chunks=1",
@@ -30,12 +30,12 @@ def test_a_network_is_trained_diagnosed_and_trained_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(adoption, "FURTHER", 1)
-    monkeypatch.setattr(adoption, "SECONDS", 2.0)
+    monkeypatch.setattr(adoption, "SECONDS", 1.2)
     ((seed, case),) = wanted(["winch_gain"], [0])
     short = replace(
         case,
-        fit=(replace(case.fit[0], seconds=1.0),),
-        held_out=replace(case.held_out, seconds=1.0),
+        fit=(replace(case.fit[0], seconds=0.6),),
+        held_out=replace(case.held_out, seconds=0.6),
     )
     library = {"winch_gain": EFFECTS["winch_gain"]}
     ask = adoption.diagnose
@@ -43,7 +43,7 @@ def test_a_network_is_trained_diagnosed_and_trained_on(
 
     def diagnosed_once(*data: object, **more: object) -> Diagnosis:
         if not found:
-            found.append(ask(*data, library=library, **more))
+            found.append(ask(*data, library=library, window_seconds=0.4, **more))
         return found[0]
 
     monkeypatch.setattr(adoption, "diagnose", diagnosed_once)

@@ -45,6 +45,7 @@ def test_another_network_in_the_same_file_is_another_model(tmp_path: Path) -> No
         examine(folder, "prism3", ["none"], [1.0], [0], "", str(weights), None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["", "results"])
 def test_results_that_are_there_are_shown_and_not_made_again(
     tmp_path: Path,

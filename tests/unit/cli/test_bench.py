@@ -18,6 +18,7 @@ from flywheel.errors import ConfigError
 run = CliRunner().invoke
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BENCHES)
 def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

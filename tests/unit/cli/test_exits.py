@@ -236,6 +236,7 @@ def command(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "flywheel.cli", *arguments]
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_seen_enough_ends_a_command_without_a_word():
     reader, writer = os.pipe()
     os.close(reader)

@@ -45,6 +45,7 @@ def ask(*arguments: object, code: int = 0) -> str:
     return done.output
 
 
+@pytest.mark.slow
 def test_logs_come_into_a_new_store_with_a_report(logs: list[Path], tmp_path: Path) -> None:
     place = tmp_path / "store"
     known = ("--robot", "prism3", "--store", place)
@@ -217,6 +218,7 @@ def test_every_command_refuses_what_is_no_control_step(command: str, dt: str) ->
     assert "must be a number from 0.0001 to 10 s; got" in " ".join(done.output.split())
 
 
+@pytest.mark.slow
 def test_a_recording_is_stored_without_the_engine_of_the_network(
     logs: list[Path], tmp_path: Path
 ) -> None:

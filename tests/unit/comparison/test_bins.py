@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from flywheel.diagnosis.comparison import Bins, Comparison
 from flywheel.diagnosis.comparison.regions import cable_tensions, spans
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.poses import cable_lengths
 from flywheel.robots import Robot
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_parts_of_every_table_add_up_to_the_whole_exactly(found: Comparison) -> None:

@@ -19,6 +19,8 @@ from flywheel.records import Trajectory
 from flywheel.robots import Robot, load_robot
 from tests.unit.comparison.conftest import plant_of, recordings
 
+pytestmark = pytest.mark.slow
+
 
 def test_where_nothing_is_hidden_little_is_left_of_the_plants_error(
     found: Comparison, seed: int
@@ -30,7 +32,6 @@ def test_where_nothing_is_hidden_little_is_left_of_the_plants_error(
     assert (plant.by_lead < found.persistence)[found.windows.steps // 2 :].all(), seed
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "size"), [("cable_damping", 3.0), ("winch_gain", 1.0)])
 def test_a_hidden_effect_is_more_than_noise(effect: str, size: float, seed: int) -> None:
     robot = load_robot("platform4")
@@ -40,7 +41,6 @@ def test_a_hidden_effect_is_more_than_noise(effect: str, size: float, seed: int)
     assert found.exit_code == 1
 
 
-@pytest.mark.slow
 def test_an_untrained_network_is_more_than_noise_though_noise_moves_it_far(
     robot: Robot, nothing_hidden: list[Trajectory], seed: int
 ) -> None:
@@ -65,7 +65,6 @@ def test_a_model_in_which_nothing_moves_is_the_line_of_persistence(
     assert again.models[0].outcome is Outcome.MORE_THAN_NOISE
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_numbers_and_another_other_draws(
     robot: Robot, nothing_hidden: list[Trajectory]
 ) -> None:

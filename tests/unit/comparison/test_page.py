@@ -24,6 +24,8 @@ from flywheel.reports.comparison_page import sentence, write_comparison
 from flywheel.reports.comparison_video import film_window
 from flywheel.robots import Robot
 
+pytestmark = pytest.mark.slow
+
 
 def linked(page: str) -> list[str]:
     """What a page needs besides itself."""

@@ -101,6 +101,7 @@ def test_unmeasured_winches_are_reckoned_from_the_commands(plant: Plant) -> None
         np.testing.assert_allclose(past.winch[0], truth[: past.history + 1], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 7, 50])
 def test_unmeasured_winches_of_a_known_plant_are_where_its_effects_say(plant: Plant, steps) -> None:
     """However often the controller acts, and whatever the winches carry."""

@@ -102,6 +102,7 @@ def test_plans_come_back_and_telemetry_of_older_stores_is_read(tmp_path, make_ep
         np.testing.assert_array_equal(plans.at(at), paths[number])
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_anywhere_is_found_and_the_episode_named(tmp_path, make_episode):
     store = TrajectoryStore(tmp_path)
     for name in ("good", "bad"):
@@ -382,6 +383,7 @@ def test_an_episode_is_not_read_as_another(tmp_path, make_episode):
         store.read("c")
 
 
+@pytest.mark.slow
 def test_equal_numbers_give_equal_digests_in_any_process(tmp_path, make_episode):
     wide = make_episode("e", seed=5)
     seen = wide.trajectory.observations

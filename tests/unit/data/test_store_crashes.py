@@ -82,6 +82,7 @@ def check_whole(root: Path, names: list[str]) -> None:
         np.testing.assert_array_equal(points, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.chaos
 def test_writers_killed_at_random_instants_lose_nothing_and_leave_no_half_episode(tmp_path):
     names = acknowledged(start(KILLER, tmp_path, KILLS))
@@ -91,6 +92,7 @@ def test_writers_killed_at_random_instants_lose_nothing_and_leave_no_half_episod
     assert list((tmp_path / "tmp").iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.chaos
 def test_three_writers_at_once_lose_nothing(tmp_path):
     together = [start(WRITER, tmp_path, f"w{i:02d}", 8) for i in range(3)]
@@ -99,6 +101,7 @@ def test_three_writers_at_once_lose_nothing(tmp_path):
     check_whole(tmp_path, names)
 
 
+@pytest.mark.slow
 @pytest.mark.chaos
 def test_three_writers_of_the_same_segments_agree(tmp_path):
     together = [start(WRITER, tmp_path, "all", 4) for _ in range(3)]

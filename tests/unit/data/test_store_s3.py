@@ -9,6 +9,8 @@ import pytest
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache, s3
 from flywheel.errors import DataError
 
+pytestmark = pytest.mark.slow
+
 moto = pytest.importorskip("moto.server")
 s3fs = pytest.importorskip("s3fs")
 

@@ -177,6 +177,7 @@ def test_speed_is_measured(tmp_path, prism3):
     assert speed.ram_windows_per_s > 0
 
 
+@pytest.mark.slow
 @settings(
     deadline=None,
     max_examples=5,

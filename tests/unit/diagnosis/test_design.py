@@ -13,6 +13,8 @@ from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, UnknownNameError
 from flywheel.robots import Robot, load_robot
 
+pytestmark = pytest.mark.slow
+
 SIGMA = 0.009
 
 
@@ -74,7 +76,6 @@ def design(designer: Designer, seed: int) -> Design:
     return designer.design(seconds=0.6, count=8, seed=seed)
 
 
-@pytest.mark.slow
 def test_a_design_says_what_its_commands_are_worth(
     designer: Designer, design: Design, seed: int
 ) -> None:

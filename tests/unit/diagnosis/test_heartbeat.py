@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.heartbeat import SECONDS, Heartbeat
@@ -24,6 +25,7 @@ def test_what_goes_on_is_said_again_but_not_all_the_time() -> None:
     assert told[2:] == ["fitting", "fitting"]
 
 
+@pytest.mark.slow
 def test_no_part_of_a_diagnosis_is_silent_for_long(monkeypatch) -> None:
     """Who waits for it takes silence for death. Counted in simulations, not in seconds."""
     steps: list[int] = []

@@ -85,6 +85,7 @@ def scripts(robot: Robot, plant: Plant, seed: int) -> np.ndarray:
     return reach.commands(reach.path(np.stack([f(reach, 60, rng) for f in FAMILIES.values()])))
 
 
+@pytest.mark.slow
 def test_scripts_looked_at_together_and_alone_say_the_same(
     robot: Robot, plant: Plant, scripts: np.ndarray
 ) -> None:

@@ -43,6 +43,7 @@ def test_rough_ones_are_the_same_whatever_time_steps_windows_have(
     assert np.array_equal(own.by_winch, of_finer.by_winch), seed
 
 
+@pytest.mark.slow
 def test_precise_ones_are_those_of_each_windows_time_steps(
     fitter: PlantFitter, finer: PlantFitter, halved: np.ndarray, seed: int
 ) -> None:

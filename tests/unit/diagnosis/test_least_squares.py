@@ -116,6 +116,7 @@ def test_windows_that_change_otherwise_than_their_jacobian_said_become_stale(
     assert after.cache.stale[wrong], seed
 
 
+@pytest.mark.slow
 def test_differences_are_taken_with_other_steps_the_next_time(
     fitter: PlantFitter, fit: Fit
 ) -> None:
@@ -218,6 +219,7 @@ def test_a_planted_sensitivity_is_found_with_its_size(
         assert scores[index].statistic == pytest.approx(1600.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_of_two_secants_the_one_that_promises_more_counts(
     fitter: PlantFitter, fit: Fit, library: tuple[Candidate, ...], seed: int
 ) -> None:
@@ -283,6 +285,7 @@ def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(
     assert np.abs(slower.winch - damped.winch).max() > 1e-9
 
 
+@pytest.mark.slow
 def test_a_window_by_itself_with_a_wrong_initial_state_begins_elsewhere(
     robot: Robot, seed: int
 ) -> None:

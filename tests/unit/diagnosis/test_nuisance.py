@@ -33,6 +33,7 @@ def robot() -> Robot:
     return load_robot("platform4")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scale", "name"), [("cable_stiffness", "cable_stiffness"), ("mass", "body_mass")]
 )
@@ -81,6 +82,7 @@ def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> No
     assert held_back(found) == ""
 
 
+@pytest.mark.slow
 def test_a_number_that_made_up_for_what_was_missing_is_left_behind(robot: Robot, seed: int) -> None:
     windows = Windows.cut(
         robot, [recorded(robot, (Term(EFFECTS["winch_gain"], None, (0.3,)),), seed)], seconds=0.4
@@ -112,6 +114,7 @@ def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
     assert abs(found.calibration[0].values[0].in_plant) < 1e-4, seed
 
 
+@pytest.mark.slow
 def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(
     robot: Robot, seed: int
 ) -> None:
@@ -178,6 +181,7 @@ def test_a_number_moves_no_further_than_anybody_believes(robot: Robot, seed: int
     assert value == pytest.approx(0.06), seed  # three deviations, where more would fit better
 
 
+@pytest.mark.slow
 def test_only_the_best_beginnings_of_a_model_that_lacks_more_are_fitted_on(
     robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

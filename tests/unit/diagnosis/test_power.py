@@ -53,6 +53,7 @@ def found(robot: Robot, hidden: Trajectory, library: dict[str, Effect]) -> Power
     return power(Plant(robot), hidden.controls, 0.003 * robot.length, library)
 
 
+@pytest.mark.slow
 def test_smallest_sizes_are_those_of_recordings_made_afterwards(
     robot: Robot, library: dict[str, Effect], seed: int
 ) -> None:

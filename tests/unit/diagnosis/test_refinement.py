@@ -29,7 +29,7 @@ from flywheel.records import Observation, State, Trajectory
 from flywheel.robots import Robot
 
 SECONDS, NOISE = 0.8, 0.001
-FALLS = 2
+FALLS = 1
 TOLERATED = RefinementSettings()
 TIMES = 8  # shorter steps are what is taken for the truth
 
@@ -228,6 +228,7 @@ def search_of(robot: Robot, seed: int, plant: Plant, terms: Terms = ()) -> Searc
     return Search(fitter_of(windows, plant), candidates(robot, {"slope": EFFECTS["slope"]}), 25.0)
 
 
+@pytest.mark.slow
 def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(
     robot: Robot, seed: int, before_nothing: list[float]
 ) -> None:

@@ -19,6 +19,8 @@ from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("winch_gain", "payload", "hysteresis")
 Misled = tuple[PlantFitter, ScoredModel]
 

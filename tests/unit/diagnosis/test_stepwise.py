@@ -71,6 +71,7 @@ def flickering(recording: Trajectory, point: int, way: float) -> Trajectory:
     return Trajectory(seen, recording.controls, recording.dt)
 
 
+@pytest.mark.slow
 def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(
     robot: Robot, seed: int
 ) -> None:
@@ -236,6 +237,7 @@ def test_what_promised_the_most_and_is_not_ahead_begins_elsewhere_first(
     assert not any(fit is behind for fit in begun)
 
 
+@pytest.mark.slow
 def test_windows_of_a_model_that_is_wrong_otherwise_do_not_all_begin_elsewhere(
     robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,6 +28,8 @@ from flywheel.reports.diagnosis_page import suspects
 from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
+pytestmark = pytest.mark.slow
+
 FEW = {"winch_gain": EFFECTS["winch_gain"]}  # which is unlike the numbers in any recording
 OFF = 0.08
 Scored = tuple[Search, ScoredModel]

@@ -25,6 +25,7 @@ def test_the_least_time_of_each_is_kept_and_they_take_turns():
     assert 0 <= least["quick"] < least["slow"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "measure",
     [

@@ -35,6 +35,7 @@ def saying(network, velocity, winch=None):
     return network
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("config", [LEAN, PAPER], ids=["lean", "paper"])
 @pytest.mark.parametrize("name", ["prism3", "icosa6", "platform4"])
 def test_a_network_that_says_nothing_leaves_bodies_flying(

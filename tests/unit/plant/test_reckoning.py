@@ -104,6 +104,7 @@ def test_what_is_measured_is_taken_and_gone_on_from(robot) -> None:
     assert np.allclose(known[201:], truth[201:], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_pieces_together_are_the_whole(robot) -> None:
     terms = (*typical("command_delay", robot), *typical("torque_speed", robot))
     track, _ = driven(robot, terms)

@@ -26,6 +26,7 @@ def states(robot: Robot) -> State:
     return plant.simulate(plant.rest(), np.full((1, 40, 6), -0.3)).states[0]
 
 
+@pytest.mark.slow
 @pytest.mark.renders
 def test_a_video_has_a_frame_for_each_moment(robot: Robot, states: State, tmp_path: Path) -> None:
     path = render_episode(robot, states, tmp_path / "new" / "a.mp4", fps=25, shot=SMALL)
@@ -34,6 +35,7 @@ def test_a_video_has_a_frame_for_each_moment(robot: Robot, states: State, tmp_pa
     assert seconds == pytest.approx(11 / 25, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.renders
 def test_a_disk_without_room_for_a_video_is_told_and_no_half_of_it_is_left(
     robot: Robot, states: State, tmp_path: Path, capfd: pytest.CaptureFixture[str]
@@ -44,6 +46,7 @@ def test_a_disk_without_room_for_a_video_is_told_and_no_half_of_it_is_left(
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.slow
 @pytest.mark.renders
 def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> None:
     def last(**extra: object) -> np.ndarray:
@@ -63,6 +66,7 @@ def test_goal_boxes_and_predictions_are_seen(robot: Robot, states: State) -> Non
         assert 0.002 < changed.mean() < 0.5, extra.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.renders
 def test_only_the_plan_in_force_is_seen(robot: Robot, states: State) -> None:
     way = np.array([[[0.0, -2.0], [0.0, 2.0]]])
@@ -74,6 +78,7 @@ def test_only_the_plan_in_force_is_seen(robot: Robot, states: State) -> None:
     assert (frames[2] != frames[3]).any()
 
 
+@pytest.mark.slow
 @pytest.mark.renders
 def test_walls_around_the_robot_do_not_hide_it(robot: Robot, states: State) -> None:
     walls = tuple(

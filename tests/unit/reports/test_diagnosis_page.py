@@ -26,6 +26,8 @@ from flywheel.robots import load_robot
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:

@@ -54,6 +54,7 @@ def test_unseen_courses_have_a_row_each_and_the_walls_of_their_own(run):
         assert sum(isinstance(patch, Rectangle) for patch in axes.patches) == walls
 
 
+@pytest.mark.slow
 def test_a_run_with_holes_is_drawn_around_them(run):
     bad = fake_errors(math.nan, full=False)
     holes = [
@@ -108,6 +109,7 @@ def test_walks_among_obstacles_of_their_own_begin_at_one_point(run):
     assert figure.axes[-1].get_xlabel() == "x - start [m]"
 
 
+@pytest.mark.slow
 def test_figures_are_written_under_their_names(tmp_path, run):
     small = run.model_copy(update={"iterations": (), "oracle": None, "unseen": ()})
     assert write_figures(small, tmp_path) == []
@@ -122,6 +124,7 @@ def test_an_unknown_figure_is_refused_with_the_known_ones(run):
         draw("succes", run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_robot_that_shows_no_rotation_has_every_figure(name):
     assert draw(name, turnless(fake_run(2))) is not None

@@ -14,6 +14,8 @@ from flywheel.reports.page import result_rows, write_page
 from flywheel.runtime.results import ErrorNumbers, Errors, RunResult
 from tests.unit.reports.fake_run import fake_errors, fake_run
 
+pytestmark = pytest.mark.slow
+
 NAN = float("nan")
 VIDEO = b"\x00\x00\x00\x18ftypmp42 not much of a video"
 VOID = {"meta", "img", "br", "link", "input"}

@@ -73,6 +73,7 @@ def driver(temporary: Path) -> Iterator[subprocess.Popen[str]]:
             os.killpg(running.pid, signal.SIGKILL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, None], ids=str)
 def test_nothing_is_left_of_a_driver_however_it_ends(driver, end):
     folder, helper = driver.stdout.readline().split()

@@ -23,6 +23,8 @@ from flywheel.runtime.run.rewinding import rewind
 from flywheel.seals import Unsound
 from tests.unit.runtime.tiny_run import TINY, Bench
 
+pytestmark = pytest.mark.slow
+
 SMALL = {"control_arm": True, "evaluate": {**TINY["evaluate"], "floor": False}}
 SEGMENTS = "store/segments"
 MINE, OTHER = "i0001-mppi-collect-0000", "i0001-mppi-collect-0001"

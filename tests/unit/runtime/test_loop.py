@@ -20,6 +20,8 @@ from flywheel.runtime.workers.sim_worker import Baseline, SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 from tests.unit.runtime.tiny_run import Bench
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def bench(tmp_path):
@@ -191,7 +193,6 @@ def test_a_full_disk_is_told_as_such(bench, monkeypatch):
         bench.turn()
 
 
-@pytest.mark.slow
 def test_two_runs_of_one_configuration_agree_to_the_bit_and_another_seed_does_not(tmp_path):
     one, two, other = (
         Bench(tmp_path / name, seed=seed, iterations=0).digests()

@@ -50,6 +50,7 @@ def test_recordings_are_trained_on_and_scored_apart_in_every_iteration(tmp_path)
     assert any("recordings e_pos" in line for line in bench.said)
 
 
+@pytest.mark.slow
 def test_a_run_without_recordings_has_no_errors_on_them(tmp_path):
     result = Bench(tmp_path, iterations=0).turn()
     assert result.iterations[0].recordings is None

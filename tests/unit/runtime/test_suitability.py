@@ -76,6 +76,7 @@ def test_a_control_step_is_a_multiple_of_the_time_step() -> None:
     check_suits(load_config(file, overrides), robot)
 
 
+@pytest.mark.slow
 def test_a_course_that_a_robot_does_not_fit_is_found_before_the_run() -> None:
     config = load_config(ROOT / "configs" / "smoke.yaml", ["task.clearance=3.0"])
     assert refused(config, load_robot("prism3")) == ["evaluate.unseen=[]"]

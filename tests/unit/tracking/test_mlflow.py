@@ -20,6 +20,8 @@ from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
 from tests.full_disk import files_end_at
 from tests.unit.reports.fake_run import fake_run
 
+pytestmark = pytest.mark.slow
+
 FAST = (0.05, 0.5)
 
 
@@ -159,7 +161,6 @@ def run():
     return fake_run(iterations=2)
 
 
-@pytest.mark.slow
 def test_a_run_lands_in_its_own_sqlite_file_once_however_often_it_is_delivered(tmp_path, run):
     class Twice(MlflowReceiver):
         """Delivers every record, loses MLflow's first answer, and so delivers it again."""
@@ -200,7 +201,6 @@ def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path, run):
     assert states == [{run.key: "KILLED"}, {run.key: "FINISHED"}]
 
 
-@pytest.mark.slow
 def test_a_dead_server_delays_no_call_and_gets_everything_once_when_it_comes_up(tmp_path, run):
     port = free_port()
     folder = tmp_path / "run"
@@ -239,7 +239,6 @@ def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
         assert tracker.pending() > 20
 
 
-@pytest.mark.slow
 def test_the_database_is_whole_even_if_another_process_makes_it_at_the_same_time(tmp_path):
     script = (
         "import sys; from pathlib import Path; from flywheel.runtime.tracking import mlflow_client;"
@@ -254,7 +253,6 @@ def test_the_database_is_whole_even_if_another_process_makes_it_at_the_same_time
     assert sorted(path.name for path in tmp_path.glob("*mlflow*")) == ["mlflow.db"]
 
 
-@pytest.mark.slow
 def test_a_database_that_was_lost_is_made_anew_and_told_everything(tmp_path):
     tracker = open_tracker(tmp_path / "run", "key", "prism3", retry_seconds=FAST)
     tracker.open("key", "name", {})

@@ -81,6 +81,7 @@ def test_a_receiver_that_recovers_is_noticed_without_new_records(tmp_path, recei
     delivery.close(1)
 
 
+@pytest.mark.slow
 def test_a_receiver_that_hangs_blocks_neither_append_nor_flush(tmp_path):
     release = threading.Event()
     outbox = Outbox(tmp_path)
@@ -220,6 +221,7 @@ for n in range(100000):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.chaos
 def test_every_record_acknowledged_before_a_kill_is_there_after_it(tmp_path):
     seed = draws.seed()

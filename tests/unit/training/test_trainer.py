@@ -53,6 +53,7 @@ def trainer(robot, train, validation, network_config, make_config, tmp_path):
     return make
 
 
+@pytest.mark.slow
 def test_a_training_that_was_killed_ends_with_the_same_weights(trainer, tmp_path):
     seed = draws.seed()
     whole = trainer("whole").run()
@@ -105,6 +106,7 @@ def test_the_weights_that_are_kept_are_a_running_mean(trainer, robot, make_confi
         assert torch.allclose(kept[name].double(), weight, rtol=1e-4, atol=1e-6), name
 
 
+@pytest.mark.slow
 def test_training_stops_when_the_last_stage_no_longer_improves(trainer, make_config, monkeypatch):
     error = iter(range(1000))
     monkeypatch.setattr(
@@ -117,6 +119,7 @@ def test_training_stops_when_the_last_stage_no_longer_improves(trainer, make_con
     assert trainer(config=config).run().digest == result.digest
 
 
+@pytest.mark.slow
 def test_a_loss_that_is_not_a_number_names_the_step_and_keeps_the_checkpoint(
     trainer, tmp_path, monkeypatch
 ):
@@ -156,6 +159,7 @@ def test_episodes_that_are_too_short_are_refused(trainer, train, validation):
         trainer(validation=short)
 
 
+@pytest.mark.slow
 def test_fine_tuning_goes_on_from_the_weights_it_is_given(trainer, robot, make_config):
     first = trainer("first", make_config(steps=40)).run()
     still = Schedule(
@@ -167,6 +171,7 @@ def test_fine_tuning_goes_on_from_the_weights_it_is_given(trainer, robot, make_c
     assert after.steps == 1
 
 
+@pytest.mark.slow
 def test_fine_tuning_that_only_does_harm_gives_the_initial_weights_back(trainer, make_config):
     first = trainer("first", make_config(steps=40)).run()
     wild = Schedule(steps=5, stages=(Stage(chunks=1, share=1),), learning_rate=3.0, warmup_steps=0)
@@ -177,6 +182,7 @@ def test_fine_tuning_that_only_does_harm_gives_the_initial_weights_back(trainer,
     assert after.digest == first.digest
 
 
+@pytest.mark.slow
 def test_fine_tuning_is_kept_unless_it_is_clearly_worse(trainer, make_config, monkeypatch):
     first = trainer("first", make_config(steps=40)).run()
     wild = Schedule(steps=5, stages=(Stage(chunks=1, share=1),), learning_rate=0.1, warmup_steps=0)
@@ -219,6 +225,7 @@ def test_weights_of_another_network_are_refused(
         Trainer(make_config(), other, robot, train, validation, tmp_path / "o", first.weights).run()
 
 
+@pytest.mark.slow
 def test_a_network_overfits_a_tiny_data_set(trainer, train, make_config):
     tiny = type(train)(
         train.points[:1, 100:117],
@@ -310,7 +317,7 @@ def test_a_training_process_killed_at_a_random_instant_can_be_resumed(
 ):
     seed = draws.seed()
     rng = np.random.default_rng(seed)
-    config = make_config(steps=60, checkpoint_every=1)
+    config = make_config(steps=30, checkpoint_every=1)
     whole = trainer("whole", config).run()
     folder = tmp_path / "killed"
     folder.mkdir()

@@ -83,6 +83,7 @@ def test_impossible_measurements_are_refused(settings: dict[str, float], message
         Measurement(**settings)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_recording_is_made_again_by_its_seed_and_shares_noise_with_others(prism3: Robot) -> None:
     one = record(prism3, seconds=0.2, seed=SEED)
     two = record(prism3, seconds=0.2, seed=SEED)
@@ -146,6 +147,7 @@ def test_no_case_is_about_an_effect_that_cannot_be_felt() -> None:
     assert "ground_friction" not in named and "slope" in named
 
 
+@pytest.mark.slow
 def test_a_case_makes_three_recordings_with_one_truth(prism3: Robot) -> None:
     case: Case = cases(prism3, ("hard",), seeds=(0,))[0]
     made = case.record(prism3)

@@ -103,6 +103,7 @@ def test_an_effect_of_size_zero_changes_nothing_to_the_bit(
         np.testing.assert_array_equal(getattr(motion, field), getattr(expected, field))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_an_effect_of_typical_size_can_be_seen(name: str, prism3: Robot) -> None:
     seconds = 2.0 if name in {"gust", "cable_slip"} else 1.0

@@ -174,6 +174,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
+@pytest.mark.slow
 def test_a_log_takes_the_memory_of_its_numbers_a_few_times_and_not_of_its_text(
     sheet: Callable[..., Sheet], tmp_path: Path
 ) -> None:
