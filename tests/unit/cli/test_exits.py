@@ -249,6 +249,7 @@ def test_a_reader_that_has_seen_enough_ends_a_command_without_a_word():
     assert (done.returncode, done.stderr) == (141, "")
 
 
+@pytest.mark.slow
 def test_output_that_finds_no_room_is_a_message():
     with Path(os.devnull).with_name("full").open("w") as full:
         done = subprocess.run(

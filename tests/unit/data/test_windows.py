@@ -208,6 +208,7 @@ def test_no_episode_is_ever_in_two_splits(prism3, make_episode, seeds, cut):
         assert len(seen) == len(seeds)
 
 
+@pytest.mark.slow
 @given(st.text(max_size=20), st.lists(st.integers(0, 9), min_size=3, max_size=3).filter(any))
 def test_a_split_is_fixed_by_its_key_alone(key, weights):
     names = ("train", "validation", "test")

@@ -41,6 +41,7 @@ def test_an_effect_is_exchanged_on_the_latest_model_without_it_or_on_a_new_fit()
     assert alternatives._without(search, models, moved) == ("scored", moved)
 
 
+@pytest.mark.slow
 def test_of_alternatives_that_are_one_by_several_names_one_is_fitted(
     robot: Robot, fitter: PlantFitter, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

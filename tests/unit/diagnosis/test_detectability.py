@@ -16,6 +16,8 @@ from flywheel.effects import EFFECTS
 from flywheel.robots import Robot
 from tests import draws
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("winch_gain", "slope", "contact_softness", "payload")
 
 
@@ -40,7 +42,6 @@ def test_what_others_have_in_common_is_a_share() -> None:
         assert common_share(0.0 * here, 0.0 * here) == LEAST, seed
 
 
-@pytest.mark.slow
 def test_nothing_smaller_is_shown_than_around_the_fitted_initial_states(
     fitter: PlantFitter, model: ScoredModel, seed: int
 ) -> None:

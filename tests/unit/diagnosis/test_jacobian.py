@@ -97,6 +97,7 @@ def test_hasty_steps_are_explicit_and_a_plant_that_has_them_keeps_them(robot: Ro
     assert hasty(explicit) is explicit
 
 
+@pytest.mark.slow
 def test_other_initial_states_are_sought_with_differences_in_hasty_steps(
     finer: PlantFitter, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

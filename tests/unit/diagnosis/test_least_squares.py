@@ -63,6 +63,7 @@ def test_what_was_moved_is_what_lies_between(fitter: PlantFitter, seed: int) -> 
     assert np.allclose(found[1], velocity, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_true_plant_is_fitted_down_to_the_noise(
     fitter: PlantFitter, fit: Fit, seed: int
 ) -> None:

@@ -41,6 +41,7 @@ def test_what_is_missing_gets_no_weight(robot, resting):
     assert table.position.count[:, 0].tolist() == [2, 2, 1, 1]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.integers(1, 12), st.integers(0, 2**31), st.data())
 def test_tables_add_exactly_over_any_partition(robot, resting, windows, seed, data):

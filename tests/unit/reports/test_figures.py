@@ -40,6 +40,7 @@ def test_a_figure_of_one_iteration_or_of_an_unfinished_run_is_drawn(name):
     assert draw(name, fake_run(1, finished=False)) is not None
 
 
+@pytest.mark.slow
 def test_unseen_courses_have_a_row_each_and_the_walls_of_their_own(run):
     (maze,) = run.unseen
     alone = maze.model_copy(update={"course": "alone", "oracle": None})

@@ -36,6 +36,7 @@ def gaits_of_one_kind(seed: int) -> list[Floats]:
     return [e.trajectory.observations.points[0] for e in episodes]
 
 
+@pytest.mark.slow
 def test_gaits_of_the_same_kind_on_the_same_plant_are_different_motions():
     """Else the episodes kept for tests are trained on."""
     seed = draws.seed()
@@ -119,6 +120,7 @@ class CountsPlans(PlantDynamics):
         return super().rollout(past, controls)
 
 
+@pytest.mark.slow
 def test_mppi_tries_as_many_plans_as_its_episode_asks_for() -> None:
     config = RunConfig()
     recorder, counts = EpisodeRecorder(config, load_robot(config.robot)), []

@@ -155,6 +155,7 @@ def test_boxes_never_stand_on_the_robot(robot: Robot, start: np.ndarray) -> None
         assert gap(start, robot, task.obstacles) > 0
 
 
+@pytest.mark.slow
 def test_a_goal_behind_walls_is_refused_with_the_reason(robot: Robot, start: np.ndarray) -> None:
     walls = tuple(
         Box(center=(x, y, 1), half_size=(hx, hy, 1))

@@ -30,6 +30,7 @@ def _gradients(objective: Objective, network: ChunkNetwork, step: int) -> list[t
     return [w.grad.clone() for w in network.parameters() if w.grad is not None]
 
 
+@pytest.mark.slow
 def test_parts_of_a_batch_give_the_gradient_of_the_whole(objective, network):
     one, three = (_gradients(objective(threads=n), network, 7) for n in (1, 3))
     assert len(one) == len(three) > 0
