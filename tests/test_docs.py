@@ -30,6 +30,7 @@ def test_the_code_in_a_document_runs(
     document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     names: dict[str, object] = {"__name__": "__main__"}
     for match in BLOCK.finditer(document.read_text()):
@@ -46,11 +47,9 @@ def test_the_code_in_a_document_runs(
 
 
 def run_bash(code: str, where: str) -> None:
-    """Run a block with the `flywheel` of this environment; fail with all that it said."""
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    """Run a block; fail with all that it said."""
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", code],
-        env={**os.environ, "PATH": path},
         capture_output=True,
         text=True,
         timeout=600,

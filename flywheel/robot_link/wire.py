@@ -18,17 +18,23 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from flywheel.errors import LinkError
-from flywheel.quantities import CONTROL_STEP
+from flywheel.quantities import CONTROL_STEP, Bounds
 from flywheel.records import Floats
 from flywheel.robot_link.protocol import RobotInfo, Sample
 
 FORMAT = 1
 LONGEST_LINE = 1_000_000  # [bytes]; a sample of a hundred points takes some 6,000
 MOST = 1000  # points, or winches
-Coordinates = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+FARTHEST = 1e6  # [m]; a point beyond is not measured
+LONGEST = 1e9  # of the robot's clock [s]
+Coordinate = Annotated[float, Bounds(-FARTHEST, FARTHEST, "m")]
+Coordinates = tuple[Coordinate, Coordinate, Coordinate]
+Command = Annotated[float, Bounds(-FARTHEST, FARTHEST, "m or m/s")]
+Time = Annotated[float, Bounds(-LONGEST, LONGEST, "s")]
+Format = Annotated[int, Bounds(1, 1_000_000)]
 Name = Annotated[str, Field(max_length=200)]
 
 
@@ -46,14 +52,14 @@ class Hello(Message):
     """The driver's first message."""
 
     type: Literal["hello"] = "hello"
-    format: int = FORMAT
+    format: Format = FORMAT
 
 
 class Reset(Message):
     """Begin an episode."""
 
     type: Literal["reset"] = "reset"
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[int, Bounds(0, 2**63 - 1)] = 0
 
 
 class Observe(Message):
@@ -66,8 +72,8 @@ class Send(Message):
     """A command, and the time of the robot's clock after which it is not valid any more [s]."""
 
     type: Literal["send"] = "send"
-    controls: Annotated[tuple[FiniteFloat, ...], Field(max_length=MOST)]
-    valid_until: FiniteFloat
+    controls: Annotated[tuple[Command, ...], Field(max_length=MOST)]
+    valid_until: Time
 
 
 class Stop(Message):
@@ -99,15 +105,15 @@ class About(Message):
     """What the robot says about itself, see `RobotInfo`."""
 
     type: Literal["robot"] = "robot"
-    format: int = FORMAT
+    format: Format = FORMAT
     name: Name
     points: Annotated[tuple[Name, ...], Field(max_length=MOST)]
     winches: Annotated[tuple[Name, ...], Field(max_length=MOST)]
-    control_low: Annotated[tuple[FiniteFloat, ...], Field(max_length=MOST)]
-    control_high: Annotated[tuple[FiniteFloat, ...], Field(max_length=MOST)]
+    control_low: Annotated[tuple[Command, ...], Field(max_length=MOST)]
+    control_high: Annotated[tuple[Command, ...], Field(max_length=MOST)]
     period: Annotated[float, CONTROL_STEP]
-    latency: Annotated[FiniteFloat, Field(ge=0)] = 0.0
-    dead_man: Annotated[FiniteFloat, Field(gt=0)] = 0.5
+    latency: Annotated[float, Bounds(0, 60, "s")] = 0.0
+    dead_man: Annotated[float, Bounds(0, 60, "s", above=True)] = 0.5
     real_time: bool = False
 
     @classmethod
@@ -129,20 +135,21 @@ class Measured(Message):
     """A measurement, see `Sample`."""
 
     type: Literal["sample"] = "sample"
-    time: FiniteFloat
-    stamp: FiniteFloat
+    time: Time
+    stamp: Time
     points: Annotated[tuple[Coordinates | None, ...], Field(max_length=MOST)]
-    winch: Annotated[tuple[FiniteFloat | None, ...], Field(max_length=MOST)]
+    winch: Annotated[tuple[Coordinate | None, ...], Field(max_length=MOST)]
 
     @classmethod
     def of(cls, sample: Sample) -> Measured:
         """The message that says this."""
-        points = zip(sample.points.tolist(), sample.valid, strict=True)
+        there = (np.abs(sample.points) <= FARTHEST).all(axis=-1)  # NaN is not
+        points = zip(sample.points.tolist(), there, strict=True)
         return cls(
             time=sample.time,
             stamp=sample.stamp,
-            points=tuple(tuple(point) if valid else None for point, valid in points),
-            winch=tuple(x if np.isfinite(x) else None for x in sample.winch.tolist()),
+            points=tuple(tuple(point) if measured else None for point, measured in points),
+            winch=tuple(x if abs(x) <= FARTHEST else None for x in sample.winch.tolist()),
         )
 
     @property
@@ -195,10 +202,11 @@ def command_of(controls: Floats, valid_until: float) -> Send:
       LinkError: a number is not finite.
     """
     controls = np.asarray(controls, float)
-    if controls.ndim != 1 or not np.isfinite(controls).all() or not np.isfinite(valid_until):
+    within = (np.abs(controls) <= FARTHEST).all() and abs(valid_until) <= LONGEST  # NaN is not
+    if controls.ndim != 1 or not within:
         raise LinkError(
-            f"A command is finite numbers, one for each winch, got {np.array2string(controls, threshold=20)} "
-            f"until {valid_until}."
+            "A command is finite numbers of reasonable size, one for each winch, got "
+            f"{np.array2string(controls, threshold=20)} until {valid_until}."
         )
     return Send(controls=tuple(controls.tolist()), valid_until=float(valid_until))
 

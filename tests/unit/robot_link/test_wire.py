@@ -37,6 +37,14 @@ def test_measurements_arrive_to_the_bit_with_gaps_where_there_were_some() -> Non
     np.testing.assert_array_equal(got.sample.valid, [True, False, True, True])
 
 
+def test_what_is_further_away_than_any_robot_is_not_measured() -> None:
+    far = Sample(0.0, 0.0, np.array([[1e200, 0, 0], [0, np.inf, 0], [1, 2, 3]]), np.array([1e7]))
+    got = answer_of(Measured.of(far).line())
+    assert isinstance(got, Measured)
+    np.testing.assert_array_equal(got.sample.valid, [False, False, True])
+    assert np.isnan(got.sample.winch).all()
+
+
 def test_a_robot_says_the_same_of_itself_at_the_other_end(prism3: Robot) -> None:
     info = RobotInfo.of(prism3, 0.02, latency=0.03, real_time=True)
     about = answer_of(About.of(info).line())
@@ -72,6 +80,8 @@ def test_a_command_is_read_back_to_the_bit() -> None:
         b'{"type": "fly"}\n',
         b'{"type": "send", "controls": [1, "x"], "valid_until": 1}\n',
         b'{"type": "send", "controls": [NaN], "valid_until": 1}\n',
+        b'{"type": "send", "controls": [1e300], "valid_until": 1}\n',
+        b'{"type": "send", "controls": [1], "valid_until": 1e30}\n',
         b'{"type": "send", "controls": [1]}\n',
         b'{"type": "observe", "more": 1}\n',
         b'{"type": "reset", "seed": -1}\n',
