@@ -154,7 +154,7 @@ class Bench:
 
     def network(self, name: str, effects: Effects, initial: Path | None = None) -> Path:
         """Weights of a network trained, or trained on, with data of a plant with effects."""
-        store, robot = TrajectoryStore(self.folder / f"store-{name}"), load_robot(self.config.robot)
+        store, robot = TrajectoryStore(self.folder / f"store-{name}"), load_robot(self.config.model)
         if "data" not in store.snapshots():
             store.seal("data", self._recorded(name, store, effects), parent=None)
         cache = self.folder / f"cache-{name}"
@@ -178,12 +178,12 @@ class Bench:
 
     def subject(self, weights: Path) -> Subject:
         """A network, to be diagnosed or scored."""
-        robot = load_robot(self.config.robot)
+        robot = load_robot(self.config.model)
         return Subject("network", LearnedDynamics(robot, load_weights(weights, robot), threads=1))
 
     def _recorded(self, name: str, store: TrajectoryStore, effects: Effects) -> list[str]:
         """Ids of the episodes of iteration 0 on a plant with effects."""
-        recorder = EpisodeRecorder(self.config, load_robot(self.config.robot))
+        recorder = EpisodeRecorder(self.config, load_robot(self.config.model))
         plans, there = collection(self.config, 0, "mppi", effects), store.committed()
         with self.progress.stage(f"{name}: collect", float(len(plans))) as stage:
             for number, plan in enumerate(plans):

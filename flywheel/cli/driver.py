@@ -21,6 +21,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.records import Episode
+from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import (
     RunConfig,
     config_digest,
@@ -62,7 +63,7 @@ class Driver:
         threads = f"sim_threads={len(os.sched_getaffinity(0))}"
         self.config = config_of(source, [threads, *overrides])
         self.recorder = EpisodeRecorder(self.config, RunFolder(source).robot(self.config))
-        self._dynamics, self._digest = network_of(source, self.config, self.recorder, model)
+        self._dynamics, self._digest = network_of(source, self.config, self.recorder.robot, model)
         self._known = known_effects(source, self.config, overrides)
         robot = self.recorder.robot
         self._hidden = hidden_effects(hidden, robot) if hidden else None
@@ -183,7 +184,7 @@ def known_effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -
 
 
 def network_of(
-    source: Path, config: RunConfig, recorder: EpisodeRecorder, model: str, instead: str = ORACLE
+    source: Path, config: RunConfig, robot: Robot, model: str, instead: str = ORACLE
 ) -> tuple[Dynamics | None, str]:
     """The network to plan with and its digest; none for the oracle, which the recorder makes itself."""
     if model == ORACLE:
@@ -196,7 +197,7 @@ def network_of(
     run = open_run(source)
     iteration = run.champion() if model == CHAMPION else run.iteration(model)
     weights = run.weights(iteration)
-    return weights.dynamics(recorder.robot, config.sim_threads), weights.digest
+    return weights.dynamics(robot, config.sim_threads), weights.digest
 
 
 def _written(effect: WrittenTerm) -> str:

@@ -94,10 +94,10 @@ def datasets() -> Table:
 def configs() -> Table:
     """The configurations that come with flywheel, and those in ./configs."""
     rows = [
-        (name, config.robot, config.iterations, len(config.datasets), _first_sentence(file))
+        (name, config.model, config.iterations, len(config.datasets), _first_sentence(file))
         for name, (file, config) in _configs().items()
     ]
-    columns = ["configuration", "robot", "#iterations", "#data sets", "what for"]
+    columns = ["configuration", "model", "#iterations", "#data sets", "what for"]
     return table("Configurations (flywheel run NAME, flywheel config copy NAME)", columns, rows)
 
 

@@ -189,7 +189,7 @@ def _overrides(mjcf: str, robot: Robot, step: float) -> Iterator[str]:
 
     # Quotes for what YAML would take for a list or a number.
     plain = _is_plain(mjcf)
-    yield f"robot={mjcf if plain else json.dumps(mjcf)}"
+    yield f"model={mjcf if plain else json.dumps(mjcf)}"
     config = RunConfig.model_validate({"evaluate": {"unseen": list(COURSES)}})
     yield from (misfit.override for misfit in misfits(config, robot, step))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -74,8 +75,9 @@ def drive(
     episode_id: str,
     provenance: Provenance,
     split: Split,
+    reckoning: Reckoning,
+    dataset: int = 0,
     lead: int = 0,
-    reckoning: Reckoning | None = None,
     on_step: OnStep | None = None,
 ) -> Drive:
     """Let a controller drive a robot until the goal is reached or the time is over.
@@ -90,8 +92,9 @@ def drive(
       task_of: gives the task, from the points (P, 3) where the robot stands; None for none.
       seconds, seed: longest duration [s]; seed of controller and, where simulated, of the sensors.
       episode_id, provenance, split: of the episode.
+      reckoning: of winches that are not measured.
+      dataset: index of the data set that a network takes the robot for.
       lead: control steps before which a plan is asked for; 0 to wait for every plan.
-      reckoning: of winches that are not measured; None for nominal ones.
       on_step: is told of every control step, and may raise to end the drive.
 
     Raises:
@@ -100,11 +103,11 @@ def drive(
       ModelError: the same of the controller: its commands do not fit, or its model diverged.
     """
     link.info.check_is(robot)
-    first, going, steps = _begun(link, robot, controller, task_of, seconds, seed, lead, reckoning)
-    ended, why = "time", ""
+    log_of = partial(EpisodeLog, robot, link.info.period, reckoning=reckoning, dataset=dataset)
+    first, going, steps = _begun(link, controller, task_of, log_of, seconds, seed, lead)
+    why = ""
     try:
-        _go(link, going, first, steps, on_step)
-        ended = "goal" if going.reached else "time"
+        ended = _go(link, going, first, steps, on_step)
     except (LinkError, ModelError) as error:
         if not going.log.done:
             raise
@@ -116,38 +119,38 @@ def drive(
     finally:
         _hold_still(link)
         going.planner.close()
-    return Drive(
-        _episode(going, episode_id, provenance, split, why),
-        ended,  # type: ignore[arg-type]  # one of the words above
-        why,
-        going.planner.late,
-        going.skipped,
-    )
+    episode = _episode(going, episode_id, provenance, split, why)
+    return Drive(episode, ended, why, going.planner.late, going.skipped)
 
 
 def _begun(
     link: RobotLink,
-    robot: Robot,
     controller: Controller,
     task_of: TaskOf,
+    log_of: Callable[..., EpisodeLog],
     seconds: float,
     seed: int,
     lead: int,
-    reckoning: Reckoning | None,
 ) -> tuple[Sample, _Going, int]:
     """The first measurement, the drive that begins with it, and its most control steps."""
     dt = link.info.period
     link.reset(seed)
     first = link.info.check(link.observe())
-    task = task_of(_standing(first))
+    task = task_of(without_gaps(first.points))
     steps = steps_of(seconds if task is None else min(seconds, task.seconds), dt)
-    log = EpisodeLog(robot, dt, steps, reckoning or Reckoning(robot, dt))
+    log = log_of(steps=steps)
     log.see(_observation(first), 0)
     controller.reset(task, seed)
-    return first, _Going(log, Planner(controller, log, lead), task, _standing(first)), steps
+    return (
+        first,
+        _Going(log, Planner(controller, log, lead), task, without_gaps(first.points)),
+        steps,
+    )
 
 
-def _go(link: RobotLink, going: _Going, sample: Sample, steps: int, on_step: OnStep | None) -> None:
+def _go(
+    link: RobotLink, going: _Going, sample: Sample, steps: int, on_step: OnStep | None
+) -> Ending:
     log, dt, begun = going.log, link.info.period, sample.time
     valid = min(link.info.dead_man, max(VALID, LEAST_PERIODS * dt))
     newest = -1
@@ -170,6 +173,7 @@ def _go(link: RobotLink, going: _Going, sample: Sample, steps: int, on_step: OnS
                 _arrive(going, sample)
         if on_step is not None:
             on_step(log.done, sample)
+    return "goal" if going.reached else "time"
 
 
 def _arrive(going: _Going, sample: Sample) -> None:
@@ -272,10 +276,11 @@ def _observation(sample: Sample) -> Observation:
     return Observation(sample.points[None, None], sample.winch[None, None])
 
 
-def _standing(sample: Sample) -> Floats:
-    """(P, 3) where the robot stands; the middle of the others for points that are not seen."""
-    middle = np.nanmean(sample.points, axis=0) if sample.valid.any() else np.zeros(3)
-    return np.where(sample.valid[:, None], sample.points, middle)
+def without_gaps(points: Floats) -> Floats:
+    """Points (P, 3) with the middle of the others for those that are not seen."""
+    seen = np.isfinite(points).all(axis=-1)
+    middle = points[seen].mean(axis=0) if seen.any() else np.zeros(3)
+    return np.where(seen[:, None], points, middle)
 
 
 def _hold_still(link: RobotLink) -> None:

@@ -20,6 +20,7 @@ class EpisodeLog:
       steps: the most that will be commanded.
       reckoning: of winches that are not measured.
       terrain: under the robot.
+      dataset: index of the data set that a network takes it for.
     """
 
     def __init__(
@@ -29,8 +30,10 @@ class EpisodeLog:
         steps: int,
         reckoning: Reckoning,
         terrain: Terrain | None = None,
+        dataset: int = 0,
     ) -> None:
         self.robot, self.dt, self.terrain, self._reckoning = robot, dt, terrain, reckoning
+        self.dataset = dataset
         self.done = 0
         self._newest, self._next_look = 0, 0
         self._last_lengths: Floats = np.zeros((1, len(robot.cables)))
@@ -82,6 +85,7 @@ class EpisodeLog:
             controls=self._controls[:, :end],
             winch=np.where(measured, seen, self._reckoned[:, : end + 1]),
             pending=pending,
+            dataset=self.dataset,
             state=state,
             terrains=(self.terrain,),
         )

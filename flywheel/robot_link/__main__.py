@@ -23,7 +23,7 @@ def main() -> None:
     try:
         robot = read_robot(order["mjcf"])
         stand_in = StandIn(robot, StandInConfig.model_validate(order["config"]), order["dt"])
-        server = RobotServer(stand_in, say=lambda words: None)
+        server = RobotServer(stand_in, silence=None)  # whoever started it may take its time
         asyncio.run(server.serve(LOOPBACK, 0, lambda port: _say(port=port)))
     except FlywheelError as error:
         _say(error=str(error))

@@ -59,9 +59,14 @@ class RobotServer:
     """
 
     def __init__(
-        self, robot: StandIn, real_time: bool = False, say: Say = lambda words: None
+        self,
+        robot: StandIn,
+        real_time: bool = False,
+        say: Say = lambda words: None,
+        silence: float | None = SILENCE,
     ) -> None:
         self._robot, self._real_time, self._say = robot, real_time, say
+        self._silence = silence
         self._ticked = asyncio.Condition()
         self._driven = self._failed = False
         self._ticking: asyncio.Task[None] | None = None
@@ -119,9 +124,9 @@ class RobotServer:
         greeted = False
         while True:
             try:
-                line = await asyncio.wait_for(reader.readline(), SILENCE)
+                line = await asyncio.wait_for(reader.readline(), self._silence)
             except TimeoutError:
-                return f"said nothing for {SILENCE:g} s"
+                return f"said nothing for {self._silence:g} s"
             except ValueError:
                 writer.write(
                     Refused(message=f"A message has at most {LONGEST_LINE:,} bytes.").line()

@@ -64,10 +64,14 @@ class TranscribedLink:
         self._link.stop()
         self._write(Stop(), Stopped())
 
+    def end(self) -> None:
+        """End the transcript; the link stays open."""
+        self._file.close()
+
     def close(self) -> None:
         """As the link does; the transcript ends."""
         self._link.close()
-        self._file.close()
+        self.end()
 
     def _write(self, *messages: Message) -> None:
         for message in messages:

@@ -38,11 +38,13 @@ from flywheel.runtime.stages import (
     train,
 )
 from flywheel.runtime.stages.final_evaluation import evaluate_finally
+from flywheel.runtime.stages.on_robot import score_finally
 from flywheel.runtime.stages.video import filmed
 from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.tracking.publish import publish_end, publish_iteration_start, publish_start
 from flywheel.runtime.tracking.tracker import OUTBOX_FILE, Tracker, TrackingConfig
+from flywheel.runtime.workers.robot_worker import RobotWorker
 from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 
@@ -87,10 +89,13 @@ def run(
     if tracker is not None and not config.tracking.uri:
         database_uri(files.path / DATABASE)  # refused before anything is there
     if not files.config_file.exists():  # a run that is refused leaves nothing
-        check_suits(config, load_robot(config.robot))
+        check_suits(config, load_robot(config.model))
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
+        config = (
+            files.config()
+        )  # from here on nobody knows what a stand-in is but the robot's workers
         robot = files.robot(config)
         shown = progress or Quiet()
         check_sound(files, TrajectoryStore(files.store_url(config)))
@@ -130,7 +135,7 @@ def finish(run: Run, identity: Identity) -> RunResult:
             run.progress.say(problem)
         result = result_so_far(run, identity, problems)
         result.save(run.folder.path)
-    result = evaluate_finally(run, result)
+    result = score_finally(run, evaluate_finally(run, result))
     if run.tracker is not None:
         videos = [run.folder.path / each.video for each in result.unseen if each.video]
         publish_end(run.tracker, result, [*write_report(result, run.folder.path), *videos])
@@ -161,6 +166,10 @@ def _pool(
             config.training.threads,
         ),
     ]
+    if config.robot is not None:
+        on_robot = (*arguments, files.robot_folder)
+        links, threads = config.robot.links, config.sim_threads
+        groups.append(Group("robot", RobotWorker, on_robot, links, 0.0, threads=threads))
     ray.check_fits(groups)
     patience = Patience(workers.start_seconds, workers.stall_seconds, workers.drain_seconds)
     pool = WorkerPool(RayBackend(), groups, cores, patience, stop)
@@ -182,7 +191,7 @@ def _tracked(
     if tracker is None:
         yield None
         return
-    robot = Path(config.robot).stem
+    robot = Path(config.model).stem
     log = tracker(files.path, identity.key, robot, config.tracking)
     patience: float | None = EARLY_END_DELIVERY_SECONDS
     try:

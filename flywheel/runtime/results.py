@@ -295,6 +295,25 @@ LARGEST_RESULT = 200 * MB  # [bytes]; one of ten iterations has some 5 MB
 NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
+class RobotResult(ResultRecord):
+    """What an iteration did on the robot, and how well its models predict the robot.
+
+    Attributes:
+      minutes: that were recorded on the robot before, from which the models learned.
+      driven_minutes: recorded in this iteration's drives.
+      errors: name of a model -> its errors on the robot's held-out recordings up to here. "network"; "given",
+        the MJCF as it is; "plant", the MJCF with the effects that were adopted.
+      noise: what a perfect model would have on them.
+      drives: name of the model that MPPI planned with -> its episodes.
+    """
+
+    minutes: float = 0.0
+    driven_minutes: float = 0.0
+    errors: dict[str, Errors] = Field(default_factory=dict)
+    noise: ErrorNumbers | None = None
+    drives: dict[str, Navigation] = Field(default_factory=dict)
+
+
 class IterationResult(ResultRecord):
     """One iteration in one arm.
 
@@ -314,6 +333,7 @@ class IterationResult(ResultRecord):
       seconds: wall time per stage ("collect", "snapshot", "train", "evaluate", "decide") [s].
       cpu_seconds: processor time of the workers for all arms, in the result of "mppi" only [s].
       diagnosis: of the plant before this iteration; None where there was none.
+      robot: what was done on the robot; None in a run without one.
       video: path relative to the run folder, or "".
     """
 
@@ -339,7 +359,24 @@ class IterationResult(ResultRecord):
     gate: GateDecision | None = None
     overlay: Overlay | None = None
     diagnosis: DiagnosisNote | None = None
+    robot: RobotResult | None = None
     video: PathInside = ""
+
+
+class RobotScore(ResultRecord):
+    """The errors of one model of one iteration on all of the robot's held-out recordings.
+
+    Attributes:
+      iteration: of the model.
+      model: its name, as in `RobotResult`.
+      minutes: recorded on the robot before, from which it learned.
+      errors: of the model.
+    """
+
+    iteration: int
+    model: str
+    minutes: float
+    errors: Errors
 
 
 class PooledTest(ResultRecord):
@@ -384,6 +421,8 @@ class RunResult(ResultRecord):
       persistence_on_recordings: the same on the recordings that are kept for tests.
       oracle: MPPI on the plant itself; the ceiling of success.
       unseen: the last champion on courses that it never met.
+      on_robot: every model on all of the robot's held-out recordings; empty in a run without a robot.
+      robot_noise: what a perfect model would have on them.
       notes: sentences that the page must show among its limits.
     """
 
@@ -404,6 +443,8 @@ class RunResult(ResultRecord):
     persistence_on_recordings: Errors | None = None
     oracle: Navigation | None = None
     unseen: tuple[UnseenCourse, ...] = ()
+    on_robot: tuple[RobotScore, ...] = ()
+    robot_noise: ErrorNumbers | None = None
     finished: bool = False
     notes: tuple[str, ...] = ()
 

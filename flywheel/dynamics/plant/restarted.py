@@ -19,11 +19,12 @@ from flywheel.dynamics.plant.poses import seen_poses
 from flywheel.dynamics.plant.roll import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout, State
-from flywheel.robots import Body, Robot
+from flywheel.robots import GRAVITY, Body, Robot
 from flywheel.rotations import about_axis, conjugate, multiply, rotate
 from flywheel.smoothing import causal_polynomial
 
 FREE_VELOCITIES = 6
+LOOK_BACK = 0.36  # of a plant that sees velocities through noise [sqrt(L / g)]
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,12 @@ class RestartedPlant:
                 f"window must be at least 1 and degree 1 or 2, got {self.window}, {self.degree}."
             )
         self.robot.require_free("restarted from its points")
+
+    @classmethod
+    def from_measurements(cls, plant: Plant) -> RestartedPlant:
+        """The plant, restarted so that it sees velocities through the noise of a real robot's points."""
+        look_back = LOOK_BACK * np.sqrt(plant.robot.length / GRAVITY)
+        return cls(plant, window=max(2, round(look_back / plant.dt)), degree=2, roll="relaxed")
 
     @property
     def robot(self) -> Robot:

@@ -46,6 +46,7 @@ from flywheel.registry import lookup
 from flywheel.robots import TerrainConfig, load_course, load_robot
 from flywheel.runtime.config.demand import DISK, PREDICTED, Demand
 from flywheel.runtime.config.loading import read_config
+from flywheel.runtime.config.robot_config import REACHED_BY, RobotConfig
 from flywheel.runtime.tracking.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
@@ -158,6 +159,8 @@ class DiagnoseConfig(Part):
       unsure: effect -> standard deviation of what the MJCF says about it, see
         `diagnosis.fitting.nuisance`.
       seconds: of recordings that are used, at most; as many again of those kept for tests [s].
+      episode_seconds: of each recording, from its begin, at most; so many recordings are used, spread over
+        all that there are. None for the first recordings as a whole [s].
       window_seconds: length of the windows [s]; None for a length that suits the robot.
     """
 
@@ -165,6 +168,7 @@ class DiagnoseConfig(Part):
     effects: tuple[Name, ...] = Field(default=(), max_length=len(NAMED))
     unsure: dict[Name, Factor] = Field(default_factory=dict, max_length=len(NAMED))
     seconds: HorizonSeconds = 12.0
+    episode_seconds: HorizonSeconds | None = None
     window_seconds: HorizonSeconds | None = None
 
     @field_validator("effects")
@@ -235,6 +239,19 @@ WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
 RETIRED = ("workers.remote_rollouts",)
 
 
+def _with_model(values: dict[str, Any]) -> dict[str, Any]:
+    """The values with the MJCF under `model`; in earlier versions it was under `robot`."""
+    if not isinstance(values.get("robot"), str):
+        return values
+    if "model" in values:
+        raise ValueError(
+            f"robot is the robot that is driven (link, hidden, ...), not an MJCF; that is model: "
+            f"model={shown(values['robot'])}"
+        )
+    rest = {key: value for key, value in values.items() if key != "robot"}
+    return {"model": values["robot"], **rest}
+
+
 def _with_preset(network: Any) -> Any:
     """The network of `{preset: paper, width: 128}`: one of the named shapes, with changes."""
     if not isinstance(network, dict) or "preset" not in network:
@@ -266,7 +283,8 @@ class RunConfig(Part):
 
     Attributes:
       name: for people.
-      robot: name of a shipped robot, or path of an MJCF.
+      model: name of a shipped robot, or path of an MJCF: the robot as far as it is known.
+      robot: that is driven and measured; None where the model itself is simulated in its place.
       seed: that every other seed is derived from.
       iterations: after iteration 0.
       control_arm: beside MPPI's, train a model on as many episodes with random controls.
@@ -282,7 +300,8 @@ class RunConfig(Part):
     """
 
     name: Name = "run"
-    robot: Place = "prism3"
+    model: Place = "prism3"
+    robot: RobotConfig | None = None
     seed: Seed = 0
     iterations: Annotated[int, Bounds(0, 1000)] = 2
     control_arm: bool = True
@@ -307,10 +326,16 @@ class RunConfig(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _adopted(cls, values: Any) -> Any:
-        if not isinstance(values, dict) or not isinstance(values.get("effects"), str):
+    def _model_and_effects(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
             return values
-        name = values.get("robot", cls.model_fields["robot"].default)
+        return cls._adopted(_with_model(values))
+
+    @classmethod
+    def _adopted(cls, values: dict[str, Any]) -> dict[str, Any]:
+        if not isinstance(values.get("effects"), str):
+            return values
+        name = values.get("model", cls.model_fields["model"].default)
         if not isinstance(name, str):
             return values  # which is refused for that
         try:
@@ -321,7 +346,7 @@ class RunConfig(Part):
         if wanted.digest != robot.digest:
             raise ValueError(
                 f"effects {values['effects']} were adopted for {robot.name} ({robot.digest[:12]}), the "
-                f"run's robot is {wanted.name} ({wanted.digest[:12]})"
+                f"run's model is {wanted.name} ({wanted.digest[:12]})"
             )
         return {**values, "effects": [e.model_dump() for e in plant.effects]}
 
@@ -339,10 +364,10 @@ class RunConfig(Part):
 
     @model_validator(mode="after")
     def _a_diagnosis_has_recordings(self) -> Self:
-        if self.diagnose.on and not self.collect.recordings:
+        if self.diagnose.on and not self.collect.recordings and self.robot is None:
             raise ValueError(
-                "diagnose.on needs recordings of the robot: name those in the store in "
-                "collect.recordings"
+                "diagnose.on needs recordings: name those in the store in collect.recordings, or a robot "
+                "that records some (robot.link)"
             )
         return self
 
@@ -381,8 +406,13 @@ def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunCo
 
 
 def decisive(config: RunConfig) -> dict[str, Any]:
-    """The part of a configuration that decides the results, as plain values."""
+    """The part of a configuration that decides the results, as plain values.
+
+    What the robot is does so, too, but nobody knows it: only how it is used is among them.
+    """
     values = config.model_dump(mode="json")
+    if config.robot is not None:
+        values["robot"] = {k: v for k, v in values["robot"].items() if k not in REACHED_BY}
     return {key: value for key, value in values.items() if key not in WITHOUT_EFFECT}
 
 
@@ -402,7 +432,13 @@ def _episodes(config: RunConfig) -> dict[str, tuple[int, float]]:
     collect, evaluate = config.collect, config.evaluate
     trained = config.iterations * (1 + config.control_arm)
     driven = 1 + trained + evaluate.oracle + (1 + evaluate.oracle) * len(evaluate.unseen)
+    robot = config.robot
     kinds = {
+        "robot.first_seconds": (robot.first, robot.first_seconds) if robot else (0, 0.0),
+        "robot.drives": (
+            (1 + config.iterations) * robot.drives * len(robot.planners) if robot else 0,
+            config.task.seconds,
+        ),
         "collect.gait_seconds": (collect.gaits, collect.gait_seconds),
         "collect.random_seconds": (collect.random, collect.random_seconds),
         "collect.drop_seconds": (collect.drops, collect.drop_seconds),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flywheel.data import Snapshot, TrajectoryStore
-from flywheel.errors import RunError
+from flywheel.errors import LinkError, RunError
 from flywheel.faults import fault_of, told
 from flywheel.records import Split
 from flywheel.robots import Robot
@@ -20,9 +20,10 @@ from flywheel.runtime.pool.progress import Progress
 from flywheel.runtime.results import Arm, Errors, IterationResult
 from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.tracking.tracker import Tracker
+from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluation
 from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.sim_worker import EpisodeNote
+from flywheel.runtime.workers.robot_plan import drives, first_recordings
 
 # Roughly how long a core is busy with one second of an episode [s]; for the remaining time that is shown.
 SIMULATING, PLANNING = 0.02, 0.3
@@ -139,10 +140,29 @@ class Run:
         own = [e.id for e in first.episodes if e.split == "test" and e.source == "sim"]
         return own + [p for p in plans if p in there]
 
-    def recordings(self, split: Split) -> list[str]:
-        """Ids of the recordings of a split; the same ones in every iteration."""
-        first = self.store.snapshot(name_of(0, "mppi"))
-        return [e.id for e in first.episodes if e.split == split and e.source == "recording"]
+    def robot_episodes(self, iteration: int) -> list[str]:
+        """Ids of what was recorded on the robot before an iteration's own drives, as planned."""
+        if self.config.robot is None:
+            return []
+        plans = first_recordings(self.config)
+        for earlier in range(iteration):
+            for planner in self.config.robot.planners:
+                plans += drives(self.config, earlier, planner)
+        there = self.store.committed()
+        return [plan.id for plan in plans if plan.id in there]
+
+    def recordings(self, split: Split, iteration: int) -> list[str]:
+        """Ids of the recordings of a split: imported ones, and the robot's before an iteration's drives."""
+        names = dict.fromkeys([*self.config.collect.recordings, *self.robot_episodes(iteration)])
+        there = self.store.committed()
+        summaries = (summary for name in names for summary in there[name].summaries)
+        return [summary.id for summary in summaries if summary.split == split]
+
+    def robot_minutes(self, iteration: int) -> float:
+        """Minutes that were recorded on the robot before an iteration's own drives."""
+        there, dt = self.store.committed(), self.config.network.dt
+        names = self.robot_episodes(iteration)
+        return sum(s.steps for name in names for s in there[name].summaries) * dt / 60
 
     def do(self, jobs: Sequence[Job], title: str) -> PoolReport:
         """Run jobs on the pool.
@@ -159,6 +179,8 @@ class Run:
             cause = error.__cause__
             if isinstance(cause, OSError) and fault_of(cause):
                 raise RunError(told(cause)) from error
+            if isinstance(cause, LinkError | RunError):  # the robot is lost, or cannot be reached
+                raise RunError(str(cause)) from error
             raise
 
     def episode_jobs(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
@@ -179,6 +201,20 @@ class Run:
                 (plan, self._planner(model)) if plan.controller == "mppi" else (plan,),
                 size=plan.seconds * (SIMULATING if plan.task_seed is None else PLANNING),
             )
+            for plan in plans
+        ]
+
+    def robot_jobs(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
+        """Jobs that record episodes on the robot; what is in the store already is only reported.
+
+        Args:
+          plans: of the episodes.
+          model: that MPPI plans with; None for the plant with the effects of each plan.
+        """
+        weights = () if model is None else (self.shared_weights(model),)
+        size = SIMULATING if plans and plans[0].task_seed is None else PLANNING
+        return [
+            Job(plan.id, "robot", "record", (plan, *weights), size=plan.seconds * size)
             for plan in plans
         ]
 

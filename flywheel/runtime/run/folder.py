@@ -6,6 +6,7 @@
     store/                    trajectory store (unless the configuration names another)
     cache/<snapshot>/         training windows made from a snapshot; may be deleted
     models/i0001-mppi/        checkpoints and weights
+    robot/                    transcripts of what went over the link; what a stand-in is
     iterations/i0001-mppi.json  result of the iteration; it is done when this file is there
     iterations/i0001-diagnosis.json  diagnosis of the plant before the iteration, with a page
     result.json               the run so far, for reports
@@ -26,8 +27,11 @@ from pathlib import Path
 
 from flywheel.errors import ConfigError, RunError
 from flywheel.files import file_name
+from flywheel.robot_link import StandInConfig
+from flywheel.robot_link.opening import SIMULATED
 from flywheel.robots import Robot, load_robot, read_robot
 from flywheel.runtime.config.loading import differences, yaml_of
+from flywheel.runtime.config.robot_config import STAND_IN_FILE, read_stand_in, write_stand_in
 from flywheel.runtime.config.run_config import (
     RunConfig,
     config_digest,
@@ -106,7 +110,12 @@ class RunFolder:
             read_begun(self.path).check(self.path, self.robot_file.name)
         if self.robot_file.exists():
             return read_robot(self.robot_file)
-        return load_robot(config.robot)
+        return load_robot(config.model)
+
+    @property
+    def robot_folder(self) -> Path:
+        """What went over the link to the robot, and what a stand-in is."""
+        return (self.path / "robot").absolute()
 
     @property
     def cache(self) -> Path:
@@ -223,6 +232,7 @@ class RunFolder:
                 "Resume it with the one it has, or begin a new run in another folder."
             )
         self._check_robot(config)
+        self._check_stand_in(config)
         return self.begun().identity
 
     def _check_empty(self) -> None:
@@ -238,14 +248,24 @@ class RunFolder:
 
     def _check_robot(self, config: RunConfig) -> None:
         """Refuse an MJCF that was edited since the run was begun; it may be gone, as the run has a copy."""
-        if config.robot.endswith(".xml") and not Path(config.robot).exists():
+        if config.model.endswith(".xml") and not Path(config.model).exists():
             return
-        now, kept = load_robot(config.robot), self.robot(config)
+        now, kept = load_robot(config.model), self.robot(config)
         if now.digest != kept.digest:
             raise ConfigError(
-                f"The robot {config.robot} has changed since the run in {self.path} was begun (digest "
+                f"The robot {config.model} has changed since the run in {self.path} was begun (digest "
                 f"{kept.digest[:12]} -> {now.digest[:12]}): its episodes are of the MJCF kept in "
                 f"{self.robot_file.name}. Begin a new run in another folder, or restore that MJCF."
+            )
+
+    def _check_stand_in(self, config: RunConfig) -> None:
+        """Refuse another stand-in than the run was begun with; one that is not said is the same."""
+        if config.robot is None or config.robot.stand_in == StandInConfig():
+            return
+        if config.robot.stand_in != read_stand_in(self.robot_folder):
+            raise ConfigError(
+                f"The run in {self.path} was begun on another robot: what is hidden, or its sensors, differ "
+                f"from {self.robot_folder.name}/{STAND_IN_FILE}. Begin a new run in another folder."
             )
 
     def check_space(self, least_gb: float) -> None:
@@ -268,7 +288,9 @@ class RunFolder:
             config_digest=config_digest(config),
             begun=time.strftime("%F %T"),
         )
-        self.robot_file.write_text(load_robot(config.robot).xml)
+        self.robot_file.write_text(load_robot(config.model).xml)
+        if config.robot is not None and config.robot.link == SIMULATED:
+            write_stand_in(config.robot.stand_in, self.robot_folder)
         temporary = self.config_file.with_suffix(".tmp")
         temporary.write_text(yaml_of(config), encoding="utf-8")
         digests = {

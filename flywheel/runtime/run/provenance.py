@@ -16,6 +16,7 @@ from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import ARMS, POOLED, SEGMENT, SNAPSHOT, name_of
 from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.tracking.publish import publish_iteration
+from flywheel.runtime.workers.robot_plan import robot_prefix
 from flywheel.seals import file_sha256
 
 ENGINES = ("mujoco", "torch", "ray", "zarr", "mlflow", "numpy")
@@ -56,11 +57,12 @@ def end_rests_on(run: Run, result: RunResult) -> dict[str, str]:
 
 
 def _recorded(run: Run, iteration: int) -> dict[str, str]:
-    """Segment -> digest of the episodes that an iteration simulated; -1 is the end of the run."""
+    """Segment -> digest of the episodes that an iteration recorded; -1 is the end of the run."""
     return {
         name: receipt.sha256
         for name, receipt in run.store.committed().items()
-        if any(e.source == "sim" and e.iteration == iteration for e in receipt.summaries)
+        if name.startswith(robot_prefix(iteration))
+        or any(e.source == "sim" and e.iteration == iteration for e in receipt.summaries)
     }
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from flywheel.errors import RunError
 from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.pool.jobs import PoolReport
 from flywheel.runtime.results import Arm
 from flywheel.runtime.run.context import Run, episode_notes
 from flywheel.runtime.stages.outcomes import Collected, Tally
-from flywheel.runtime.workers.episode_plan import collection
+from flywheel.runtime.workers.episode_note import EpisodeNote
+from flywheel.runtime.workers.episode_plan import EpisodePlan, collection
+from flywheel.runtime.workers.robot_plan import first_recordings
 
 
 def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Collected]:
@@ -20,12 +25,12 @@ def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Col
     plans = {arm: collection(run.config, iteration, arm, effects, anew) for arm in arms}
     jobs = [job for arm in arms for job in run.episode_jobs(plans[arm], run.latest_model(arm))]
     jobs = list({job.id: job for job in jobs}.values())  # episodes of a new plant serve all arms
+    on_robot = first_recordings(run.config) if run.config.robot and iteration == 0 else []
+    jobs += run.robot_jobs(on_robot)
     report = tally.add(run.do(jobs, f"{iteration}: collect"))
     collected = []
     for arm in arms:
-        done = episode_notes(report, plans[arm])
-        valid = [note for note in done if not note.invalid]
-        tally.problems += [f"{n.id} was thrown away: {n.invalid}" for n in done if n.invalid]
+        done, valid = episode_notes(report, plans[arm]), valid_notes(report, plans[arm], tally)
         _check_enough(run.config, len(plans[arm]), len(valid), f"iteration {iteration} ({arm})")
         collected.append(
             Collected(
@@ -36,7 +41,17 @@ def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Col
                 quarantined=len(plans[arm]) - len(done),
             )
         )
+    _check_enough(run.config, len(on_robot), len(valid_notes(report, on_robot, tally)), "the robot")
     return collected
+
+
+def valid_notes(
+    report: PoolReport, plans: Sequence[EpisodePlan], tally: Tally
+) -> list[EpisodeNote]:
+    """The reports about episodes that are stored; the others become sentences in the tally."""
+    done = episode_notes(report, plans)
+    tally.problems += [f"{n.id} was thrown away: {n.invalid}" for n in done if n.invalid]
+    return [note for note in done if not note.invalid]
 
 
 def _check_enough(config: RunConfig, wanted: int, valid: int, what: str) -> None:

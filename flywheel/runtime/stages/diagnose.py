@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,7 +28,8 @@ def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
     if (done := run.folder.diagnosis(iteration)) is not None:
         return done
     before = run.effects(iteration - 1)
-    fit, held_out = run.recordings("train"), run.recordings("test")
+    fit = _used(run, run.recordings("train", iteration))
+    held_out = _used(run, run.recordings("test", iteration))
     arguments = (before, fit, held_out)
     job = Job(f"i{iteration:04d}-diagnose", "sim", "diagnose", arguments, size=EXPECTED_SECONDS)
     report = tally.add(run.do([job], f"{iteration}: diagnose"))
@@ -37,6 +39,15 @@ def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
     about = {"recordings": ", ".join(fit), "held out": ", ".join(held_out) or "none"}
     page = diagnosis_page(found, about)
     return run.folder.keep_diagnosis(iteration, _note(found, before), page)
+
+
+def _used(run: Run, recordings: list[str]) -> list[str]:
+    """The recordings that a diagnosis uses: all, or some that are spread over all (`episode_seconds`)."""
+    config = run.config.diagnose
+    if config.episode_seconds is None:
+        return recordings
+    count = min(len(recordings), math.ceil(config.seconds / config.episode_seconds))
+    return [recordings[i * len(recordings) // count] for i in range(count)]
 
 
 def _note(found: Diagnosis, before: Effects) -> DiagnosisNote:

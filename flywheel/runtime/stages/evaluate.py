@@ -8,6 +8,7 @@ from typing import Any
 
 from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.run.context import Run
+from flywheel.runtime.stages.on_robot import drive_robot, robot_score_jobs, with_errors
 from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
 from flywheel.runtime.stages.scoring import by_split, navigation, score_jobs, scored
 from flywheel.runtime.workers.episode_plan import Effects, evaluation
@@ -18,11 +19,14 @@ def evaluate(
 ) -> list[ArmOutcome]:
     """Judge every arm's model on validation data, then in closed loop, then on test data.
 
+    The closed loop is on the robot if the run has one.
+
     A model whose predictions are not finite drives no robot.
     """
     outcomes = _on_validation(run, iteration, outcomes, tally)
+    closed_loop = _in_closed_loop if run.config.robot is None else drive_robot
     outcomes = [
-        _in_closed_loop(run, iteration, outcome, tally) if outcome.arm == "mppi" else outcome
+        closed_loop(run, iteration, outcome, tally) if outcome.arm == "mppi" else outcome
         for outcome in outcomes
     ]
     return _on_tests(run, iteration, outcomes, tally)
@@ -82,13 +86,15 @@ def _on_tests(
     run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
 ) -> list[ArmOutcome]:
     """Errors on simulated test episodes up to now and, apart from them, on recordings."""
-    episodes, recordings = run.test_episodes(iteration), run.recordings("test")
+    episodes, recordings = run.test_episodes(iteration), run.recordings("test", iteration + 1)
     effects = run.effects(iteration)
     by_arm = [_test_jobs(run, outcome, episodes, recordings, effects) for outcome in outcomes]
     every = [job for jobs in by_arm for job in (*jobs.episodes, *jobs.recordings)]
     every += [jobs.overlay for jobs in by_arm if jobs.overlay is not None]
+    on_robot = robot_score_jobs(run, iteration) if run.config.robot else {}
+    every += [job for part in on_robot.values() for job in part]
     report = tally.add(run.do(every, f"{iteration}: test"))
-    return [
+    judged = [
         _judged(
             outcome,
             test=scored(report, jobs.episodes),
@@ -97,6 +103,7 @@ def _on_tests(
         )
         for outcome, jobs in zip(outcomes, by_arm, strict=True)
     ]
+    return [with_errors(outcome, report, on_robot) for outcome in judged]
 
 
 def _test_jobs(

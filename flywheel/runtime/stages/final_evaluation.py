@@ -72,7 +72,7 @@ def _score_jobs(
         if usable(result.validation):
             name = f"{result.arm}-{result.iteration}"
             jobs[name] = score_jobs(run, name, run.model_of(result), episodes, effects)
-    still, recordings = Baseline.PERSISTENCE, run.recordings("test")
+    still, recordings = Baseline.PERSISTENCE, run.recordings("test", run.config.iterations + 1)
     jobs[still] = score_jobs(run, still, still, episodes, effects)
     jobs[ON_RECORDINGS] = score_jobs(run, ON_RECORDINGS, still, recordings, effects)
     if run.config.evaluate.floor:

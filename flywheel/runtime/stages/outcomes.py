@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from flywheel.data import Snapshot
 from flywheel.runtime.pool.jobs import PoolReport
-from flywheel.runtime.results import Arm, Errors, GateDecision, Navigation, Overlay
+from flywheel.runtime.results import Arm, Errors, GateDecision, Navigation, Overlay, RobotResult
 from flywheel.runtime.run.context import Model, usable
 from flywheel.runtime.workers.trainer_worker import TrainingNote
 
@@ -79,6 +79,7 @@ class Evaluated:
       recordings: errors on the recordings that are kept for tests.
       navigation, champion_navigation: closed-loop episodes.
       overlay: one window of a test episode, measured and predicted.
+      robot: errors and drives on the robot.
     """
 
     validation: Errors | None = None
@@ -88,6 +89,7 @@ class Evaluated:
     navigation: Navigation | None = None
     champion_navigation: Navigation | None = None
     overlay: Overlay | None = None
+    robot: RobotResult | None = None
 
 
 @dataclass(frozen=True)

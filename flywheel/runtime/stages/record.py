@@ -42,6 +42,7 @@ def _result(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> Iter
         curve=outcome.training.curve,
         gate=outcome.gate,
         overlay=evaluated.overlay,
+        robot=evaluated.robot,
         diagnosis=run.folder.diagnosis(iteration),
     )
 

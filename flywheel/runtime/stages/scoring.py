@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 from flywheel.data import EpisodeSummary
 from flywheel.records import Split
@@ -19,10 +21,17 @@ PLANS_KEPT = 2000
 _NOT_FINITE = Errors(short=ErrorNumbers(e_pos_mse=math.nan, e_pos_rmse=math.nan, e_rot=math.nan))
 
 
+@dataclass(frozen=True)
+class KnownPlant:
+    """The MJCF with known effects, restarted from measurements."""
+
+    effects: Effects
+
+
 def score_jobs(
     run: Run,
     name: str,
-    dynamics: Model | Baseline,
+    dynamics: Model | Baseline | KnownPlant,
     episodes: Sequence[str],
     effects: Effects,
     full: bool | None = None,
@@ -32,18 +41,14 @@ def score_jobs(
     Args:
       run: under way.
       name: of what is scored, for the jobs' ids.
-      dynamics: a trained model of the run, or a baseline.
+      dynamics: a trained model of the run, a baseline, or the plant.
       episodes: ids.
-      effects: adopted so far.
+      effects: adopted so far, with which unmeasured winches are reckoned.
       full: also predict whole episodes; by default as configured (`evaluate.full`).
     """
     full = run.config.evaluate.full if full is None else full
     seed = derive_seed(run.config.seed, "score")
-    method, subject = (
-        ("score_baseline", dynamics)
-        if isinstance(dynamics, Baseline)
-        else ("score_model", run.shared_weights(dynamics))
-    )
+    method, subject = _method(run, dynamics)
     shares = [
         tuple(episodes[i : i + EPISODES_PER_JOB]) for i in range(0, len(episodes), EPISODES_PER_JOB)
     ]
@@ -57,6 +62,15 @@ def score_jobs(
         )
         for i, share in enumerate(shares)
     ]
+
+
+def _method(run: Run, dynamics: Model | Baseline | KnownPlant) -> tuple[str, Any]:
+    """The worker's method that scores a dynamics model, and its first argument."""
+    if isinstance(dynamics, Baseline):
+        return "score_baseline", dynamics
+    if isinstance(dynamics, KnownPlant):
+        return "score_plant", dynamics.effects
+    return "score_model", run.shared_weights(dynamics)
 
 
 def scored(report: PoolReport, jobs: Sequence[Job]) -> Errors | None:

@@ -17,12 +17,14 @@ def _sealed(run: Run, iteration: int, new: Collected) -> Snapshot:
     name = name_of(iteration, new.arm)
     if (there := run.snapshot(name)) is not None:
         return there
+    recorded = [*run.config.collect.recordings, *run.robot_episodes(iteration)]
     if iteration == 0:
-        segments, parent = run.config.collect.recordings, None
+        segments, parent = recorded, None
     else:
         parent = name_of(iteration - 1, run.arm_of(iteration - 1, new.arm))
-        segments = tuple(run.store.snapshot(parent).segments)
+        segments = [*run.store.snapshot(parent).segments, *recorded]
         if run.changes_plant(iteration):  # the episodes of the plant before are wrong now
-            segments = run.config.collect.recordings
+            segments = recorded
+    segments = list(dict.fromkeys(segments))
     datasets = list(run.config.dataset_numbers())  # in the order of the network's one-hot
     return run.store.seal(name, [*segments, *new.segments], parent=parent, datasets=datasets)

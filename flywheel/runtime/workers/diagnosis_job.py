@@ -45,8 +45,8 @@ def diagnose_plant(
 
     return diagnose(
         plant,
-        excerpt(fit, config.seconds),
-        excerpt(held_out, config.seconds),
+        excerpt(fit, config.seconds, config.episode_seconds),
+        excerpt(held_out, config.seconds, config.episode_seconds),
         {name: NAMED[name] for name in config.effects or EFFECTS},
         window_seconds=config.window_seconds,
         progress=progress,
@@ -54,12 +54,21 @@ def diagnose_plant(
     )
 
 
-def excerpt(episodes: Iterable[Episode], seconds: float) -> list[Trajectory]:
-    """The first episodes, up to `seconds` [s] in all; the last of them is cut."""
+def excerpt(
+    episodes: Iterable[Episode], seconds: float, each: float | None = None
+) -> list[Trajectory]:
+    """The first episodes, up to `seconds` [s] in all; the last of them is cut.
+
+    Args:
+      episodes: recordings.
+      seconds: of all together [s].
+      each: of each of them, at most [s]; None for as long as they are.
+    """
     taken, left = [], seconds
     for episode in episodes:
         trajectory = episode.trajectory
-        steps = min(trajectory.steps, round(left / trajectory.dt))
+        most = left if each is None else min(left, each)
+        steps = min(trajectory.steps, round(most / trajectory.dt))
         if steps < 1:
             break
         seen = trajectory.observations[: steps + 1]

@@ -93,7 +93,7 @@ def collection(
 
 def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> list[EpisodePlan]:
     collect = config.collect
-    splits = _splits(config, collect.mppi, collect.validation, 0.0, iteration)
+    splits = assigned_splits(config, collect.mppi, collect.validation, 0.0, iteration)
     controller = "mppi" if arm == "mppi" else "random"
     return [
         EpisodePlan(
@@ -124,7 +124,9 @@ def evaluation(
 
 def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
     """The evaluation tasks, for the planner that knows the plant itself."""
-    return _navigation(config, ORACLE, ORACLE, -1, effects) if config.evaluate.oracle else []
+    if not config.evaluate.oracle or config.robot is not None:  # nobody knows the robot
+        return []
+    return _navigation(config, ORACLE, ORACLE, -1, effects)
 
 
 def unseen(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
@@ -188,7 +190,7 @@ def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iter
         ("drop", collect.drops, collect.drop_seconds),
     )
     for kind, count, seconds in kinds:
-        splits = _splits(config, count, collect.validation, collect.test, 0, kind)
+        splits = assigned_splits(config, count, collect.validation, collect.test, 0, kind)
         for index, split in enumerate(splits):
             yield EpisodePlan(
                 id=f"i{iteration:04d}-{kind}-{index:04d}",
@@ -202,7 +204,7 @@ def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iter
             )
 
 
-def _splits(
+def assigned_splits(
     config: RunConfig, count: int, validation: float, test: float, *what: str | int
 ) -> list[Split]:
     """The split of each of `count` episodes. Shares go by count, so that few episodes give every split."""

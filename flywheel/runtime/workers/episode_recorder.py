@@ -27,10 +27,10 @@ from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.results import Walk
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
+from flywheel.runtime.workers.walks import walk_of
 from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain
 
-WALK_SECONDS = 0.5  # between two points of an episode's path [s]
 SETTLE_SECONDS = 2.0
 GROUND = 1  # added to a seed, so that the ground has random numbers of its own
 
@@ -163,20 +163,10 @@ class EpisodeRecorder:
         if task is None or episode.outcome is None:
             return None
         trajectory = episode.trajectory
-        stride = max(1, round(WALK_SECONDS / trajectory.dt))
         points = trajectory.observations.points
         if trajectory.states is not None:  # as it was, not as it was measured
             points = self.plant(0, plan.plant_effects).observe(trajectory.states).points
-        centre = task.place(points[::stride])
-        return Walk(
-            path=tuple((float(x), float(y)) for x, y in np.round(centre, 4)),
-            goal=(float(task.last_goal[0]), float(task.last_goal[1])),
-            reached=episode.outcome.success,
-            seconds=episode.outcome.seconds,
-            distance=episode.outcome.distance,
-            seed=plan.seed,
-            obstacles=task.obstacles,
-        )
+        return walk_of(task, episode, points, plan.seed)
 
     def _terms(self, effects: Effects) -> Terms:
         return tuple(effect.term(self.robot, NAMED) for effect in effects)

@@ -16,11 +16,12 @@ import numpy as np
 
 from flywheel.data import TrajectoryStore
 from flywheel.diagnosis import Diagnosis
+from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.errors import DataError, ModelError
+from flywheel.errors import ModelError
 from flywheel.evaluation import (
     HISTORY_SECONDS,
     ErrorTable,
@@ -34,12 +35,18 @@ from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
-from flywheel.runtime.results import Overlay, Walk
+from flywheel.runtime.results import Overlay
 from flywheel.runtime.workers.diagnosis_job import diagnose_plant
+from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.model_weights import Weights
-from flywheel.runtime.workers.stored_episodes import EpisodeWinches, effects_of, overlay
+from flywheel.runtime.workers.stored_episodes import (
+    EpisodeWinches,
+    committed,
+    effects_of,
+    overlay,
+)
 
 MODELS_KEPT = 4
 
@@ -48,10 +55,12 @@ class Baseline(StrEnum):
     """Predictions that need no training; trained models are compared with them.
 
     The floors are MuJoCo restarted from the same partial observations. They differ in the roll of each
-    rod, which is not observed: drawn at random, or computed from the cables.
+    rod, which is not observed: drawn at random, or computed from the cables. "noise" is what a perfect
+    prediction of recordings would have: their own measurements, with noise as large as theirs.
     """
 
     PERSISTENCE = "persistence"
+    NOISE = "noise"
     FLOOR = "floor"
     INFORMED_FLOOR = "informed floor"
 
@@ -60,25 +69,6 @@ ROLLS: dict[Baseline, Literal["random", "relaxed"]] = {
     Baseline.FLOOR: "random",
     Baseline.INFORMED_FLOOR: "relaxed",
 }
-
-
-@dataclass(frozen=True)
-class EpisodeNote:
-    """The report to the driver about a recorded episode.
-
-    Attributes:
-      id: of the episode.
-      steps: control steps; 0 where invalid.
-      walk: seen from above, for tasks.
-      plan_seconds: wall time of its plans [s].
-      invalid: why it was thrown away, or "".
-    """
-
-    id: str
-    steps: int = 0
-    walk: Walk | None = None
-    plan_seconds: tuple[float, ...] = ()
-    invalid: str = ""
 
 
 @dataclass(frozen=True)
@@ -132,9 +122,9 @@ class SimWorker:
           weights: of the model that MPPI plans with.
         """
         self._heartbeat.start(plan.id)
-        if (there := self._committed(plan.id)) is not None:
+        if (there := committed(self._store, plan.id)) is not None:
             self._recorder.check_own(there)
-            return self._note(plan, there)
+            return EpisodeNote.of(there, self._recorder.walk(plan, there))
         dynamics = None if weights is None else self._model(weights)
         digest = "" if weights is None else weights.digest
         try:
@@ -142,7 +132,7 @@ class SimWorker:
         except ModelError as error:
             return EpisodeNote(plan.id, invalid=str(error))
         self._store.commit(plan.id, [episode])
-        return self._note(plan, episode)
+        return EpisodeNote.of(episode, self._recorder.walk(plan, episode))
 
     def score_model(
         self,
@@ -176,7 +166,23 @@ class SimWorker:
         """Score a baseline; the arguments are those of `score_model`."""
         self._heartbeat.start(f"scoring {baseline}")
         found = [self._store.read(name) for name in episodes]
+        if baseline is Baseline.NOISE:
+            return noise_scores(self._recorder.robot, found, seed)
         return self._scores(self._baselines(baseline, found), seed, full, effects)
+
+    def score_plant(
+        self,
+        known: Effects,
+        episodes: Sequence[str],
+        seed: int,
+        full: bool,
+        effects: Effects = (),
+    ) -> Scores:
+        """Score the MJCF with known effects, restarted from measurements; the rest as in `score_model`."""
+        self._heartbeat.start("scoring the plant")
+        found = [self._store.read(name) for name in episodes]
+        plant = RestartedPlant.from_measurements(self._recorder.plant(0, known))
+        return self._scores([(plant, found)], seed, full, effects)
 
     def diagnose(self, effects: Effects, fit: Sequence[str], held_out: Sequence[str]) -> Diagnosis:
         """Find what the plant with these effects lacks to explain recordings.
@@ -217,27 +223,6 @@ class SimWorker:
             )
         except ModelError:
             return None
-
-    def _committed(self, name: str) -> Episode | None:
-        """The episode if the store has it; a damaged one that no snapshot lists is set aside."""
-        if name not in (*self._store.committed(), *self._store.unreadable()):
-            return None
-        try:
-            return self._store.read(name)
-        except DataError:
-            if any(name in self._store.snapshot(s).segments for s in self._store.snapshots()):
-                raise
-            self._store.quarantine(name)
-            return None
-
-    def _note(self, plan: EpisodePlan, episode: Episode) -> EpisodeNote:
-        seconds = np.round(episode.telemetry.get("plan_seconds", np.zeros(0)), 5)
-        return EpisodeNote(
-            plan.id,
-            steps=episode.trajectory.steps,
-            walk=self._recorder.walk(plan, episode),
-            plan_seconds=tuple(float(s) for s in seconds),
-        )
 
     def _baselines(
         self, baseline: Baseline, episodes: list[Episode]
@@ -321,6 +306,27 @@ class SimWorker:
                 self._recorder.robot, self._config.sim_threads
             )
         return self._models[weights.digest]
+
+
+def noise_scores(robot: Robot, recordings: Sequence[Episode], seed: int) -> Scores:
+    """The errors that a perfect prediction of recordings would have, by the noise that they have.
+
+    Args:
+      robot: of the recordings.
+      recordings: any.
+      seed: of the noise that is drawn.
+
+    Raises:
+      DataError: the recordings are too short to tell noise from motion.
+    """
+    points = [episode.trajectory.observations.points for episode in recordings]
+    sigma, by_episode = noise_floor(points), {}
+    for episode, measured in zip(recordings, points, strict=True):
+        rng = np.random.default_rng([seed, *episode.id.encode()])
+        again = np.nan_to_num(measured) + rng.normal(0.0, sigma, measured.shape)
+        windows = (measured[:, None], again[:, None])  # of one step each
+        by_episode[episode.id] = ErrorTable.between(robot, episode.trajectory.dt, *windows)
+    return Scores(by_episode)
 
 
 def added(one: Scores, other: Scores) -> Scores:

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from flywheel.data import TrajectoryStore
 from flywheel.dynamics.plant import Reckoning
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import NAMED, WrittenTerm
+from flywheel.errors import DataError
 from flywheel.evaluation import past_at
 from flywheel.records import Episode, Floats, KnownWinch
 from flywheel.robots import Robot
@@ -56,6 +58,23 @@ class EpisodeWinches:
             return ""
         text = ";".join(effect.model_dump_json() for effect in self.effects)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def committed(store: TrajectoryStore, name: str) -> Episode | None:
+    """The episode if the store has it; a damaged one that no snapshot lists is set aside.
+
+    Raises:
+      DataError: it is damaged, and a snapshot lists it.
+    """
+    if name not in (*store.committed(), *store.unreadable()):
+        return None
+    try:
+        return store.read(name)
+    except DataError:
+        if any(name in store.snapshot(s).segments for s in store.snapshots()):
+            raise
+        store.quarantine(name)
+        return None
 
 
 SECONDS_APART = 0.1

@@ -70,14 +70,14 @@ def test_the_command_it_prints_can_be_run(
 ) -> None:
     overrides = suggested(checked(tmp_path, *edits))
     settings = load_config(ROOT / "configs" / f"{config}.yaml", overrides)
-    check_suits(settings, load_robot(settings.robot))
+    check_suits(settings, load_robot(settings.model))
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_so_can_that_of_a_shipped_robot(name: str) -> None:
     overrides = suggested(run(app, ["robot", "check", name]).output)
     settings = load_config(ROOT / "configs" / "prism3.yaml", overrides)
-    check_suits(settings, load_robot(settings.robot))
+    check_suits(settings, load_robot(settings.model))
 
 
 def test_names_are_printed_as_they_are(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_names_are_printed_as_they_are(tmp_path: Path) -> None:
     mine = folder / "[red]x.xml"
     mine.write_text(SWING)
     overrides = suggested(run(app, ["robot", "check", str(mine)]).output)
-    assert load_config(ROOT / "configs" / "prism3.yaml", overrides).robot == str(mine)
+    assert load_config(ROOT / "configs" / "prism3.yaml", overrides).model == str(mine)
 
 
 def test_a_swing_that_dies_away_slowly_can_be_used(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from flywheel.control import Command, RandomControls
 from flywheel.control.drive import Drive, drive
+from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError, ModelError
 from flywheel.records import Floats, Past, Provenance
 from flywheel.robot_link import RobotInfo, RobotLink, Sample, StandIn, StandInConfig
@@ -78,6 +79,7 @@ def driven(
         episode_id="drive-0",
         provenance=Provenance(robot=robot.digest, source="recording", dataset="recording"),
         split="train",
+        reckoning=Reckoning(robot, PERIOD),
         **more,  # type: ignore[arg-type]
     )
 

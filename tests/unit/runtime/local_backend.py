@@ -14,15 +14,18 @@ class LocalBackend:
 
     Attributes:
       done: ids of all jobs, in order.
+      workers: that were started.
     """
 
     def __init__(self) -> None:
         self.done: list[str] = []
+        self.workers: list[Any] = []
         self._results: dict[int, Any] = {}
         self._numbers = count()
 
     def start(self, group: Group) -> Any:
-        return group.factory(*group.arguments)
+        self.workers.append(group.factory(*group.arguments))
+        return self.workers[-1]
 
     def ready(self, worker: Any) -> int:
         return self._ticket(None)

@@ -30,7 +30,7 @@ def gaits_of_one_kind(seed: int) -> list[Floats]:
     """Measured points (T, P, 3) of all rolls on the same plant."""
     collect = CollectConfig(gaits=6, gait_seconds=SECONDS, validation=0.2, test=0.2)
     config = RunConfig(seed=seed, collect=collect, datasets=(DataSet(),))
-    recorder = EpisodeRecorder(config, load_robot(config.robot))
+    recorder = EpisodeRecorder(config, load_robot(config.model))
     plans = [p for p in collection(config, 0, "mppi") if p.controller == "gait:roll"]
     episodes = [recorder.record(p, None, "", NobodyWatches()) for p in plans]
     return [e.trajectory.observations.points[0] for e in episodes]
@@ -54,7 +54,7 @@ def test_winches_of_episodes_are_where_what_is_known_of_their_plant_says() -> No
     strong = WrittenTerm(effect="winch_gain", parameters={"share": 0.2})
     collect = CollectConfig(gaits=0, random=6, random_seconds=2.0, validation=0.2, test=0.2)
     config = RunConfig(collect=collect, seed=draws.seed())
-    robot = load_robot(config.robot)
+    robot = load_robot(config.model)
     episode = EpisodeRecorder(config, robot).record(
         collection(config, 0, "mppi", (strong,))[0], None, "", NobodyWatches()
     )
@@ -83,7 +83,7 @@ class Told(PlantDynamics):
 def test_a_planner_is_told_where_the_winches_are() -> None:
     strong = WrittenTerm(effect="winch_gain", parameters={"share": 0.2})
     config = RunConfig(collect=CollectConfig(mppi=3), task=TaskConfig(seconds=2.0))
-    robot = load_robot(config.robot)
+    robot = load_robot(config.model)
     dynamics = Told(EpisodeRecorder(config, robot).plant(0))
     plan = next(p for p in collection(config, 1, "mppi", (strong,)) if p.controller == "mppi")
     plan = dataclasses.replace(plan, samples=4, seconds=2.0)
@@ -98,7 +98,7 @@ def test_episodes_are_recorded_with_the_run_s_effects() -> None:
     collect = CollectConfig(gaits=0, random=6, random_seconds=2.0, validation=0.2, test=0.2)
     plain = RunConfig(collect=collect)
     slow = plain.model_copy(update={"effects": (heavy,)})
-    robot = load_robot(plain.robot)
+    robot = load_robot(plain.model)
     one, other = (
         EpisodeRecorder(config, robot).record(plan, None, "", NobodyWatches())
         for config in (plain, slow)
@@ -123,7 +123,7 @@ class CountsPlans(PlantDynamics):
 @pytest.mark.slow
 def test_mppi_tries_as_many_plans_as_its_episode_asks_for() -> None:
     config = RunConfig()
-    recorder, counts = EpisodeRecorder(config, load_robot(config.robot)), []
+    recorder, counts = EpisodeRecorder(config, load_robot(config.model)), []
     for samples in (5, None):
         plan = EpisodePlan("one", "mppi", 1, "train", 0, 0.5, seed=1, task_seed=1, samples=samples)
         CountsPlans.asked = 0
@@ -135,7 +135,7 @@ def test_mppi_tries_as_many_plans_as_its_episode_asks_for() -> None:
 def test_an_obstacle_course_begins_at_its_start_among_its_walls() -> None:
     seed = draws.seed()
     config = RunConfig(task=TaskConfig(name="obstacle_course", course="maze"))
-    recorder = EpisodeRecorder(config, load_robot(config.robot))
+    recorder = EpisodeRecorder(config, load_robot(config.model))
     plan = EpisodePlan("one", "random", 0, "test", 0, 1.0, seed=seed, task_seed=seed)
     task = recorder.task(plan)
     assert task is not None and task.begin is not None
@@ -154,7 +154,7 @@ def test_an_obstacle_course_begins_at_its_start_among_its_walls() -> None:
 def test_episodes_begin_and_stay_on_their_own_ground(kind: str, controller: str) -> None:
     seed = draws.seed()
     config = RunConfig(terrain=TerrainConfig(kinds=(kind,)))
-    recorder = EpisodeRecorder(config, load_robot(config.robot))
+    recorder = EpisodeRecorder(config, load_robot(config.model))
     plan = EpisodePlan("one", controller, 0, "train", 0, 4.0, seed=seed)
     episode = recorder.record(plan, None, "", NobodyWatches())
     assert episode.terrain is not None and episode.terrain == recorder.terrain(plan)
@@ -169,7 +169,7 @@ def test_episodes_begin_and_stay_on_their_own_ground(kind: str, controller: str)
 
 def test_a_task_has_the_same_ground_whoever_plans_for_it() -> None:
     config = RunConfig(terrain=TerrainConfig(kinds=("bumps",)))
-    recorder = EpisodeRecorder(config, load_robot(config.robot))
+    recorder = EpisodeRecorder(config, load_robot(config.model))
     first, second = (
         EpisodePlan(name, "mppi", 1, "test", 0, 4.0, seed=seed, task_seed=7)
         for name, seed in (("a", 1), ("b", 2))
@@ -183,7 +183,7 @@ def test_what_is_hidden_is_in_the_plant_and_in_nobody_s_head() -> None:
     real = WrittenTerm(effect="winch_gain", parameters={"share": -0.3})
     collect = CollectConfig(gaits=0, random=6, random_seconds=1.0, validation=0.2, test=0.2)
     config = RunConfig(collect=collect, seed=draws.seed())
-    recorder = EpisodeRecorder(config, load_robot(config.robot))
+    recorder = EpisodeRecorder(config, load_robot(config.model))
     plan = collection(config, 0, "mppi", (told,))[0]
     stand_in = dataclasses.replace(plan, hidden=(real,))
     hidden = recorder.record(stand_in, None, "", NobodyWatches())
@@ -203,16 +203,16 @@ def test_what_is_hidden_is_in_the_plant_and_in_nobody_s_head() -> None:
 def test_an_episode_of_another_run_is_not_taken_for_its_own() -> None:
     collect = CollectConfig(gaits=0, random=6, random_seconds=0.2, validation=0.2, test=0.2)
     mine, other = (RunConfig(collect=collect, seed=seed) for seed in (1, 2))
-    episode = EpisodeRecorder(mine, load_robot(mine.robot)).record(
+    episode = EpisodeRecorder(mine, load_robot(mine.model)).record(
         collection(mine, 0, "mppi")[0], None, "", NobodyWatches()
     )
-    EpisodeRecorder(mine, load_robot(mine.robot)).check_own(episode)
+    EpisodeRecorder(mine, load_robot(mine.model)).check_own(episode)
     with pytest.raises(DataError, match="store of its own"):
-        EpisodeRecorder(other, load_robot(other.robot)).check_own(episode)
+        EpisodeRecorder(other, load_robot(other.model)).check_own(episode)
 
 
 def test_an_unseen_course_takes_the_place_of_the_task() -> None:
-    config = RunConfig(robot="icosa6", task=TaskConfig(seconds=1.0))
+    config = RunConfig(model="icosa6", task=TaskConfig(seconds=1.0))
     recorder, course = EpisodeRecorder(config, load_robot("icosa6")), load_course("maze")
     for plan in (*unseen(config, "maze"), *unseen_ceiling(config, "maze")):
         task = recorder.task(plan)

@@ -206,7 +206,7 @@ def test_measurement_noise_reaches_what_is_stored(tmp_path):
     bench = Bench(tmp_path, iterations=0, measurement={"noise": 0.01})
     bench.turn()
     episode = bench.store.read("i0000-random-0000")
-    recorder = EpisodeRecorder(bench.config, load_robot(bench.config.robot))
+    recorder = EpisodeRecorder(bench.config, load_robot(bench.config.model))
     truth = recorder.plant(0).observe(episode.trajectory.states).points
     spread = np.std(episode.trajectory.observations.points - truth)
     assert spread == pytest.approx(0.01 * recorder.robot.length, rel=0.1)
@@ -216,7 +216,7 @@ def test_predictions_are_judged_by_what_happened_not_by_what_was_measured(tmp_pa
     bench = Bench(tmp_path, iterations=0, measurement={"noise": 0.05})
     bench.turn()
     names = [e.id for e in bench.store.snapshot("i0000-mppi").episodes]
-    robot = load_robot(bench.config.robot)
+    robot = load_robot(bench.config.model)
     worker = SimWorker(bench.config, bench.files.store_url(bench.config), robot)
     informed = worker.score_baseline(Baseline.INFORMED_FLOOR, names, 0, False).short
     noisy = RunConfig.model_validate({**bench.config.model_dump(), "measurement": {}})

@@ -123,7 +123,7 @@ def test_the_effects_of_an_adopted_plant_are_taken_over(tmp_path: Path) -> None:
 
 def test_the_effects_of_another_robots_plant_are_refused(tmp_path: Path) -> None:
     path = adopted_plant(tmp_path, "icosa6")
-    with pytest.raises(ValidationError, match="adopted for icosa6 .* the run's robot is prism3"):
+    with pytest.raises(ValidationError, match="adopted for icosa6 .* the run's model is prism3"):
         RunConfig.model_validate({"effects": str(path)})
     with pytest.raises(ValidationError, match="no adopted plant"):
         RunConfig.model_validate({"effects": str(tmp_path / "plants")})

@@ -153,7 +153,7 @@ def own(tmp_path):
     mjcf = tmp_path / "mine" / "swing.xml"
     mjcf.parent.mkdir()
     mjcf.write_text(load_robot("platform4").xml)
-    folder, config = RunFolder(tmp_path / "run"), RunConfig(robot=str(mjcf))
+    folder, config = RunFolder(tmp_path / "run"), RunConfig(model=str(mjcf))
     folder.path.mkdir()
     folder.begin(config, resume=False)
     return mjcf, folder, config

@@ -35,7 +35,7 @@ def refused(config: RunConfig, robot: Robot) -> list[str]:
 @pytest.mark.parametrize("name", CONFIGS)
 def test_the_shipped_configurations_suit_their_robots(name: str) -> None:
     config = load_config(ROOT / "configs" / name)
-    check_suits(config, load_robot(config.robot))
+    check_suits(config, load_robot(config.model))
 
 
 @pytest.mark.parametrize("name", CONFIGS)
@@ -45,9 +45,9 @@ def test_a_refusal_says_all_that_has_to_be_left_out(name: str, robot: str, tmp_p
         (tmp_path / "hinged.xml").write_text(robot)
         robot = str(tmp_path / "hinged.xml")
     file = ROOT / "configs" / name
-    config = load_config(file, [f"robot={robot}"])
+    config = load_config(file, [f"model={robot}"])
     overrides = refused(config, load_robot(robot))
-    check_suits(load_config(file, [f"robot={robot}", *overrides]), load_robot(robot))
+    check_suits(load_config(file, [f"model={robot}", *overrides]), load_robot(robot))
 
 
 def test_only_what_a_robot_cannot_do_is_left_out() -> None:
@@ -96,7 +96,7 @@ def test_too_few_episodes_are_found_before_the_run() -> None:
 
 
 def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
-    config = load_config(ROOT / "configs" / "smoke.yaml", ["robot=platform4"])
+    config = load_config(ROOT / "configs" / "smoke.yaml", ["model=platform4"])
     with pytest.raises(ConfigError, match=r"platform4 cannot do:\n  collect.gaits=1: The gaits"):
         run(config, tmp_path / "run", tracker=None)
     assert list(tmp_path.iterdir()) == []

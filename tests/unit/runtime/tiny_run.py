@@ -10,6 +10,7 @@ from flywheel.runtime.pool.pool import WorkerPool
 from flywheel.runtime.pool.progress import Lines
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.workers.robot_worker import RobotWorker
 from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
 from tests.unit.runtime.local_backend import LocalBackend
@@ -65,14 +66,24 @@ class Bench:
     def turn(self, resume: bool = False):
         self.backend = LocalBackend()
         identity = self.files.begin(self.config, resume)
-        robot = self.files.robot(self.config)
-        arguments = (self.config, self.files.store_url(self.config), robot)
+        config = (
+            self.files.config()
+        )  # as in a run, where nobody but the robot's workers knows all of it
+        robot = self.files.robot(config)
+        arguments = (config, self.files.store_url(config), robot)
         groups = [Group("sim", SimWorker, arguments), Group("trainer", TrainerWorker, arguments)]
+        if config.robot is not None:
+            groups.append(Group("robot", RobotWorker, (*arguments, self.files.robot_folder)))
         pool = WorkerPool(self.backend, groups, cores=2)
         progress = Lines(self.said.append)
-        return finish(
-            Run(self.config, self.files, robot, self.store, pool, None, progress), identity
-        )
+        run = Run(config, self.files, robot, self.store, pool, None, progress)
+        try:
+            return finish(run, identity)
+        finally:
+            pool.close()
+            for worker in self.backend.workers:
+                if isinstance(worker, RobotWorker):
+                    worker.close()
 
     def digests(self) -> dict[str, str]:
         """Of everything a finished run consists of."""

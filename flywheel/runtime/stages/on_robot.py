@@ -1,0 +1,143 @@
+"""Drive the robot with each planner, and score models on what it measured and nobody learned from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from flywheel.runtime.config.robot_config import Planner
+from flywheel.runtime.pool.jobs import Job, PoolReport
+from flywheel.runtime.results import Errors, Navigation, RobotResult, RobotScore, RunResult
+from flywheel.runtime.run.context import Model, Run, usable
+from flywheel.runtime.stages.collect import valid_notes
+from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
+from flywheel.runtime.stages.scoring import KnownPlant, navigation, score_jobs, scored
+from flywheel.runtime.workers.episode_plan import EpisodePlan
+from flywheel.runtime.workers.robot_plan import drives
+from flywheel.runtime.workers.sim_worker import Baseline
+
+GIVEN, PLANT, NETWORK, NOISE = "given", "plant", "network", "noise"
+
+
+def drive_robot(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> ArmOutcome:
+    """Let every planner drive the robot to the goals; a network that cannot be used drives nowhere."""
+    robot = run.config.robot
+    assert robot is not None, "only a run with a robot drives one"
+    plans: dict[Planner, list[EpisodePlan]] = {
+        planner: drives(run.config, iteration, planner, run.effects(iteration))
+        for planner in robot.planners
+        if planner != NETWORK or outcome.usable_model is not None
+    }
+    jobs = [
+        job
+        for planner, its in plans.items()
+        for job in run.robot_jobs(its, outcome.usable_model if planner == NETWORK else None)
+    ]
+    report = tally.add(run.do(jobs, f"{iteration}: drive the robot"))
+    notes = [note for its in plans.values() for note in valid_notes(report, its, tally)]
+    driven = _driven(run, report, plans)
+    before = run.latest(outcome.arm)
+    found = RobotResult(
+        minutes=run.robot_minutes(iteration),
+        driven_minutes=sum(note.steps for note in notes) * run.config.network.dt / 60,
+        drives=driven,
+    )
+    evaluated = replace(
+        outcome.evaluated,
+        robot=found,
+        navigation=driven.get(NETWORK),
+        champion_navigation=None if before is None else before.navigation,
+    )
+    return replace(outcome, evaluated=evaluated)
+
+
+def _driven(
+    run: Run, report: PoolReport, plans: Mapping[Planner, list[EpisodePlan]]
+) -> dict[str, Navigation]:
+    found = {planner: navigation(run, planner, report, its) for planner, its in plans.items()}
+    return {planner: each for planner, each in found.items() if each is not None}
+
+
+def robot_score_jobs(run: Run, iteration: int, prefix: str = "robot") -> dict[str, list[Job]]:
+    """Jobs that score the plants, and the noise, on the robot's held-out recordings of an iteration.
+
+    Args:
+      run: under way.
+      iteration: whose adopted effects the plant has.
+      prefix: of the jobs' ids.
+    """
+    episodes = run.recordings("test", iteration + 1)
+    subjects: dict[str, Baseline | KnownPlant] = {
+        GIVEN: KnownPlant(run.config.effects),
+        PLANT: KnownPlant(run.effects(iteration)),
+        NOISE: Baseline.NOISE,
+    }
+    return {
+        name: score_jobs(
+            run,
+            f"{prefix}-{name}",
+            subject,
+            episodes,
+            subject.effects if isinstance(subject, KnownPlant) else (),
+            full=False,
+        )
+        for name, subject in subjects.items()
+    }
+
+
+def with_errors(
+    outcome: ArmOutcome, report: PoolReport, jobs: Mapping[str, list[Job]]
+) -> ArmOutcome:
+    """The outcome with the errors on the robot's recordings; the network's are there already."""
+    robot = outcome.evaluated.robot
+    if robot is None:
+        return outcome
+    found = {name: scored(report, part) for name, part in jobs.items()}
+    noise = found.pop(NOISE)
+    errors = {NETWORK: outcome.evaluated.recordings, **found}
+    known = {name: each for name, each in errors.items() if each is not None}
+    result = robot.model_copy(
+        update={"errors": known, "noise": None if noise is None else noise.short}
+    )
+    return replace(outcome, evaluated=replace(outcome.evaluated, robot=result))
+
+
+def score_finally(run: Run, so_far: RunResult) -> RunResult:
+    """Score the models of all iterations on all of the robot's held-out recordings."""
+    if run.config.robot is None:
+        return so_far
+    last = run.config.iterations
+    episodes = run.recordings("test", last + 1)
+    jobs: dict[tuple[int, str], list[Job]] = {}
+    for result in so_far.of_arm("mppi"):
+        number = result.iteration
+        models: dict[str, Model | KnownPlant] = {PLANT: KnownPlant(run.effects(number))}
+        if usable(result.validation):
+            models[NETWORK] = run.model_of(result)
+        if number == 0:
+            models[GIVEN] = KnownPlant(run.config.effects)
+        for name, model in models.items():
+            known = model.effects if isinstance(model, KnownPlant) else run.effects(last)
+            label = f"on-robot-{number}-{name}"
+            jobs[number, name] = score_jobs(run, label, model, episodes, known, full=False)
+    noise = score_jobs(run, "on-robot-noise", Baseline.NOISE, episodes, (), full=False)
+    report = run.do(
+        [*(job for part in jobs.values() for job in part), *noise], "robot's recordings"
+    )
+    errors = {key: scored(report, part) for key, part in jobs.items()}
+    least: Errors | None = scored(report, noise)
+    return so_far.model_copy(
+        update={
+            "on_robot": tuple(
+                RobotScore(
+                    iteration=number,
+                    model=name,
+                    minutes=0.0 if name == GIVEN else run.robot_minutes(number),
+                    errors=found,
+                )
+                for (number, name), found in errors.items()
+                if found is not None
+            ),
+            "robot_noise": None if least is None else least.short,
+        }
+    )

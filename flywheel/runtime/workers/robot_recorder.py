@@ -1,0 +1,118 @@
+"""Records planned episodes on a robot behind a link, by what is measured alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel import __version__
+from flywheel.control import Controller, Mppi, RandomControls
+from flywheel.control.drive import Drive, OnStep, drive, without_gaps
+from flywheel.control.gaits import Gait
+from flywheel.dynamics.plant import Reckoning
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.effects import NAMED
+from flywheel.records import Episode, Floats, Provenance
+from flywheel.robot_link import RobotLink
+from flywheel.robots import Robot
+from flywheel.runtime.config.run_config import RunConfig, config_digest
+from flywheel.runtime.results import Walk
+from flywheel.runtime.workers.episode_plan import EpisodePlan
+from flywheel.runtime.workers.walks import walk_of
+from flywheel.tasks import Task, sample_task
+
+RECORDING = "recording"
+
+
+class RobotRecorder:
+    """Records planned episodes on a robot.
+
+    Args:
+      config: of the run.
+      robot: of its MJCF.
+    """
+
+    def __init__(self, config: RunConfig, robot: Robot) -> None:
+        self.config, self.robot = config, robot
+        recorded = config.robot is not None or bool(config.collect.recordings)
+        # A network that was trained without recordings has no data set of theirs.
+        self._dataset = config.dataset_numbers()[RECORDING] if recorded else 0
+
+    def record(
+        self,
+        link: RobotLink,
+        plan: EpisodePlan,
+        dynamics: Dynamics | None,
+        model: str,
+        on_step: OnStep | None = None,
+    ) -> Drive:
+        """Record an episode; however it ends, what was measured is in the result.
+
+        Args:
+          link: to the robot.
+          plan: of the episode.
+          dynamics: that MPPI plans with; None if nothing is planned.
+          model: digest of its weights, or "".
+          on_step: is told of every control step.
+
+        Raises:
+          LinkError: the robot is another one, or is lost before the first step.
+          ModelError: the same of the controller.
+        """
+        config, dt = self.config, self.config.network.dt
+        ahead = dynamics is not None and link.info.real_time
+        terms = tuple(effect.term(self.robot, NAMED) for effect in plan.effects)
+        return drive(
+            link,
+            self.robot,
+            self._controller(plan, dynamics, model),
+            lambda points: self.task(plan, points),
+            seconds=plan.seconds,
+            seed=plan.seed,
+            episode_id=plan.id,
+            provenance=self._provenance(plan, model),
+            split=plan.split,
+            lead=config.mppi.steps(dt)["replan_seconds"] if ahead else 0,
+            reckoning=Reckoning(self.robot, dt, terms),
+            dataset=self._dataset,
+            on_step=on_step,
+        )
+
+    def task(self, plan: EpisodePlan, points: Floats) -> Task | None:
+        """The task of a robot that stands at (P, 3) [m]; None for an episode without one."""
+        if plan.task_seed is None:
+            return None
+        rng = np.random.default_rng(plan.task_seed)
+        return sample_task(self.config.task.name, self.robot, points, rng, self.config.task)
+
+    def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
+        """The episode seen from above; None without a task."""
+        points = episode.trajectory.observations.points
+        task = self.task(plan, without_gaps(points[0]))
+        if task is None:
+            return None
+        seen = points[np.isfinite(points).all(axis=(1, 2))]
+        return walk_of(task, episode, seen, plan.seed)
+
+    def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
+        kind, _, gait = plan.controller.partition(":")
+        dt = self.config.network.dt
+        if kind == "gait":
+            return Gait(self.robot, gait, dt, variation=self.config.collect.gait_variation)
+        if kind == "random":
+            return RandomControls(self.robot, dt)
+        assert dynamics is not None, "MPPI plans with a model"
+        return Mppi(dynamics, self.config.mppi, plan.controller, model)
+
+    def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
+        return Provenance(
+            robot=self.robot.digest,
+            source="recording",
+            dataset=RECORDING,
+            controller=plan.controller,
+            model=model,
+            task=self.config.task.name if plan.task_seed is not None else "",
+            seed=plan.seed,
+            iteration=plan.iteration,
+            config=config_digest(self.config),
+            code=__version__,
+        )
