@@ -12,6 +12,7 @@ import typer
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import FAILED
+from flywheel.cli.reveal import reveal
 from flywheel.cli.serve import serve
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
 app.command()(serve)
+app.command()(reveal)
 
 EDGES = ("body", "cable", "contact")
 DT = 0.01  # between commands, unless it is given: what all commands take [s]

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from flywheel.outputs import write_output
 from flywheel.registry import lookup
-from flywheel.reports import error_figures, goal_figures, ladder_figures, style
+from flywheel.reports import error_figures, goal_figures, ladder_figures, robot_figures, style
 from flywheel.runtime.results import RunResult
 
 
@@ -33,6 +33,14 @@ class Picture:
 
 
 FIGURES: dict[str, Picture] = {
+    "robot": Picture(
+        robot_figures.on_the_robot,
+        "On the robot",
+        "Left: predictions of the robot's held-out recordings, which nothing learned from, by the MJCF as it "
+        "was given, by the plant with the effects that diagnoses found, and by the network; the dashed green "
+        "line is the noise of the measurements. Right: goals that MPPI reached on the robot with each of "
+        "them, with Wilson's 95% interval.",
+    ),
     "success": Picture(
         goal_figures.success_over_iterations,
         "Goals reached",

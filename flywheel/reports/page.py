@@ -11,6 +11,7 @@ import yaml
 from flywheel.outputs import write_output
 from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.html import Shown, data_uri, render
+from flywheel.reports.robot_figures import NAMES
 from flywheel.reports.verdicts import headline, verdicts
 from flywheel.runtime.results import Errors, IterationResult, Navigation, RunResult
 
@@ -75,6 +76,8 @@ def render_page(run: RunResult, folder: Path) -> str:
         headline=headline(run),
         verdicts=verdicts(run),
         rows=result_rows(run),
+        robot_rows=robot_rows(run),
+        robot_time=robot_time(run),
         figures=_figures(run),
         videos=_videos(run, folder),
         config=yaml.safe_dump(run.config, sort_keys=False, allow_unicode=True),
@@ -104,6 +107,58 @@ def result_rows(run: RunResult) -> list[Row]:
         if errors is not None or navigation is not None:
             rows.append(Row(name, "beside", **_errors(errors), **_goals(navigation)))
     return rows
+
+
+@dataclass(frozen=True)
+class RobotRow:
+    """A line of the table about the robot; every cell is ready to be shown."""
+
+    iteration: str
+    minutes: str
+    model: str
+    one_second: str
+    short: str
+    rotation: str
+    success: str = ""
+    seconds: str = ""
+
+
+def robot_rows(run: RunResult) -> list[RobotRow]:
+    """What each model of each iteration came to on the robot; empty for a run without one."""
+    rows = []
+    for result in run.of_arm("mppi"):
+        if (robot := result.robot) is None:
+            continue
+        for model in (name for name in NAMES if name in robot.errors):
+            errors = run.robot_errors(model).get(result.iteration, robot.errors[model])
+            goals = _goals(robot.drives.get(model))
+            one = errors.at(1.0)
+            rows.append(
+                RobotRow(
+                    str(result.iteration),
+                    f"{robot.minutes:.1f}",
+                    NAMES[model],
+                    "–" if one is None else _number(one),
+                    _number(errors.short.e_pos_rmse),
+                    _number(errors.short.e_rot),
+                    goals.get("success", ""),
+                    goals.get("seconds", ""),
+                )
+            )
+    return rows
+
+
+def robot_time(run: RunResult) -> list[str]:
+    """How much robot time each model needed, as sentences."""
+    sentences = []
+    for model in ("plant", "network"):
+        if (minutes := run.minutes_to_best(model)) is not None:
+            in_all = max(s.minutes for s in run.on_robot if s.model == model)
+            sentences.append(
+                f"Robot time of the {NAMES[model]}: {minutes:.1f} minutes until its error was within 1.1 "
+                f"times its least, of {in_all:.1f} minutes in all."
+            )
+    return sentences
 
 
 def _iteration_row(run: RunResult, result: IterationResult) -> Row:

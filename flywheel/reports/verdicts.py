@@ -54,6 +54,8 @@ class _Pair(NamedTuple):
 def headline(run: RunResult) -> str:
     """One sentence: did the error fall, did success rise."""
     results = run.of_arm("mppi")
+    if (on_robot := _robot_verdict(run)) is not None:
+        return on_robot.text
     if len(results) < 2:
         state = "No iteration has ended yet" if not results else "Only iteration 0 has ended"
         return f"{state}: there is nothing to compare."
@@ -80,6 +82,8 @@ def verdicts(run: RunResult) -> list[Verdict]:
     if len(results) < 2:
         return []
     found = [_error_verdict(run, results), _success_verdict(results)]
+    if (on_robot := _robot_verdict(run)) is not None:
+        found.insert(0, on_robot)
     if "control" in run.arms:
         found.append(_control_verdict(run, results[-1]))
     if run.floor is not None and (errors := run.test_errors(results[-1])) is not None:
@@ -97,6 +101,25 @@ def rate(success: Success) -> str:
         return "no episodes"
     low, high = success.interval
     return f"{success.reached}/{success.total} ({success.rate:.0%}, {low:.0%} to {high:.0%})"
+
+
+def _robot_verdict(run: RunResult) -> Verdict | None:
+    """Whether the plant came nearer to the robot; None for a run without one."""
+    given = list(run.robot_errors("given").values())
+    plant = run.robot_errors("plant")
+    if not given or not plant:
+        return None
+    before, after = given[-1].short.e_pos_rmse, plant[max(plant)].short.e_pos_rmse
+    known = {effect.label for effect in run.effects_before(0)}
+    added = [e.label for e in run.effects_before(max(plant) + 1) if e.label not in known]
+    noise = "" if run.robot_noise is None else f" (noise {run.robot_noise.e_pos_rmse:.2f} %)"
+    if not added:
+        text = f"The MJCF is {before:.2f} % off on the robot{noise}, and no effect was added to it."
+        return Verdict("open", text)
+    change = f"from {before:.2f} to {after:.2f} %{noise}, with {', '.join(added)} added."
+    if _lower(after, before):
+        return Verdict("yes", f"The error of the MJCF on the robot fell {change}")
+    return Verdict("no", f"The error of the MJCF on the robot did not fall: {change}")
 
 
 def _error_verdict(run: RunResult, results: tuple[IterationResult, ...]) -> Verdict:

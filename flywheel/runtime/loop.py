@@ -26,7 +26,7 @@ from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.run.inventory import check_sound
 from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far, start_tags
-from flywheel.runtime.run.suitability import check_suits
+from flywheel.runtime.run.suitability import check_reached, check_suits
 from flywheel.runtime.stages import (
     Tally,
     collect,
@@ -103,6 +103,7 @@ def run(
             with _tracked(config, files, identity, tracker, shown):  # delivers what is waiting
                 return done
         files.check_space(config.workers.least_free_gb)
+        check_reached(config, robot)
         shown.say(f"The run is in {folder}. Ctrl-C stops it; --resume goes on.")
         with (
             Cluster(cluster) as ray,

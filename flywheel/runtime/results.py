@@ -178,6 +178,16 @@ class Errors(ResultRecord):
             by_episode={name: table.e_pos_mse for name, table in by_episode.items()},
         )
 
+    def at(self, seconds: float) -> float | None:
+        """e_pos_rmse over lead times up to `seconds` [%]; None where that is not known."""
+        lead = self.by_lead_time
+        if lead is None or not lead.seconds or lead.seconds[-1] < seconds - 1e-9:
+            return None
+        known = [
+            e for t, e in zip(lead.seconds, lead.e_pos_rmse, strict=True) if t <= seconds + 1e-9
+        ]
+        return float(np.sqrt(np.mean(np.square(known))))
+
 
 class Walk(ResultRecord):
     """One evaluation episode seen from above.
@@ -477,6 +487,31 @@ class RunResult(ResultRecord):
     def test_errors(self, result: IterationResult) -> Errors | None:
         """The errors on the pooled test set if that was run, else on the iteration's own test episodes."""
         return self.pooled_errors(result) or result.test
+
+    def robot_errors(self, model: str) -> dict[int, Errors]:
+        """Iteration -> errors of a model on the robot: on all held-out recordings, or those that it had then.
+
+        Args:
+          model: as in `RobotResult`. "given" is the same in every iteration.
+        """
+        scored = {s.iteration: s.errors for s in self.on_robot if s.model == model}
+        if scored:
+            return scored
+        had = {t.iteration: t.robot for t in self.of_arm("mppi") if t.robot is not None}
+        return {i: r.errors[model] for i, r in had.items() if model in r.errors}
+
+    def minutes_to_best(self, model: str, within: float = 1.1) -> float | None:
+        """Minutes on the robot until a model's position error is within some factor of its least.
+
+        None where its errors are not known on the same recordings for every iteration.
+        """
+        scored = [s for s in self.on_robot if s.model == model]
+        errors = [s.errors.short.e_pos_rmse for s in scored]
+        finite = [error for error in errors if math.isfinite(error)]
+        if not finite:
+            return None
+        good = (s.minutes for s, e in zip(scored, errors, strict=True) if e <= within * min(finite))
+        return min(good)
 
     def save(self, folder: str | Path, rests_on: Mapping[str, str] = NOTHING) -> Path:
         """Write `<folder>/result.json` in one atomic step, under a seal.

@@ -28,12 +28,18 @@ def keep(run: Run, result: IterationResult) -> None:
         publish_iteration(
             run.tracker,
             result,
-            files=[run.folder.path / result.video] if result.video else [],
+            files=[run.folder.path / name for name in _beside(result)],
             model_folder=run.model_of(result).path.parent if result.model else None,
             model_shape=(len(run.robot.points), len(run.robot.winches)),
         )
     run.folder.finish(result, rests_on(run, result))
     shutil.rmtree(run.folder.cache / name_of(result.iteration, result.arm), ignore_errors=True)
+
+
+def _beside(result: IterationResult) -> list[str]:
+    """The video of an iteration and the page of its diagnosis, where there are some."""
+    page = result.diagnosis.page if result.diagnosis is not None and result.arm == "mppi" else ""
+    return [name for name in (result.video, page) if name]
 
 
 def rests_on(run: Run, result: IterationResult) -> dict[str, str]:

@@ -17,10 +17,14 @@ from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Plant, Reckoning
 from flywheel.effects import NAMED
 from flywheel.errors import ConfigError, ModelError, RobotError
+from flywheel.robot_link import StandIn
+from flywheel.robot_link.opening import SIMULATED, TCP, open_link
 from flywheel.robots import Robot, draw_terrain
+from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_plan import GAITS, collection, evaluation, unseen
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.runtime.workers.robot_plan import first_recordings
 
 ENOUGH = 10  # episodes with random controls give training, validation and test data
 
@@ -57,6 +61,36 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
             f"Without it: {overrides_without(found)}"
         )
     collection(config, 0, "mppi")
+    if config.robot is not None:
+        _check_robot(config, config.robot, robot)
+
+
+def check_reached(config: RunConfig, robot: Robot) -> None:
+    """Refuse a run whose robot does not answer at its port, before anything is started.
+
+    Raises:
+      LinkError: it does not, or is another robot.
+    """
+    link = config.robot
+    if link is not None and link.link.startswith(TCP):
+        open_link(link.link, robot, config.network.dt).close()
+
+
+def _check_robot(config: RunConfig, link: RobotConfig, robot: Robot) -> None:
+    """Refuse a robot that records too little, or a stand-in that cannot be.
+
+    Raises:
+      ConfigError, UnknownNameError: the message says what is wrong.
+    """
+    first_recordings(config)
+    if link.link != SIMULATED:
+        return
+    StandIn(robot, link.stand_in, config.network.dt)
+    if config.task.name != "reach":
+        raise ConfigError(
+            "A stand-in has no obstacles around it: task.name must be reach, got "
+            f"{config.task.name}."
+        )
 
 
 def misfits(config: RunConfig, robot: Robot, dt: float | None = None) -> list[Misfit]:

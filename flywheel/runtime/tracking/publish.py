@@ -24,6 +24,7 @@ from flywheel.runtime.results import (
     IterationResult,
     LeadTimes,
     Navigation,
+    RobotResult,
     RunResult,
     TrainingPoint,
     UnseenCourse,
@@ -130,12 +131,23 @@ def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path]
         _log_line(tracker, "oracle", navigation_values(result.oracle), steps)
     for unseen in result.unseen:
         tracker.log(tracker.key, unseen_values(unseen), max(steps, default=0))
+    _log_robot(tracker, result, max(steps, default=0))
     if result.persistence is not None:
         values = error_values("persistence", result.persistence)
         tracker.log(tracker.key, values, max(steps, default=0))
     for path in files:
         tracker.artifact(tracker.key, path)
     tracker.end(tracker.key)
+
+
+def _log_robot(tracker: Tracker, result: RunResult, last: int) -> None:
+    """Log every model's errors on all of the robot's held-out recordings, and the robot time it took."""
+    for score in result.on_robot:
+        values = robot_errors({score.model: score.errors}, "robot_pooled")
+        tracker.log(tracker.key, values, score.iteration)
+    for model in sorted({score.model for score in result.on_robot} - {"given"}):
+        if (minutes := result.minutes_to_best(model)) is not None:
+            tracker.log(tracker.key, {f"robot/minutes_to_best/{model}": minutes}, last)
 
 
 def _tags(result: IterationResult) -> dict[str, str]:
@@ -193,6 +205,8 @@ def iteration_values(result: IterationResult) -> Values:
         values |= error_values("error_recordings", result.recordings)
     if result.navigation is not None:
         values |= navigation_values(result.navigation)
+    if result.robot is not None:
+        values |= robot_values(result.robot)
     if result.diagnosis is not None:
         values |= diagnosis_values(result.diagnosis)
     if result.gate is not None:
@@ -200,6 +214,40 @@ def iteration_values(result: IterationResult) -> Values:
             "promotion/number": result.gate.number,
             "promotion/promoted": float(result.gate.promoted),
         }
+    return values
+
+
+def robot_values(robot: RobotResult) -> Values:
+    """The numbers on the robot: errors and success for each model, the noise, minutes of robot time.
+
+    `robot/error_2s/<model>` is e_pos RMSE/L [%] over predictions of 2 s (`evaluate.horizon_seconds`).
+    """
+    values: Values = {
+        "robot/minutes": robot.minutes,
+        "robot/minutes_driven": robot.driven_minutes,
+        **robot_errors(robot.errors),
+    }
+    if robot.noise is not None:
+        values["robot/error_of_noise"] = robot.noise.e_pos_rmse
+    for planner, navigation in robot.drives.items():
+        values[f"robot/success/{planner}"] = navigation.success.rate
+        if navigation.seconds_to_goal:
+            values[f"robot/seconds_to_goal/{planner}"] = navigation.median_seconds
+    return values
+
+
+def robot_errors(errors: Mapping[str, Errors], section: str = "robot") -> Values:
+    """The errors of each model on the robot's held-out recordings, over 1 s and the whole horizon."""
+    values: Values = {}
+    for model, each in errors.items():
+        if each.by_lead_time is None or not each.by_lead_time.seconds:
+            continue
+        horizon = each.by_lead_time.seconds[-1]
+        values[f"{section}/error_{horizon:g}s/{model}"] = each.short.e_pos_rmse
+        if not each.short.turnless:
+            values[f"{section}/rotation_{horizon:g}s/{model}"] = each.short.e_rot
+        if horizon > 1 and (one := each.at(1.0)) is not None:
+            values[f"{section}/error_1s/{model}"] = one
     return values
 
 

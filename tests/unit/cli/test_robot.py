@@ -11,9 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
+from flywheel.effects import WrittenTerm
 from flywheel.robots import ROBOTS, load_robot
 from flywheel.runtime.config.run_config import load_config
+from flywheel.runtime.results import RunResult
 from flywheel.runtime.run.suitability import check_suits
+from tests.unit.runtime.tiny_run import Bench
 
 ROOT = Path(__file__).parents[3]
 SWING = (ROOT / "tests" / "contracts" / "robots" / "swing.xml").read_text()
@@ -159,3 +162,28 @@ def test_what_cannot_be_read_is_bad_input(tmp_path: Path) -> None:
         done = run(app, ["robot", "check", str(tmp_path / name)])
         assert done.exit_code == 2
         assert name in done.output
+
+
+def test_what_was_hidden_is_revealed_beside_what_was_found(tmp_path):
+    bench = Bench(tmp_path / "run", iterations=0, robot={"hidden": ["torque_speed:2", "cogging"]})
+    bench.files.path.mkdir()
+    bench.files.begin(bench.config, resume=False)
+    effects = (WrittenTerm(effect="slope", parameters={"about_x": 0.01, "about_y": 0.0}),)
+    found = {"effects": [effect.model_dump() for effect in effects]}
+    key = bench.files.begun().identity.key
+    RunResult(name="r", key=key, config=found).save(bench.files.path)
+    words = run(app, ["robot", "reveal", str(bench.files.path)]).output
+    assert re.search(r"torque_speed .* slope \S+ 1/N .* no ", words)
+    assert re.search(r"cogging .* no ", words) and re.search(
+        r"slope .* not there .* about_x 0.01", words
+    )
+    assert "noise of 0.30% of the length" in words
+
+
+def test_a_run_without_a_stand_in_has_nothing_to_reveal(tmp_path):
+    bench = Bench(tmp_path / "run")
+    bench.files.path.mkdir()
+    bench.files.begin(bench.config, resume=False)
+    RunResult(name="r", key=bench.files.begun().identity.key).save(bench.files.path)
+    done = run(app, ["robot", "reveal", str(bench.files.path)])
+    assert done.exit_code != 0 and "has no stand-in" in str(done.exception)

@@ -19,6 +19,8 @@ from flywheel.runtime.results import (
     Navigation,
     Overlay,
     PooledTest,
+    RobotResult,
+    RobotScore,
     RunResult,
     TrainingPoint,
     UnseenCourse,
@@ -248,3 +250,37 @@ def turnless(run: RunResult) -> RunResult:
         return None if value is None else np.nan
 
     return RunResult.model_validate(without(run.model_dump()))
+
+
+def with_robot(run: RunResult) -> RunResult:
+    """The same run on a robot that is not its model; every iteration finds one effect more."""
+    rng = np.random.default_rng(7)
+
+    def level(number: int) -> dict[str, Errors]:
+        levels = {"network": 1.6 - 0.2 * number, "given": 1.5, "plant": 1.5 / (1 + number)}
+        return {name: fake_errors(each, full=False) for name, each in levels.items()}
+
+    def on_robot(number: int) -> RobotResult:
+        return RobotResult(
+            minutes=1.0 + 3.0 * number,
+            driven_minutes=3.0,
+            errors=level(number),
+            noise=ErrorNumbers(e_pos_mse=0.01, e_pos_rmse=0.4, e_rot=0.3),
+            drives={p: fake_navigation(rng, 0.5, 8, p) for p in ("network", "plant")},
+        )
+
+    turns = tuple(
+        i.model_copy(update={"robot": on_robot(i.iteration)}) if i.arm == "mppi" else i
+        for i in run.iterations
+    )
+    scores = tuple(
+        RobotScore(iteration=i.iteration, model=name, minutes=i.robot.minutes, errors=errors)
+        for i in turns
+        if i.robot is not None
+        for name, errors in i.robot.errors.items()
+        if name != "given" or i.iteration == 0
+    )
+    noise = ErrorNumbers(e_pos_mse=0.01, e_pos_rmse=0.42, e_rot=0.3)
+    return run.model_copy(
+        update={"iterations": turns, "on_robot": scores, "robot_noise": noise, "oracle": None}
+    )

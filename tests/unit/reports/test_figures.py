@@ -16,12 +16,12 @@ from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.goal_figures import unseen_courses, walks
 from flywheel.robots import Box, load_course
 from flywheel.runtime.results import RunResult
-from tests.unit.reports.fake_run import fake_errors, fake_run, turnless
+from tests.unit.reports.fake_run import fake_errors, fake_run, turnless, with_robot
 
 
 @pytest.fixture(scope="module")
 def run():
-    return fake_run(2)
+    return with_robot(fake_run(2))
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -37,7 +37,7 @@ def test_a_figure_is_the_same_file_for_the_same_run(run):
 
 @pytest.mark.parametrize("name", sorted({*FIGURES} - {"ladder", "unseen"}))
 def test_a_figure_of_one_iteration_or_of_an_unfinished_run_is_drawn(name):
-    assert draw(name, fake_run(1, finished=False)) is not None
+    assert draw(name, with_robot(fake_run(1, finished=False))) is not None
 
 
 @pytest.mark.slow
@@ -128,7 +128,7 @@ def test_an_unknown_figure_is_refused_with_the_known_ones(run):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_robot_that_shows_no_rotation_has_every_figure(name):
-    assert draw(name, turnless(fake_run(2))) is not None
+    assert draw(name, turnless(with_robot(fake_run(2)))) is not None
 
 
 def test_what_a_robot_does_not_show_has_no_axes(run):
