@@ -186,4 +186,4 @@ def test_a_run_without_a_stand_in_has_nothing_to_reveal(tmp_path):
     bench.files.begin(bench.config, resume=False)
     RunResult(name="r", key=bench.files.begun().identity.key).save(bench.files.path)
     done = run(app, ["robot", "reveal", str(bench.files.path)])
-    assert done.exit_code != 0 and "has no stand-in" in str(done.exception)
+    assert done.exit_code == 2 and "has no stand-in" in done.output
