@@ -46,7 +46,7 @@ RobotOption = Annotated[
     str,
     typer.Option(
         metavar="ROBOT",
-        help="simulated (a stand-in), tcp://HOST:PORT, or MODULE:CLASS for a link of your own.",
+        help="simulated (a stand-in), tcp://HOST:PORT, ros://HOST:PORT, or MODULE:CLASS of your own.",
     ),
 ]
 ModelOption = Annotated[

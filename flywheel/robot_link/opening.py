@@ -1,4 +1,4 @@
-"""The ways to a robot, as people write them: `simulated`, `tcp://HOST:PORT`, `MODULE:CLASS`."""
+"""The ways to a robot, as people write them: `simulated`, `tcp://...`, `ros://...`, `MODULE:CLASS`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from urllib.parse import urlsplit
 
 from flywheel.errors import ConfigError, LinkError
 from flywheel.robot_link.protocol import RobotLink
+from flywheel.robot_link.ros import PORT as BRIDGE_PORT
+from flywheel.robot_link.ros import RosLink
 from flywheel.robot_link.simulated import SimulatedLink
 from flywheel.robot_link.stand_in import StandInConfig
 from flywheel.robot_link.tcp import TcpLink
 from flywheel.robots import Robot
 
-SIMULATED, TCP = "simulated", "tcp"
+SIMULATED, TCP, ROS = "simulated", "tcp", "ros"
 PORT = 7420  # where a robot listens if nothing else is said
-WAYS = f'"{SIMULATED}", "{TCP}://HOST:PORT" or "MODULE:CLASS"'
+WAYS = f'"{SIMULATED}", "{TCP}://HOST:PORT", "{ROS}://HOST:PORT" or "MODULE:CLASS"'
 
 
 def open_link(
@@ -30,7 +32,8 @@ def open_link(
 
     Args:
       where: "simulated" for a stand-in in a process of its own, "tcp://HOST:PORT" (the port may be left
-        out), or "MODULE:CLASS" for a class of one's own that takes a Robot and the arguments.
+        out), "ros://HOST:PORT" for rosbridge, or "MODULE:CLASS" for a class of one's own that
+        takes a Robot and the arguments.
       robot: of the MJCF.
       period: of a stand-in's control loop [s].
       stand_in: what a stand-in is, beyond its MJCF.
@@ -60,17 +63,14 @@ def _opened(
     if where == SIMULATED:
         return SimulatedLink(robot, stand_in, period)
     if where == TCP or where.startswith(f"{TCP}://"):
-        return TcpLink(*_address(where))
+        return TcpLink(*_address(where, TCP, PORT))
+    if where == ROS or where.startswith(f"{ROS}://"):
+        host, port = _address(where, ROS, BRIDGE_PORT)
+        return _made(RosLink, where, robot, {"period": period, **arguments}, host=host, port=port)
     module, colon, name = where.partition(":")
     if not colon or not all(part.isidentifier() for part in (*module.split("."), name)):
         raise ConfigError(f"A robot is reached by {WAYS}, got {where!r}.")
-    kind = _class(module, name)
-    try:
-        made = kind(robot, **arguments)
-    except TypeError as error:
-        raise ConfigError(
-            f"{where} cannot be made from a robot and {arguments}: {error}."
-        ) from None
+    made = _made(_class(module, name), where, robot, arguments)
     if not isinstance(made, RobotLink):
         raise ConfigError(
             f"{where} is no RobotLink: it needs info, reset, observe, send, stop and close."
@@ -78,14 +78,26 @@ def _opened(
     return made
 
 
-def _address(where: str) -> tuple[str, int]:
+def _made(
+    kind: Callable[..., Any], where: str, robot: Robot, arguments: Mapping[str, Any], **more: Any
+) -> Any:
+    """A link of a class, with the user's arguments."""
+    try:
+        return kind(robot, **{**more, **arguments})
+    except TypeError as error:
+        raise ConfigError(
+            f"{where} cannot be made from a robot and {arguments}: {error}."
+        ) from None
+
+
+def _address(where: str, scheme: str, usual: int) -> tuple[str, int]:
     try:
         parts = urlsplit(where if "://" in where else f"{where}://")
-        port = parts.port or PORT
+        port = parts.port or usual
     except ValueError:
         raise ConfigError(f"{where!r} has no port from 1 to 65535.") from None
     if parts.path or parts.query or parts.username:
-        raise ConfigError(f"A robot is reached by {TCP}://HOST:PORT, got {where!r}.")
+        raise ConfigError(f"A robot is reached by {scheme}://HOST:PORT, got {where!r}.")
     return parts.hostname or "127.0.0.1", port
 
 

@@ -44,7 +44,8 @@ class RobotConfig(StandInConfig):
     What a stand-in is (`StandInConfig`) is told to nobody else: it is in no dump of this and in no digest.
 
     Attributes:
-      link: "simulated" for a stand-in in a process of its own, "tcp://HOST:PORT", "MODULE:CLASS", or
+      link: "simulated" for a stand-in in a process of its own, "tcp://HOST:PORT", "ros://HOST:PORT",
+        "MODULE:CLASS", or
         "transcripts:FOLDER" for what went over the link of an earlier run (its folder `robot/`).
       links: how many are driven at once; only stand-ins are as many as one wants.
       arguments: of a class of one's own.
