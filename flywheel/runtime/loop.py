@@ -20,7 +20,13 @@ from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import Progress, Quiet
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.results import RESULT_FILE, ErrorNumbers, IterationResult, RunResult
+from flywheel.runtime.results import (
+    RESULT_FILE,
+    ErrorNumbers,
+    IterationResult,
+    RobotResult,
+    RunResult,
+)
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.identity import Identity
@@ -270,12 +276,29 @@ def summary(result: IterationResult) -> str:
         words.append(f"recordings {_errors(result.recordings.short)}")
     if result.diagnosis is not None:
         words.append(f"diagnosis: {result.diagnosis.reason}")
-    if result.navigation is not None:
+    if result.robot is not None:
+        words.append(_on_robot(result.robot))
+    elif result.navigation is not None:
         success = result.navigation.success
         words.append(f"{success.reached} of {success.total} goals reached")
     if result.gate is not None:
         words.append(result.gate.reason)
     return "; ".join(words)
+
+
+def _on_robot(robot: RobotResult) -> str:
+    """What came of an iteration on the robot."""
+    errors = ", ".join(
+        f"{name} {each.short.e_pos_rmse:.2f} %" for name, each in robot.errors.items()
+    )
+    noise = "" if robot.noise is None else f" (noise {robot.noise.e_pos_rmse:.2f} %)"
+    goals = ", ".join(
+        f"{name} {each.success.reached} of {each.success.total}"
+        for name, each in robot.drives.items()
+    )
+    return (
+        f"on the robot after {robot.minutes:.1f} min: e_pos {errors}{noise}; goals reached: {goals}"
+    )
 
 
 def _errors(numbers: ErrorNumbers) -> str:

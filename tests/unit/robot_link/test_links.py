@@ -197,7 +197,11 @@ def test_a_link_of_one_s_own_is_found_by_its_name(prism3: Robot) -> None:
 @pytest.mark.parametrize(
     ("where", "arguments", "message"),
     [
-        ("smoke signals", {}, 'by "simulated", "tcp://HOST:PORT", "ros://HOST:PORT" or "MODULE:CLASS"'),
+        (
+            "smoke signals",
+            {},
+            'by "simulated", "tcp://HOST:PORT", "ros://HOST:PORT" or "MODULE:CLASS"',
+        ),
         ("tcp://host:99999", {}, "no port from 1 to 65535"),
         ("tcp://host:1/path", {}, "reached by tcp://HOST:PORT"),
         ("no_such_module:Robot", {}, "no_such_module cannot be imported"),
