@@ -18,7 +18,7 @@ from flywheel.control import Mppi
 from flywheel.control.drive import Drive, drive
 from flywheel.dynamics.plant import Reckoning, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import NAMED, Terms
+from flywheel.effects import Terms
 from flywheel.errors import ConfigError
 from flywheel.records import Episode, Floats, Provenance
 from flywheel.robot_link import RobotLink, Sample, StandInConfig
@@ -86,7 +86,7 @@ class RobotDriver:
 
     @property
     def _terms(self) -> Terms:
-        return tuple(effect.term(self.robot, NAMED) for effect in self._effects)
+        return tuple(effect.term(self.robot, self.recorder.library) for effect in self._effects)
 
     def drive(self, seed: int, stage: Stage) -> Drive:
         """Drive one episode; however it ends, what was measured is in the result.
