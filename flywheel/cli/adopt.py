@@ -15,6 +15,14 @@ if TYPE_CHECKING:
     from flywheel.effects import AdoptedPlant
 
 ANSWERS = Bounds(1, 1000)
+AnswerOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Which of several answers, from 1; also takes what held-out recordings speak against.",
+        show_default=False,
+        callback=within(ANSWERS),
+    ),
+]
 
 
 def adopt(
@@ -29,14 +37,7 @@ def adopt(
         typer.Option(help="What was diagnosed, as it was given there.", show_default=False),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the versions.")] = Path("plants"),
-    answer: Annotated[
-        int | None,
-        typer.Option(
-            help="Which of several answers, from 1; also takes what held-out recordings speak against.",
-            show_default=False,
-            callback=within(ANSWERS),
-        ),
-    ] = None,
+    answer: AnswerOption = None,
     effects_from: EffectsFromOption = None,
 ) -> None:
     """Make the effects that were found part of the plant, as a new version of it.

@@ -110,9 +110,10 @@ def compare(
         "models": ", ".join(specs),
         "recordings": ", ".join(path.name for path in recordings),
         "control step": f"{dt:g} s",
+        **library.about,
     }
     out.say(f"Page: {_page(out, found, page, about, video)}")
-    out.keep_json(json, found.summary())
+    out.keep_json(json, {**found.summary(), **library.provenance})
     raise typer.Exit(found.exit_code)
 
 

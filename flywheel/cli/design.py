@@ -97,10 +97,10 @@ def design(
     _show(shown, found)
     shown.say(f"Commands: {out}")
     if page is not None:
-        about = {"commands": out.name, "seed": str(seed), **about_plant(plant)}
+        about = {"commands": out.name, "seed": str(seed), **about_plant(plant), **library.about}
         winches = [winch.name for winch in plant.robot.winches]
         shown.say(f"Page: {write_design(found, page, about, winches)}")
-    shown.keep_json(json, found.summary())
+    shown.keep_json(json, {**found.summary(), **library.provenance})
 
 
 def _check_outputs(

@@ -117,20 +117,14 @@ def diagnose(
         unsure=unsure_of(unsure or []),
     )
     _show(out, found, _again(robot, effects_from or []))
-    about = _about(plant, found, recordings, others)
-    if library.files:
-        about["effects from"] = ", ".join(map(str, library.references))
+    about = {**_about(plant, found, recordings, others), **library.about}
     out.say(f"Page: {write_diagnosis(found, page, about)}")
     summary = {
         **found.summary(),
         "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
         "recordings": [path.name for path in recordings],
         "held_out_recordings": [path.name for path in others],
-        **(
-            {"effects_from": [each.model_dump() for each in library.references]}
-            if library.files
-            else {}
-        ),
+        **library.provenance,
     }
     out.keep_json(json, summary, allow_nan=False)
     raise typer.Exit(found.exit_code)

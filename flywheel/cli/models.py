@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from flywheel.cli.runs import open_run
 from flywheel.diagnosis.comparison import Subject
@@ -20,7 +20,7 @@ from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Effect, Scales
 from flywheel.effects.adopted import PLANT as PLANT_FILE
 from flywheel.effects.adopted import plant_file
 from flywheel.effects.libraries import with_laws
-from flywheel.effects.own import LawFile, LawReference, check_different
+from flywheel.effects.own import LawFile, check_different
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
@@ -69,9 +69,16 @@ class Library:
         return cls(files, with_laws(files))
 
     @property
-    def references(self) -> list[LawReference]:
-        """Which law files were given."""
-        return [file.reference for file in self.files]
+    def about(self) -> dict[str, str]:
+        """A line about the law files, for the head of a page; none without any."""
+        files = ", ".join(str(file.reference) for file in self.files)
+        return {"effects from": files} if files else {}
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """The law files, as the JSON of an answer has them; nothing without any."""
+        files = [file.reference.model_dump() for file in self.files]
+        return {"effects_from": files} if files else {}
 
     def asked(self, effects: str = "") -> Mapping[str, Effect]:
         """The effects by name ("capstan,creep"); for none all that a diagnosis considers by itself.

@@ -70,9 +70,9 @@ def power(
     found = foreseen(plant, controls, sigma, asked, size, seconds=window)
     _show(out, found)
     if page is not None:
-        about = {"commands": commands.name, **about_plant(plant)}
+        about = {"commands": commands.name, **about_plant(plant), **library.about}
         out.say(f"Page: {write_power(found, page, about)}")
-    out.keep_json(json, found.summary())
+    out.keep_json(json, {**found.summary(), **library.provenance})
 
 
 def _show(out: Out, found: Power) -> None:

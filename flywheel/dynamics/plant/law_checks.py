@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import product
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -30,6 +31,7 @@ from flywheel.effects import (
 )
 from flywheel.effects.own import described
 from flywheel.errors import ConfigError
+from flywheel.files import shown
 from flywheel.records import Floats, State
 from flywheel.robots import Robot
 from flywheel.robots.mujoco_warnings import collected_warnings
@@ -119,10 +121,10 @@ class _Trial:
     def _check_finite(self, effect: Effect, factors: Sequence[float]) -> None:
         """Finite numbers, of the right shape, that are the same for a part of the simulations."""
         values = self._values(effect, factors)
-        shown = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+        given = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
         if isinstance(effect, ModelEffect):
             term = Term(effect, effect.places(self.augmented.robot)[0], tuple(values.values()))
-            self._edited(effect, (term,), f"with {shown}")
+            self._edited(effect, (term,), f"with {given}")
             return
         whole = self._answers(effect, values, slice(None))
         part = self._answers(effect, values, slice(1, 3))
@@ -133,7 +135,7 @@ class _Trial:
                 )
             if not np.isfinite(got).all():
                 raise ConfigError(
-                    f"{described(effect)} gives {name} that are not finite, with {shown}."
+                    f"{described(effect)} gives {name} that are not finite, with {given}."
                 )
         for name, (got, _) in part.items():
             if not np.array_equal(got, whole[name][0][:, 1:3]):
@@ -251,25 +253,51 @@ class _Trial:
             controls = self.controls[rows]
             wide = _wide(values, (count, len(robot.winches)))
             got = effect.command(controls, wide, robot, self.augmented.dt)
-            return {"commands": (np.asarray(got, float)[None], (1, *controls.shape))}
+            return {"commands": (_numbers(effect, "commands", [got]), (1, *controls.shape))}
         if isinstance(effect, WinchEffect):
             wide = _wide(values, (count, len(robot.winches)))
             pairs = zip(self.rates, self.winches, strict=True)
             rates = [effect.rate(rate[rows], winches[rows], wide) for rate, winches in pairs]
             shape = (INSTANTS, count, len(robot.winches))
-            return {"rates": (np.array(rates, float), shape)}
+            return {"rates": (_numbers(effect, "rates", rates), shape)}
         assert isinstance(effect, TensionEffect)
-        wide = _wide(values, (count, len(robot.cables)))
-        memory, tensions, memories = np.zeros((count, len(robot.cables))), [], []
+        return self._tensions(effect, _wide(values, (count, len(robot.cables))), rows)
+
+    def _tensions(
+        self, effect: TensionEffect, wide: dict[str, Floats], rows: slice
+    ) -> dict[str, tuple[Floats, tuple[int, ...]]]:
+        """The tensions of a law at all instants, one after the other, and what it remembers."""
+        shape = (INSTANTS, *self.cables[0][rows].length.shape)
+        memory, tensions, memories = np.zeros(shape[1:]), [], []
         for cables in self.cables:
-            tension, memory = effect.tension(cables[rows], _fixed(memory), wide)
-            tensions.append(tension)
-            memories.append(memory)
-        shape = (INSTANTS, count, len(robot.cables))
-        found = {"tensions": (np.array(tensions, float), shape)}
+            got = effect.tension(cables[rows], _fixed(memory), wide)
+            if not isinstance(got, tuple) or len(got) != 2:
+                raise ConfigError(
+                    f"{described(effect)} must give a tension and the memory at the next instant, as a "
+                    f"tuple of two arrays; got {shown(got)}."
+                )
+            tensions.append(got[0])
+            memories.append(got[1])
+            if effect.remembers and np.shape(got[1]) == shape[1:]:
+                memory = np.array(got[1], float)
+        found = {"tensions": (_numbers(effect, "tensions", tensions), shape)}
         if effect.remembers:
-            found["memories"] = (np.array(memories, float), shape)
+            found["memories"] = (_numbers(effect, "memories", memories), shape)
         return found
+
+
+def _numbers(effect: Effect, name: str, answers: list[Any]) -> Floats:
+    """What a law gave, one answer after the other.
+
+    Raises:
+      ConfigError: it is no array of numbers.
+    """
+    try:
+        return np.array(answers, float)
+    except (TypeError, ValueError):
+        raise ConfigError(
+            f"{described(effect)} gives {name} that are no array of numbers: {shown(answers[0])}."
+        ) from None
 
 
 def _corners(effect: Effect) -> Iterator[tuple[float, ...]]:
