@@ -89,7 +89,7 @@ def compare(
     from flywheel.runtime.config.demand import check_predictions
 
     check_predictions(draws, horizon, dt, "--draws, --horizon, --dt")
-    inputs = [*recordings, *(effects_from or []), robot]
+    inputs: list[str | Path] = [*recordings, *(effects_from or []), robot]
     check_outputs({"page": page, "JSON": json, "video": video}, inputs=inputs)
     out, specs, library = console(), model or [PLANT], Library.of(effects_from)
     predicted = open_plant(robot, dt, library=library).robot

@@ -99,11 +99,10 @@ def diagnose(
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis
 
-    others = held_out or []
+    others, laws = held_out or [], effects_from or []
     tuned = diagnosis.changed(diagnosis.Settings(), changes_of(settings or []))
-    inputs = [*recordings, *others, *(effects_from or []), robot]
-    check_outputs({"page": page, "JSON": json}, inputs=inputs)
-    library, out = Library.of(effects_from), console()
+    check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, *laws, robot])
+    library, out = Library.of(laws), console()
     asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)
     subject = None if model is None else open_trained(model, plant.robot)
     found = diagnosis.diagnose(
@@ -116,7 +115,7 @@ def diagnose(
         model=None if subject is None else subject.subject(plant.robot, threads),
         unsure=unsure_of(unsure or []),
     )
-    _show(out, found, _again(robot, effects_from or []))
+    _show(out, found, _again(robot, laws))
     about = {**_about(plant, found, recordings, others), **library.about}
     out.say(f"Page: {write_diagnosis(found, page, about)}")
     summary = {

@@ -61,7 +61,7 @@ def power(
     from flywheel.outputs import check_outputs
     from flywheel.reports.experiment_page import write_power
 
-    inputs = [commands, *(effects_from or []), robot]
+    inputs: list[str | Path] = [commands, *(effects_from or []), robot]
     check_outputs({"page": page, "JSON": json}, inputs=inputs)
     library, out = Library.of(effects_from), console()
     asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)

@@ -226,8 +226,8 @@ def _loaded(file: LawFile) -> dict[str, Effect]:
     for kind in dict.fromkeys(kinds):
         if inspect.isabstract(kind) and not hasattr(kind, "name"):
             continue  # what several laws have in common
-        if problem := wrong_in_declaration(kind):
-            raise ConfigError(f"The law {kind.__name__} of {file.file} {problem}.")
+        if wrong := wrong_in_declaration(kind):
+            raise ConfigError(f"The law {kind.__name__} of {file.file} {wrong}.")
         try:
             effect = kind()
         except Exception as problem:

@@ -151,8 +151,10 @@ class _Trial:
             self._check_neutral_model(effect, tuple(values.values()))
             return
         answers = self._answers(effect, values, slice(None))
+        name: str
+        want: Floats
         if isinstance(effect, TensionEffect):
-            name, want = "tensions", np.zeros(())
+            name, want = "tensions", np.zeros(1)
         elif isinstance(effect, WinchEffect):
             name, want = "rates", self.rates
         else:
