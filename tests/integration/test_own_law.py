@@ -50,7 +50,7 @@ def test_from_a_file_to_a_plant_that_predicts_better(
     monkeypatch.setattr(comparison_video, "film_window", None)  # a page without videos
     robot = load_robot("prism3")
     hidden = hidden_effect("cogging").typical(robot, np.random.default_rng(0))
-    for name, seed, seconds in (("monday", 1, 0.7), ("friday", 3, 3.0)):
+    for name, seed, seconds in (("monday", 1, 0.7), ("friday", 3, 2.0)):
         record(robot, [hidden], seconds=seconds, seed=seed).write(tmp_path, name, robot)
     own_laws.law_file(tmp_path)
     asked = ("diagnose", "monday.csv", *PRISM, "--effects", "cogging", "--json", "answer.json")

@@ -130,11 +130,12 @@ class Diagnosis:
             "next_experiment": self.next_experiment.summary(),
             "time_steps": self.time_steps.summary(),
             "seconds": self.seconds,
-            **({"effects_from": from_files} if (from_files := self._effects_from()) else {}),
+            **({"effects_from": self.effects_from} if self.effects_from else {}),
             **({"settings": changes} if (changes := unusual(self.settings)) else {}),
         }
 
-    def _effects_from(self) -> list[dict[str, str]]:
+    @property
+    def effects_from(self) -> list[dict[str, str]]:
         """The law files that effects of the library were from."""
         files = law_files(score.candidate.effect for score in self.ranking)
         return [file.reference.model_dump() for file in files]

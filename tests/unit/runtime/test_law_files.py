@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from flywheel.data import TrajectoryStore
 from flywheel.data.recordings import read_recording, store_recording
+from flywheel.diagnosis.adoption import adoptable
 from flywheel.effects import NAMED, AdoptedPlant, WrittenTerm
 from flywheel.effects.own import LawFile
 from flywheel.errors import ConfigError, DataError, UnknownNameError
@@ -22,13 +25,14 @@ from flywheel.runtime.config.run_config import (
     load_stored_config,
 )
 from flywheel.runtime.run.folder import RunFolder
+from flywheel.runtime.run.inventory import Inventory
 from flywheel.runtime.run.suitability import check_suits
-from flywheel.runtime.workers.stored_episodes import effects_of
+from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.seals import file_sha256
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
 from tests import own_laws
-from tests.unit.runtime.tiny_run import TINY, Bench
+from tests.unit.runtime.tiny_run import TINY
 
 COGGING = {"effect": "cogging", "parameters": {"sine": 0.4, "cosine": 0.0, "pitch": 0.15}}
 
@@ -153,7 +157,10 @@ def test_a_run_keeps_its_law_file_and_goes_on_without_the_original(tmp_path: Pat
     assert kept.read_text() == own_laws.COGGING
     assert folder.config() == config
     assert folder.begin(load_config(folder.config_file), resume=True) == begun
+    look = Inventory(folder, TrajectoryStore(folder.store_url(config)))
+    assert look.strangers() == [] and look.faults() == []
     kept.write_text(own_laws.COGGING + "\n")
+    assert [(fault.kind, fault.where) for fault in look.faults()] == [("altered", "my_laws.py")]
     with pytest.raises(DataError, match="my_laws.py was altered since the run was begun"):
         folder.config()
     own_laws.law_file(tmp_path, own_laws.COGGING + "# changed\n")
@@ -177,26 +184,28 @@ def test_what_is_written_of_a_law_file_is_its_name_and_digest(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_a_run_finds_a_law_of_ones_own_and_simulates_with_it(tmp_path: Path) -> None:
-    robot, store, names = load_robot("prism3"), Bench(tmp_path).store, []
+def test_a_worker_of_a_run_finds_a_law_of_ones_own(tmp_path: Path) -> None:
+    robot, store, names = load_robot("prism3"), str(tmp_path / "store"), []
     hidden = hidden_effect("cogging").typical(robot, np.random.default_rng(0))
     splits: tuple[Split, ...] = ("train", "test")
     for seed, split in enumerate(splits, 1):
         made = record(robot, [hidden], seconds=0.7, seed=seed)
         log, _ = made.write(tmp_path / "logs", split, robot)
-        names.append(store_recording(store, read_recording(log, robot, split=split))[0])
-    run = Bench(
-        tmp_path,
-        collect={**TINY["collect"], "recordings": names},
-        diagnose={"on": True, "effects": ["cogging"]},
-        effects_from=str(own_laws.law_file(tmp_path / "laws")),
-        evaluate={**TINY["evaluate"], "floor": False, "tasks": 0, "oracle": False},
+        recording = read_recording(log, robot, split=split)
+        names.append(store_recording(TrajectoryStore(store), recording)[0])
+    law = own_laws.law_file(tmp_path)
+    config = RunConfig.model_validate(
+        {
+            "effects_from": [str(law)],
+            "collect": {"recordings": names},
+            "diagnose": {"on": True, "effects": ["cogging"]},
+        }
     )
-    result = run.turn()
-    note = result.iterations[1].diagnosis
-    assert [effect.effect for effect in note.effects] == ["cogging"], note.reason
-    assert note.held_out_augmented < note.held_out_baseline
-    assert note.answer["effects_from"][0]["file"] == "my_laws.py"
-    later = run.store.snapshot("i0001-mppi").episodes
-    simulated = {effects_of(run.store.read(e.id)) for e in later if e.source == "sim"}
-    assert simulated == {note.effects}
+    law.unlink()  # where the worker is, it is not
+    worker = SimWorker(pickle.loads(pickle.dumps(config)), store, robot)
+    found = pickle.loads(pickle.dumps(worker.diagnose((), names[:1], names[1:])))
+    assert [effect.effect for effect in found.answers[0]] == ["cogging"]
+    assert found.held_out.augmented < 0.95 * found.held_out.baseline
+    assert found.summary()["effects_from"] == [config.effects_from[0].reference.model_dump()]
+    (written,) = adoptable(found.summary())
+    assert worker._recorder.plant(0, (written,)).terms[0].effect is config.library()["cogging"]
