@@ -1,7 +1,7 @@
 """Documents keep their form, their links lead somewhere, and their code runs.
 
-`xml` is saved under the name in its first line, `python` and `bash` blocks run in order in one folder per
-document. `console` and `text` blocks are only shown.
+`xml`, and `python` whose first line is the name of a file, is saved under that name. Other `python` and
+`bash` blocks run in order in one folder per document. `console` and `text` blocks are only shown.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(p for p in (ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
+NAMED = re.compile(r"# (\w+\.py)\n")  # a file of Python, in its first line
 LINK = re.compile(r"\]\(([^)#]+?)(?:#[^)]*)?\)")
 RESULTS = sorted(p for p in (ROOT / "docs" / "results").glob("*.md") if p.stem != "index")
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
@@ -36,7 +37,9 @@ def test_the_code_in_a_document_runs(
     for match in BLOCK.finditer(document.read_text()):
         language, code = match.groups()
         line = document.read_text()[: match.start()].count("\n") + 2
-        if language == "xml":
+        if language == "python" and (file := NAMED.match(code)):
+            Path(file[1]).write_text(code)
+        elif language == "xml":
             Path(re.findall(r"<!-- (\S+) -->", code)[0]).write_text(code)
         elif language == "python":
             exec(compile("\n" * (line - 1) + code, str(document), "exec"), names)

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from flywheel.cli.console import console, table
-from flywheel.cli.options import within
+from flywheel.cli.options import EffectsFromOption, within
 from flywheel.quantities import Bounds
 
+if TYPE_CHECKING:
+    from flywheel.effects import AdoptedPlant
+
 ANSWERS = Bounds(1, 1000)
+AnswerOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Which of several answers, from 1; also takes what held-out recordings speak against.",
+        show_default=False,
+        callback=within(ANSWERS),
+    ),
+]
 
 
 def adopt(
@@ -26,14 +37,8 @@ def adopt(
         typer.Option(help="What was diagnosed, as it was given there.", show_default=False),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the versions.")] = Path("plants"),
-    answer: Annotated[
-        int | None,
-        typer.Option(
-            help="Which of several answers, from 1; also takes what held-out recordings speak against.",
-            show_default=False,
-            callback=within(ANSWERS),
-        ),
-    ] = None,
+    answer: AnswerOption = None,
+    effects_from: EffectsFromOption = None,
 ) -> None:
     """Make the effects that were found part of the plant, as a new version of it.
 
@@ -43,14 +48,14 @@ def adopt(
 
     flywheel adopt answer.json --robot my_robot.xml
     """
-    from flywheel.cli.models import adopted_file
+    from flywheel.cli.models import Library, adopted_file
     from flywheel.diagnosis import adoption
     from flywheel.diagnosis.results.answer import Answer
     from flywheel.effects import AdoptedPlant
     from flywheel.errors import DataError
     from flywheel.robots import load_robot
 
-    summary = _read(answer_file)
+    summary, library = _read(answer_file), Library.of(effects_from)
     parent = adopted_file(robot)
     diagnosed = load_robot(robot) if parent is None else AdoptedPlant.read(parent)[1]
     about = Answer.of(summary).robot
@@ -59,7 +64,7 @@ def adopt(
             f"{answer_file} is about {about.name or 'an unknown robot'} ({about.digest[:12]}), not "
             f"{diagnosed.name} ({diagnosed.digest[:12]})."
         )
-    path = adoption.adopt(summary, diagnosed, out, answer, parent)
+    path = adoption.adopt(summary, diagnosed, out, answer, parent, library.known)
     plant, _ = AdoptedPlant.read(path)
     rows = [
         (effect.effect, effect.location, name, value)
@@ -68,11 +73,18 @@ def adopt(
     ]
     shown = console()
     shown.print(table(f"{path.parent}", ("effect", "at", "parameter", "#value"), rows))
+    own = "".join(f" --effects-from {path.parent / law.file}" for law in plant.effects_from)
     for line in (
-        f"Diagnose and compare with --robot {path.parent}.",
-        f"Run with effects={path}: data are then simulated on this plant.",
+        f"Diagnose and compare with --robot {path.parent}{own}.",
+        f"Run with effects={path}{_in_run(path.parent, plant)}: data are then simulated on this plant.",
     ):
         shown.print(line, soft_wrap=True, markup=False)
+
+
+def _in_run(folder: Path, plant: AdoptedPlant) -> str:
+    """The override of a run that names the law files of a plant."""
+    files = ",".join(str(folder / law.file) for law in plant.effects_from)
+    return f" 'effects_from=[{files}]'" if files else ""
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.options import DtOption, JsonOption, PlantOption, ThreadsOption, within
+from flywheel.cli.options import (
+    DtOption,
+    EffectsFromOption,
+    JsonOption,
+    PlantOption,
+    ThreadsOption,
+    within,
+)
 from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
 
 if TYPE_CHECKING:
@@ -56,6 +63,7 @@ def compare(
     ],
     robot: PlantOption,
     model: Models = None,
+    effects_from: EffectsFromOption = None,
     horizon: HorizonOption = 1.0,
     dt: DtOption = 0.01,
     draws: DrawsOption = 100,
@@ -75,16 +83,17 @@ def compare(
     flywheel compare monday.csv --robot my_robot.xml --model before=plant --model after=plants/my_robot-1
     """
     from flywheel.cli.logs import read_logs
-    from flywheel.cli.models import PLANT, open_model, open_plant
+    from flywheel.cli.models import PLANT, Library, open_model, open_plant
     from flywheel.diagnosis import comparison
     from flywheel.outputs import check_outputs
     from flywheel.runtime.config.demand import check_predictions
 
     check_predictions(draws, horizon, dt, "--draws, --horizon, --dt")
-    check_outputs({"page": page, "JSON": json, "video": video}, inputs=[*recordings, robot])
-    out, specs = console(), model or [PLANT]
-    predicted = open_plant(robot, dt).robot
-    models = [open_model(spec, predicted, robot, dt, threads) for spec in specs]
+    inputs: list[str | Path] = [*recordings, *(effects_from or []), robot]
+    check_outputs({"page": page, "JSON": json, "video": video}, inputs=inputs)
+    out, specs, library = console(), model or [PLANT], Library.of(effects_from)
+    predicted = open_plant(robot, dt, library=library).robot
+    models = [open_model(spec, predicted, robot, dt, threads, library) for spec in specs]
     logs = read_logs(recordings, predicted, dt, out)
     found = comparison.compare(
         models,
@@ -101,9 +110,10 @@ def compare(
         "models": ", ".join(specs),
         "recordings": ", ".join(path.name for path in recordings),
         "control step": f"{dt:g} s",
+        **library.about,
     }
     out.say(f"Page: {_page(out, found, page, about, video)}")
-    out.keep_json(json, found.summary())
+    out.keep_json(json, {**found.summary(), **library.provenance})
     raise typer.Exit(found.exit_code)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import (
     TYPICAL_SIZES,
     DtOption,
+    EffectsFromOption,
     JsonOption,
     NoiseOption,
     PageOption,
@@ -55,6 +57,7 @@ def design(
     size: SizeOption = 1.0,
     seconds: SecondsOption = 3.0,
     candidates: CandidatesOption = 64,
+    effects_from: EffectsFromOption = None,
     seed: Annotated[
         int, typer.Option(help="Seed of all that is random.", callback=within(SEED))
     ] = 0,
@@ -70,7 +73,7 @@ def design(
 
     flywheel design cable_friction capstan --robot prism3 --out to_tell.csv
     """
-    from flywheel.cli.models import about_plant, open_plant
+    from flywheel.cli.models import Library, about_plant, open_plant
     from flywheel.data.recordings.commands import write_commands
     from flywheel.diagnosis.experiments.design import Designer
     from flywheel.diagnosis.selection.candidates import Rival
@@ -80,9 +83,10 @@ def design(
 
     predictions = candidates * (1 + len(rivals))  # of each script, and with each rival
     check_predictions(predictions, seconds, dt, "--candidates, rivals, --seconds, --dt")
-    _check_outputs(robot, out, page, json)
-    plant, shown = open_plant(robot, dt, threads), console()
-    named = [Rival.named(name, plant.robot) for name in rivals]
+    _check_outputs([robot, *(effects_from or [])], out, page, json)
+    library, shown = Library.of(effects_from), console()
+    plant = open_plant(robot, dt, threads, library)
+    named = [Rival.named(name, plant.robot, library.known) for name in rivals]
     designer = Designer(plant, named, length_of(noise, plant.robot), size)
     with console_progress().stage("try scripts", 2 * candidates) as stage:
         found = designer.design(
@@ -93,13 +97,15 @@ def design(
     _show(shown, found)
     shown.say(f"Commands: {out}")
     if page is not None:
-        about = {"commands": out.name, "seed": str(seed), **about_plant(plant)}
+        about = {"commands": out.name, "seed": str(seed), **about_plant(plant), **library.about}
         winches = [winch.name for winch in plant.robot.winches]
         shown.say(f"Page: {write_design(found, page, about, winches)}")
-    shown.keep_json(json, found.summary())
+    shown.keep_json(json, {**found.summary(), **library.provenance})
 
 
-def _check_outputs(robot: str, script: Path, page: Path | None, json: Path | None) -> None:
+def _check_outputs(
+    inputs: Sequence[str | Path], script: Path, page: Path | None, json: Path | None
+) -> None:
     """Make sure that all can be written, and that no script is lost.
 
     Raises:
@@ -108,7 +114,7 @@ def _check_outputs(robot: str, script: Path, page: Path | None, json: Path | Non
     from flywheel.errors import DataError
     from flywheel.outputs import check_outputs
 
-    check_outputs({"script": script, "page": page, "JSON": json}, inputs=[robot])
+    check_outputs({"script": script, "page": page, "JSON": json}, inputs=inputs)
     if script.exists():
         raise DataError(f"There is a file {script} already; it is not written over.")
 

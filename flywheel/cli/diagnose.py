@@ -12,6 +12,7 @@ import typer
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import (
     DtOption,
+    EffectsFromOption,
     EffectsOption,
     JsonOption,
     PlantOption,
@@ -73,6 +74,7 @@ def diagnose(
     robot: PlantOption,
     held_out: HeldOutOption = None,
     effects: EffectsOption = "",
+    effects_from: EffectsFromOption = None,
     unsure: UnsureOption = None,
     window: WindowOption = None,
     model: TrainedOption = None,
@@ -93,33 +95,35 @@ def diagnose(
     """
     from flywheel import diagnosis
     from flywheel.cli.logs import read_logs
-    from flywheel.cli.models import library_of, open_plant, open_trained
+    from flywheel.cli.models import Library, open_plant, open_trained
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis
 
-    others = held_out or []
+    others, laws = held_out or [], effects_from or []
     tuned = diagnosis.changed(diagnosis.Settings(), changes_of(settings or []))
-    check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, robot])
-    plant, out = open_plant(robot, dt, threads), console()
+    check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, *laws, robot])
+    library, out = Library.of(laws), console()
+    asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)
     subject = None if model is None else open_trained(model, plant.robot)
     found = diagnosis.diagnose(
         plant,
         [each.trajectory for each in read_logs(recordings, plant.robot, dt, out)],
         [each.trajectory for each in read_logs(others, plant.robot, dt, out)],
-        library_of(effects),
+        asked,
         tuned,
         window_seconds=window,
         model=None if subject is None else subject.subject(plant.robot, threads),
         unsure=unsure_of(unsure or []),
     )
-    _show(out, found, robot)
-    about = _about(plant, found, recordings, others)
+    _show(out, found, _again(robot, laws))
+    about = {**_about(plant, found, recordings, others), **library.about}
     out.say(f"Page: {write_diagnosis(found, page, about)}")
     summary = {
         **found.summary(),
         "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
         "recordings": [path.name for path in recordings],
         "held_out_recordings": [path.name for path in others],
+        **library.provenance,
     }
     out.keep_json(json, summary, allow_nan=False)
     raise typer.Exit(found.exit_code)
@@ -191,7 +195,14 @@ def _pairs(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
         yield name.strip(), text
 
 
-def _show(out: Out, found: Diagnosis, robot: str) -> None:
+def _again(robot: str, effects_from: Sequence[Path]) -> str:
+    """The options of a command about the same plant."""
+    own = [word for path in effects_from for word in ("--effects-from", str(path))]
+    return shlex.join(["--robot", robot, *own])
+
+
+def _show(out: Out, found: Diagnosis, options: str) -> None:
+    from flywheel.diagnosis import Verdict
     from flywheel.reports.diagnosis_page import (
         at_bounds,
         held_back,
@@ -225,7 +236,9 @@ def _show(out: Out, found: Diagnosis, robot: str) -> None:
     out.print(table(f"candidates ({found.threshold:g} counts as seen)", heads, scores))
     out.say(f"next: {found.next_experiment.aim}")
     if found.next_experiment.command:
-        out.say(f"      {found.next_experiment.command} --robot {shlex.quote(robot)}")
+        out.say(f"      {found.next_experiment.command} {options}")
+    if found.verdict is Verdict.OUTSIDE_LIBRARY:
+        out.say("A law of your own can be asked about with --effects-from (docs/own_effect.md).")
     if found.location is not None:
         out.say(_unexplained(found.location))
     for name, errors in (("recordings", found.errors), ("held out", found.held_out)):

@@ -18,7 +18,7 @@ from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import LiveView
 from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import WrittenTerm
+from flywheel.effects import EFFECTS, WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.records import Episode
 from flywheel.robots import Robot
@@ -66,7 +66,9 @@ class Driver:
         self._dynamics, self._digest = network_of(source, self.config, self.recorder.robot, model)
         self._known = known_effects(source, self.config, overrides)
         robot = self.recorder.robot
-        self._hidden = hidden_effects(hidden, robot) if hidden else None
+        self._hidden = (
+            hidden_effects(hidden, robot, self.config.library(EFFECTS)) if hidden else None
+        )
 
     @property
     def setting(self) -> Setting:

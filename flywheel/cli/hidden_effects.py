@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from flywheel.cli.models import adopted_file
 from flywheel.cli.options import number
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.effects import EFFECTS, AdoptedPlant, WrittenTerm
+from flywheel.effects import EFFECTS, AdoptedPlant, Effect, WrittenTerm
+from flywheel.effects.own import check_given, law_files
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds
 from flywheel.registry import lookup
@@ -16,25 +19,29 @@ TIMES = Bounds(-1000, 1000)
 SIZE = ":"  # between an effect and how many times its typical size
 
 
-def hidden_effects(wanted: tuple[str, ...], robot: Robot) -> Effects:
+def hidden_effects(
+    wanted: tuple[str, ...], robot: Robot, library: Mapping[str, Effect] = EFFECTS
+) -> Effects:
     """What a plant is to have without anybody being told.
 
     Args:
       wanted: effects of the library by name, "torque_speed", with their place, "weak_cable@long_03", and
         how many times the typical size, "torque_speed:2"; or paths of adopted plants.
       robot: of the plant.
+      library: that the names are from.
 
     Raises:
       UnknownNameError: no such effect or place.
-      ConfigError: not a size, or a plant of another robot.
+      ConfigError: not a size, a plant of another robot, or one whose law file is not in the library.
     """
-    known = {candidate.name: candidate for candidate in candidates(robot, EFFECTS)}
+    known = {candidate.name: candidate for candidate in candidates(robot, library)}
     found: list[WrittenTerm] = []
     for text in wanted:
         if (file := adopted_file(text)) is not None:
             plant, its = AdoptedPlant.read(file)
             if its.digest != robot.digest:
                 raise ConfigError(f"{text} was adopted for {its.name}, not for {robot.name}.")
+            check_given(plant.effects_from, law_files(library.values()), f"The plant {text}")
             found += plant.effects
             continue
         name, colon, size = text.partition(SIZE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from importlib import import_module
 from itertools import takewhile
@@ -13,9 +13,13 @@ import typer
 from rich.table import Table
 
 from flywheel.cli.console import console, first_line, table
+from flywheel.cli.options import EffectsFromOption
 
 if TYPE_CHECKING:
     from flywheel.runtime.config.run_config import RunConfig
+
+
+TRIED = 0.01  # control step at which law files are tried [s]
 
 
 class Kind(StrEnum):
@@ -32,14 +36,35 @@ class Kind(StrEnum):
     settings = "settings"
 
 
-def list_(kind: Annotated[Kind, typer.Argument(help="What to list.", show_default=False)]) -> None:
+def list_(
+    kind: Annotated[Kind, typer.Argument(help="What to list.", show_default=False)],
+    effects_from: EffectsFromOption = None,
+) -> None:
     """List what there is to choose from.
 
-    [bold]Example[/bold]
+    [bold]Examples[/bold]
 
     flywheel list robots
+
+    flywheel list effects --effects-from my_laws.py [dim](also checks the file)[/dim]
     """
-    console().print(LISTS[kind.value]())
+    if effects_from and kind is not Kind.effects:
+        raise typer.BadParameter(f"--effects-from is for effects, not for {kind.value}.")
+    console().print(effects(effects_from) if kind is Kind.effects else LISTS[kind.value]())
+
+
+def effects(effects_from: Sequence[Path] | None = None) -> Table:
+    """The effects of the library, and of law files, which are tried on a shipped robot."""
+    from flywheel.cli.models import Library
+    from flywheel.dynamics.plant import Plant
+    from flywheel.robots import ROBOTS, load_robot
+
+    library = Library.of(effects_from)
+    if library.files:
+        robot = load_robot(next(iter(ROBOTS)))
+        library.check(Plant(robot, robot.control_steps(TRIED)[0]))
+    rows = [(name, first_line(effect)) for name, effect in library.asked().items()]
+    return table("Effects", ["name", "what"], rows)
 
 
 def robots() -> Table:
@@ -170,7 +195,7 @@ LISTS: dict[str, Callable[[], Table]] = {
     "tasks": registry("Tasks", "flywheel.tasks", "TASKS"),
     "models": models,
     "controllers": registry("Controllers", "flywheel.control", "CONTROLLERS"),
-    "effects": registry("Effects", "flywheel.effects", "EFFECTS"),
+    "effects": effects,
     "datasets": datasets,
     "configs": configs,
     "runs": runs,

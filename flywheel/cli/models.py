@@ -6,16 +6,21 @@ of weights.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Self
 
 from flywheel.cli.runs import open_run
 from flywheel.diagnosis.comparison import Subject
 from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
+from flywheel.dynamics.plant.law_checks import check_laws
 from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Effect
 from flywheel.effects.adopted import PLANT as PLANT_FILE
 from flywheel.effects.adopted import plant_file
+from flywheel.effects.libraries import with_laws
+from flywheel.effects.own import LawFile, check_different
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
@@ -39,17 +44,84 @@ def adopted_file(name: str) -> Path | None:
     return None
 
 
-def open_plant(name: str, dt: float, threads: int = 1) -> Plant:
+@dataclass(frozen=True)
+class Library:
+    """The effects that a command knows.
+
+    Attributes:
+      files: law files that were given.
+      known: all effects that can be named.
+    """
+
+    files: tuple[LawFile, ...] = ()
+    known: Mapping[str, Effect] = field(default_factory=lambda: NAMED)
+
+    @classmethod
+    def of(cls, paths: Sequence[Path] | None) -> Self:
+        """The library of the package, with the effects of law files, which are run.
+
+        Raises:
+          ConfigError: a law file cannot be used, see `with_laws`.
+        """
+        files = tuple(LawFile.read(path) for path in paths or ())
+        check_different(files)
+        return cls(files, with_laws(files))
+
+    @property
+    def about(self) -> dict[str, str]:
+        """A line about the law files, for the head of a page; none without any."""
+        files = ", ".join(str(file.reference) for file in self.files)
+        return {"effects from": files} if files else {}
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """The law files, as the JSON of an answer has them; nothing without any."""
+        files = [file.reference.model_dump() for file in self.files]
+        return {"effects_from": files} if files else {}
+
+    def asked(self, effects: str = "") -> Mapping[str, Effect]:
+        """The effects by name ("capstan,creep"); for none all that a diagnosis considers by itself.
+
+        Raises:
+          UnknownNameError: there is none of that name.
+        """
+        names = [name.strip() for name in effects.split(",") if name.strip()]
+        named = {name: lookup(self.known, name, "effect") for name in names}
+        return named or with_laws(self.files, EFFECTS)
+
+    def check(self, plant: Plant) -> None:
+        """Refuse effects of law files that do not keep what effects promise, on this robot.
+
+        Raises:
+          ConfigError: see `check_laws`.
+        """
+        check_laws(with_laws(self.files, {}).values(), plant)
+
+
+SHIPPED = Library()
+
+
+def open_plant(name: str, dt: float, threads: int = 1, library: Library = SHIPPED) -> Plant:
     """The plant that a name means.
+
+    Args:
+      name: of a shipped robot, or path of an MJCF or an adopted plant.
+      dt: control step [s].
+      threads: of the plant.
+      library: that its effects are from; law files in it are tried on the plant's robot.
 
     Raises:
       RobotError, UnknownNameError, ConfigError: there is none, or it cannot be used.
     """
     path = adopted_file(name)
     if path is None:
-        return Plant(load_robot(name), dt, threads=threads)
+        plant = Plant(load_robot(name), dt, threads=threads)
+        library.check(plant)
+        return plant
     adopted, robot = AdoptedPlant.read(path)
-    return with_effects(Plant(robot, dt, threads=threads), adopted.terms(robot, NAMED))
+    plant = Plant(robot, dt, threads=threads)
+    library.check(plant)
+    return with_effects(plant, adopted.terms(robot, library.known))
 
 
 def about_plant(plant: Plant) -> dict[str, str]:
@@ -62,7 +134,9 @@ def about_plant(plant: Plant) -> dict[str, str]:
     }
 
 
-def open_model(spec: str, robot: Robot, robot_name: str, dt: float, threads: int) -> Subject:
+def open_model(
+    spec: str, robot: Robot, robot_name: str, dt: float, threads: int, library: Library = SHIPPED
+) -> Subject:
     """The model that `[LABEL=]SPEC` means.
 
     Args:
@@ -71,6 +145,7 @@ def open_model(spec: str, robot: Robot, robot_name: str, dt: float, threads: int
       robot_name: as it was given.
       dt: control step of plants [s].
       threads: of the model.
+      library: that effects of plants are from.
 
     Raises:
       ConfigError, DataError, ModelError, UnknownNameError: there is none, or it does not fit.
@@ -78,9 +153,9 @@ def open_model(spec: str, robot: Robot, robot_name: str, dt: float, threads: int
     label, _, what = spec.rpartition("=")
     name = label or what
     if what == PLANT:
-        return _plant(name, robot_name, dt, threads)
+        return _plant(name, robot_name, dt, threads, library)
     if adopted_file(what) is not None:
-        return _plant(name, what, dt, threads)
+        return _plant(name, what, dt, threads, library)
     return open_trained(spec, robot).subject(robot, threads)
 
 
@@ -110,9 +185,9 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     raise ConfigError(f"There is no model {what!r}. A model is {ALLOWED}.")
 
 
-def _plant(name: str, robot_name: str, dt: float, threads: int) -> Subject:
+def _plant(name: str, robot_name: str, dt: float, threads: int, library: Library) -> Subject:
     """MuJoCo, started from what is seen of the past."""
-    plant = open_plant(robot_name, dt, threads)
+    plant = open_plant(robot_name, dt, threads, library)
     return Subject(name, RestartedPlant.from_measurements(plant), terms=plant.terms)
 
 
@@ -122,10 +197,5 @@ def _of_run(name: str, folder: Path, model: str) -> TrainedModel:
     # A run that learned from recordings has a data set of their own; no other knows that input.
     dataset = run.config.dataset_numbers()["recording"] if run.config.collect.recordings else 0
     effects = run.result.effects_before(iteration.iteration + 1)
-    return TrainedModel(name, run.weights(iteration), dataset, effects)
-
-
-def library_of(effects: str) -> Mapping[str, Effect]:
-    """The effects of the library by name ("capstan,creep"); all of them for none."""
-    names = [name.strip() for name in effects.split(",") if name.strip()]
-    return {name: lookup(NAMED, name, "effect") for name in names} or EFFECTS
+    library = run.config.library() if effects else NAMED  # law files are the run's own copies
+    return TrainedModel(name, run.weights(iteration), dataset, effects, library)

@@ -52,6 +52,14 @@ PlantOption = Annotated[
 EffectsOption = Annotated[
     str, typer.Option(help="Effects to consider, by name; all of the library by default.")
 ]
+EffectsFromOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="PY",
+        help="A Python file with effects of your own, which is run. May be given again.",
+        show_default=False,
+    ),
+]
 WindowOption = Annotated[
     float | None,
     typer.Option(

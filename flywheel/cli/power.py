@@ -11,6 +11,7 @@ from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import (
     TYPICAL_SIZES,
     DtOption,
+    EffectsFromOption,
     EffectsOption,
     JsonOption,
     NoiseOption,
@@ -41,6 +42,7 @@ def power(
         ),
     ] = 1.0,
     effects: EffectsOption = "",
+    effects_from: EffectsFromOption = None,
     window: WindowOption = None,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
@@ -53,22 +55,24 @@ def power(
 
     flywheel power commands.csv --robot prism3 --noise 5mm --page power.html
     """
-    from flywheel.cli.models import about_plant, library_of, open_plant
+    from flywheel.cli.models import Library, about_plant, open_plant
     from flywheel.data.recordings.commands import read_commands
     from flywheel.diagnosis.experiments.power import power as foreseen
     from flywheel.outputs import check_outputs
     from flywheel.reports.experiment_page import write_power
 
-    check_outputs({"page": page, "JSON": json}, inputs=[commands, robot])
-    plant, out = open_plant(robot, dt, threads), console()
+    inputs: list[str | Path] = [commands, *(effects_from or []), robot]
+    check_outputs({"page": page, "JSON": json}, inputs=inputs)
+    library, out = Library.of(effects_from), console()
+    asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)
     controls = read_commands(commands, plant.robot, dt)
     sigma = length_of(noise, plant.robot)
-    found = foreseen(plant, controls, sigma, library_of(effects), size, seconds=window)
+    found = foreseen(plant, controls, sigma, asked, size, seconds=window)
     _show(out, found)
     if page is not None:
-        about = {"commands": commands.name, **about_plant(plant)}
+        about = {"commands": commands.name, **about_plant(plant), **library.about}
         out.say(f"Page: {write_power(found, page, about)}")
-    out.keep_json(json, found.summary())
+    out.keep_json(json, {**found.summary(), **library.provenance})
 
 
 def _show(out: Out, found: Power) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,8 @@ from flywheel import __version__
 from flywheel.diagnosis.results.answer import Answer, evidence_of
 from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
 from flywheel.effects.adopted import next_version
+from flywheel.effects.own import LawFile, LawReference, check_given, law_files
+from flywheel.errors import ConfigError
 from flywheel.robots import Robot
 from flywheel.seals import file_sha256
 
@@ -41,12 +43,16 @@ def adopt(
     Raises:
       DataError: there is nothing to adopt, the answer is not clear, or held-out recordings speak
         against it; the message says what to give to adopt it none the less.
-      ConfigError, UnknownNameError: values that the effects cannot have.
+      ConfigError, UnknownNameError: values that the effects cannot have, or a law file that is absent or
+        another one.
     """
     said = Answer.of(summary)
     effects = adoptable(summary, answer)
-    for effect in effects:
-        effect.term(robot, library)  # refuses what cannot be
+    if unknown := [effect.effect for effect in effects if effect.effect not in library]:
+        check_given(said.effects_from, law_files(library.values()), f"The answer, {unknown[0]},")
+    terms = [effect.term(robot, library) for effect in effects]  # refuses what cannot be
+    laws = law_files(term.effect for term in terms)
+    _check_same(laws, said.effects_from)
     found = (*said.chosen(answer), *said.calibration)
     plant = AdoptedPlant(
         robot=robot.name,
@@ -54,13 +60,30 @@ def adopt(
         version=next_version(folder, robot),
         parent="" if parent is None else file_sha256(parent, "adopted plant"),
         effects=effects,
+        effects_from=tuple(law.reference for law in laws),
         evidence={
             **evidence_of(summary),
             "intervals": [each.intervals() for each in found],
             "code": __version__,
         },
     )
-    return plant.write(folder, robot)
+    return plant.write(folder, robot, laws)
+
+
+def _check_same(laws: Iterable[LawFile], said: Sequence[LawReference]) -> None:
+    """Refuse law files that are not those by which an answer was found.
+
+    Raises:
+      ConfigError: one is another.
+    """
+    for law in laws:
+        if law.reference in said:
+            continue
+        then = ", ".join(map(str, said)) or "none"
+        raise ConfigError(
+            f"{law} is not the law file that the answer was found with ({then}): diagnose again, or give the "
+            "file as it was."
+        )
 
 
 def adoptable(summary: Mapping[str, Any], answer: int | None = None) -> tuple[WrittenTerm, ...]:

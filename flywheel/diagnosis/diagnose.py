@@ -46,7 +46,7 @@ from flywheel.diagnosis.selection.stepwise import Search, added, in_time_steps, 
 from flywheel.diagnosis.selection.suspect_parameters import suspect_parameters
 from flywheel.diagnosis.settings import CheckSettings, Limits, Settings
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, Effect, Terms
+from flywheel.effects import EFFECTS, NAMED, Effect, Terms
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
 
@@ -90,7 +90,7 @@ def diagnose(
     begun = time.perf_counter()
     heartbeat = Heartbeat(progress)
     under_test = ModelUnderTest(plant, model, seed, heartbeat.again, settings)
-    terms = unsure_terms(unsure, plant.terms)
+    terms = unsure_terms(unsure, plant.terms, {**NAMED, **library})
     if model is not None and terms:
         raise ModelError("A trained model has no numbers of an MJCF that one can be unsure of.")
     asked = {name: effect for name, effect in library.items() if name not in unsure}

@@ -25,6 +25,7 @@ from flywheel.effects.effect import (
     Term,
     Terms,
     WinchEffect,
+    Winches,
     place_name,
 )
 from flywheel.effects.ground_effects import (
@@ -88,6 +89,7 @@ __all__ = [
     "Term",
     "Terms",
     "WinchEffect",
+    "Winches",
     "WrittenTerm",
     "place_name",
 ]

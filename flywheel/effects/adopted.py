@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,6 +12,14 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.effects.effect import Effect, Terms
+from flywheel.effects.own import (
+    MOST_FILES,
+    LawFile,
+    LawReference,
+    check_given,
+    law_file,
+    law_files,
+)
 from flywheel.effects.written import WrittenTerm
 from flywheel.errors import ConfigError, RobotError
 from flywheel.files import file_name, parsed_yaml, read_yaml, yaml_text
@@ -35,6 +43,7 @@ class AdoptedPlant(BaseModel):
       version: 1 for the first that was adopted.
       parent: sha256 of the file of the version before; "" for the MJCF alone.
       effects: all that the plant has beyond its MJCF.
+      effects_from: the law files that some of them are from.
       evidence: what the effects rest on: verdict, recordings, errors, intervals.
     """
 
@@ -45,6 +54,7 @@ class AdoptedPlant(BaseModel):
     version: Annotated[int, Bounds(1, 1_000_000_000)]
     parent: Name = ""
     effects: tuple[WrittenTerm, ...] = Field(min_length=1, max_length=MOST_EFFECTS)
+    effects_from: tuple[LawReference, ...] = Field(default=(), max_length=MOST_FILES)
     evidence: dict[Name, Any] = Field(default_factory=dict, max_length=MOST_EVIDENCE)
 
     @classmethod
@@ -66,13 +76,23 @@ class AdoptedPlant(BaseModel):
             )
         return plant, robot
 
-    def write(self, parent: str | Path, robot: Robot) -> Path:
+    @property
+    def label(self) -> str:
+        """For people, and the name of its folder: "prism3-1"."""
+        return f"{_prefix(self.robot)}{self.version}"
+
+    def write(self, parent: str | Path, robot: Robot, laws: Iterable[LawFile] = ()) -> Path:
         """Write it into `parent/<robot>-<version>`, which must not be there yet, and return its file.
+
+        Args:
+          parent: folder of the versions.
+          robot: whose MJCF is written beside it.
+          laws: files that are copied into the folder, so that they are not lost.
 
         Raises:
           ConfigError: the folder is there, or cannot be made; the evidence is too deep to be read again.
         """
-        folder = Path(parent) / f"{_prefix(self.robot)}{self.version}"
+        folder = Path(parent) / self.label
         try:
             if folder.exists():
                 raise ConfigError(f"{folder} is there already: versions are never written over.")
@@ -81,7 +101,10 @@ class AdoptedPlant(BaseModel):
                 draft = Path(temporary) / folder.name
                 draft.mkdir()
                 (draft / MJCF).write_text(robot.xml, encoding="utf-8")
-                text = yaml_text(self.model_dump(mode="json"))
+                for law in laws:
+                    (draft / law.file).write_text(law.text, encoding="utf-8", newline="")
+                without = set() if self.effects_from else {"effects_from"}
+                text = yaml_text(self.model_dump(mode="json", exclude=without))
                 parsed_yaml(text, "The adopted plant", ConfigError)  # as it will be read
                 (draft / PLANT).write_text(text, encoding="utf-8")
                 draft.rename(folder)
@@ -93,9 +116,20 @@ class AdoptedPlant(BaseModel):
         """The effects of a library, with their values.
 
         Raises:
+          ConfigError: a law file that the plant rests on is not in the library, or is another one.
           UnknownNameError, ConfigError: see `WrittenTerm.term`.
         """
-        return tuple(effect.term(robot, library) for effect in self.effects)
+        check_given(self.effects_from, law_files(library.values()), f"The plant {self.label}")
+        terms = tuple(effect.term(robot, library) for effect in self.effects)
+        known = {reference.sha256 for reference in self.effects_from}
+        for term in terms:
+            file = law_file(term.effect)
+            if file is not None and file.sha256 not in known:
+                raise ConfigError(
+                    f"The plant {self.label} has an effect {term.effect.name}, but does not say that it is "
+                    f"the one of {file}."
+                )
+        return terms
 
 
 def plant_file(path: str | Path) -> Path:

@@ -184,14 +184,32 @@ class TensionEffect(Effect):
         """
 
 
+@dataclass(frozen=True)
+class Winches:
+    """The winches of n simulations at one instant; every array is (n, W).
+
+    Attributes:
+      position: rest length of the first cable [m].
+      load: tension of the tightest cable, by its spring alone [N].
+    """
+
+    position: Floats
+    load: Floats
+
+    def __getitem__(self, rows: Any) -> Winches:
+        return Winches(self.position[rows], self.load[rows])
+
+
 class WinchEffect(Effect):
-    """Changes the rate of the winches under load, step by step."""
+    """Changes the rate of the winches by where they are and what they carry, step by step."""
 
     @abstractmethod
-    def rate(self, rate: Floats, load: Floats, values: Values) -> Floats:
-        """Rates (n, W) [m/s] of winches told `rate` (n, W) while they carry `load` (n, W) [N].
+    def rate(self, rate: Floats, winches: Winches, values: Values) -> Floats:
+        """Rates (n, W) [m/s] of winches that are told `rate` (n, W).
 
         Args:
+          rate: positive pays out [m/s].
+          winches: of n simulations.
           values: name -> (n, W).
         """
 

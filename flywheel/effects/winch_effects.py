@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flywheel.effects.effect import CommandEffect, Parameter, Values, WinchEffect
+from flywheel.effects.effect import CommandEffect, Parameter, Values, WinchEffect, Winches
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -108,8 +108,8 @@ class TorqueSpeed(WinchEffect):
     source = "torque-speed line of a DC motor"
     shown_by = "fast hauling at high pretension"
 
-    def rate(self, rate: Floats, load: Floats, values: Values) -> Floats:
-        slower = np.maximum(0.0, 1.0 - values["slope"] * load)
+    def rate(self, rate: Floats, winches: Winches, values: Values) -> Floats:
+        slower = np.maximum(0.0, 1.0 - values["slope"] * winches.load)
         return np.where(rate < 0, rate * slower, rate)
 
 

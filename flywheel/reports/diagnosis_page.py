@@ -18,7 +18,7 @@ LIMITS = (
     'A plant with long time steps fits best with values that make up for them ("in this plant"; these are '
     "adopted); the values of the robot are without.",
     "An effect whose detectable size is above what the robot can have cannot be ruled out by these data.",
-    "Only effects of the library have names. See docs/effects.md for adding one.",
+    "Only effects of the library have names. See docs/own_effect.md for adding one of your own.",
 )
 
 

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictFloat
 
 from flywheel.diagnosis.results.verdict import Verdict
 from flywheel.effects import WrittenTerm
+from flywheel.effects.own import MOST_FILES, LawReference
 from flywheel.effects.written import MOST_PARAMETERS
 from flywheel.effects.written import Value as EffectValue
 from flywheel.errors import DataError
@@ -93,6 +94,7 @@ class Answer(_Part):
       calibration: what the plant was not sure of.
       held_out: what was kept to judge the answer by; None for nothing.
       robot: that was diagnosed.
+      effects_from: law files that effects were from.
       format: of the JSON; answers of format 1 do not state it, and have other names for fields that are
         not read here.
     """
@@ -103,6 +105,7 @@ class Answer(_Part):
     calibration: Together = ()
     held_out: HeldOut | None = None
     robot: AboutRobot = AboutRobot()
+    effects_from: tuple[LawReference, ...] = Field(default=(), max_length=MOST_FILES)
 
     @classmethod
     def of(cls, summary: Mapping[str, Any]) -> Self:

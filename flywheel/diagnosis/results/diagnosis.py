@@ -19,6 +19,7 @@ from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.selection.score_test import Score
 from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
 from flywheel.diagnosis.settings import Settings, unusual
+from flywheel.effects.own import law_files
 
 
 @dataclass(frozen=True)
@@ -129,8 +130,15 @@ class Diagnosis:
             "next_experiment": self.next_experiment.summary(),
             "time_steps": self.time_steps.summary(),
             "seconds": self.seconds,
+            **({"effects_from": self.effects_from} if self.effects_from else {}),
             **({"settings": changes} if (changes := unusual(self.settings)) else {}),
         }
+
+    @property
+    def effects_from(self) -> list[dict[str, str]]:
+        """The law files that effects of the library were from."""
+        files = law_files(score.candidate.effect for score in self.ranking)
+        return [file.reference.model_dump() for file in files]
 
 
 def ranked(score: Score) -> dict[str, Any]:

@@ -84,7 +84,7 @@ def _form(law: str) -> NextExperiment:
     """Learn the form of what was found."""
     return NextExperiment(
         f"To learn its form, what shows {law} best: {PROBES[law].shown_by}. An effect of that form can be "
-        "added to the library (docs/effects.md)."
+        "added (docs/own_effect.md)."
     )
 
 

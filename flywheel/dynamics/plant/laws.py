@@ -11,7 +11,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from flywheel.dynamics.plant.parameters import PlantParameters
-from flywheel.effects import Cables, CommandEffect, TensionEffect, Term, Terms, WinchEffect
+from flywheel.effects import Cables, CommandEffect, TensionEffect, Term, Terms, WinchEffect, Winches
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -124,10 +124,11 @@ class Laws:
 
     def told(self, told: Floats, cables: Cables) -> Floats:
         """What winches (n, W) that are told (n, W) do as if they had been told it, under their load."""
-        load, now = self._load(cables.elastic), self._act.take(self._drums, axis=1)
+        now = self._act.take(self._drums, axis=1)
+        winches = Winches(now, self._load(cables.elastic))
         rates, asked = self._robot.rates(now, told, self._dt), told
         for effect, rows, values in self._rates:
-            slower = effect.rate(rates[rows], load[rows], values)
+            slower = effect.rate(rates[rows], winches[rows], values)
             rates = _with(rates, rows, slower)
             asked = _with(asked, rows, self._robot.telling(now[rows], slower, self._dt))
         return asked

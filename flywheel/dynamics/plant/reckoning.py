@@ -14,7 +14,7 @@ import numpy as np
 from flywheel.dynamics.plant.laws import Group, grouped
 from flywheel.dynamics.plant.poses import cable_lengths, seen_poses
 from flywheel.dynamics.plant.roll import relaxed, rest_lengths, unseen_axes
-from flywheel.effects import CommandEffect, Terms, WinchEffect
+from flywheel.effects import CommandEffect, Terms, WinchEffect, Winches
 from flywheel.records import Floats, Trajectory
 from flywheel.robots import Robot
 
@@ -100,10 +100,11 @@ class Reckoning:
 
     def _loaded(self, lengths: Floats, step: int, now: Floats, command: Floats) -> Floats:
         """(W,) what nominal winches would be told to move as winches under load do."""
-        robot, load = self.robot, self._load(lengths[step], now)
+        robot = self.robot
+        winches = Winches(now[None], self._load(lengths[step], now)[None])
         rates = robot.rates(now, command, self.dt)[None]
         for effect, _, values in self._winch_laws:
-            rates = effect.rate(rates, load[None], values)
+            rates = effect.rate(rates, winches, values)
         return robot.telling(now, rates[0], self.dt)
 
     @cached_property

@@ -13,6 +13,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,12 @@ MOST_NAMES = 20  # of existing files that an error lists
 
 
 def read_config(
-    schema: type[M], path: str | Path, overrides: Sequence[str] = (), retired: Iterable[str] = ()
+    schema: type[M],
+    path: str | Path,
+    overrides: Sequence[str] = (),
+    retired: Iterable[str] = (),
+    beside: Iterable[str] = (),
+    only_beside: bool = False,
 ) -> M:
     """Read a YAML file, put the overrides on top, and validate.
 
@@ -45,12 +51,14 @@ def read_config(
       path: of the YAML file.
       overrides: "a.b=value", the value in YAML; later ones win.
       retired: "section.key" of settings that an earlier version had; they are ignored.
+      beside: keys whose values are files, or lists of files, named relative to the file that they stand in.
+      only_beside: refuse such a file that is in another folder.
 
     Raises:
       ConfigError: no such file, not YAML, an unknown key or a wrong value; the message lists the
         problems with their paths, what was got and what is allowed.
     """
-    values = _with_parents(Path(path), {}, ())
+    values = _with_parents(Path(path), {}, (), Beside(tuple(beside), only_beside))
     defaults = schema.model_construct().model_dump(mode="json")
     changed = overridden(values, overrides, defaults)
     plain = resolved(changed, f"The configuration {path}")
@@ -75,8 +83,41 @@ def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
         yield f"{path}: {str(old)[:LONGEST_PROBLEM]} -> {str(new)[:LONGEST_PROBLEM]}"
 
 
+@dataclass(frozen=True)
+class Beside:
+    """Files that a configuration names relative to itself.
+
+    Attributes:
+      keys: that name them, at the top of the file.
+      only: they must be in the folder of the configuration itself.
+    """
+
+    keys: tuple[str, ...]
+    only: bool
+
+    def placed(self, values: dict[Any, Any], path: Path) -> dict[Any, Any]:
+        """The values of a file with the paths of such files.
+
+        Raises:
+          ConfigError: one is in another folder and must not be.
+        """
+        found = {key: self._placed(values[key], path) for key in self.keys if key in values}
+        return {**values, **found}
+
+    def _placed(self, value: Any, path: Path) -> Any:
+        if isinstance(value, list):
+            return [self._placed(each, path) for each in value]
+        if isinstance(value, dict) and "file" in value:  # as it is written down, with its digest
+            return {**value, "file": self._placed(value["file"], path)}
+        if not isinstance(value, str):
+            return value
+        if self.only and Path(value).name != value:
+            raise ConfigError(f"{path} may only name files in its own folder, got {shown(value)}.")
+        return str(path.parent / value)
+
+
 def _with_parents(
-    path: Path, read: dict[str, dict[Any, Any]], children: tuple[str, ...]
+    path: Path, read: dict[str, dict[Any, Any]], children: tuple[str, ...], beside: Beside
 ) -> dict[Any, Any]:
     """The values of a file on top of those of the files that it extends.
 
@@ -84,6 +125,7 @@ def _with_parents(
       path: of the file.
       read: values of the files that were already read, so that none is read twice.
       children: the chain of files that extend this one.
+      beside: which values are files.
     """
     own = _identity(path)
     if own in children:
@@ -92,11 +134,11 @@ def _with_parents(
         return read[own]
     if len(read) + len(children) >= MOST_FILES:
         raise ConfigError(f"{path}: a configuration is made of at most {MOST_FILES} files.")
-    values = _values(path)
+    values = beside.placed(_values(path), path)
     below: dict[Any, Any] = {}
     for name in _names(path, values.pop(EXTENDS, [])):
         parent = shipped_configs().get(name, path.parent / name)
-        below = merged(below, _with_parents(parent, read, (*children, own)))
+        below = merged(below, _with_parents(parent, read, (*children, own), beside))
     read[own] = merged(below, values)
     return read[own]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -22,8 +22,10 @@ from flywheel.control import MppiConfig
 from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
-from flywheel.effects import NAMED, AdoptedPlant, WrittenTerm
+from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
 from flywheel.effects.adopted import MOST_EFFECTS
+from flywheel.effects.libraries import with_laws
+from flywheel.effects.own import MOST_FILES, LawFile, check_different, check_given
 from flywheel.errors import ConfigError, DataError, FlywheelError, UnknownNameError
 from flywheel.files import shown
 from flywheel.quantities import (
@@ -54,6 +56,7 @@ from flywheel.training.config import MOST_DATASETS
 
 MOST_RECORDINGS = 5_000  # that one configuration may name
 MOST_COURSES = 100
+MOST_NAMES = 1000  # of effects that a diagnosis asks about
 MOST_EPISODES = 100_000  # of a run; each has its own files, and every stage lists all of them
 # Estimates of memory; measured on prism3 and icosa6, for networks by counting their numbers.
 EPISODE = 2e3  # for each step of an episode [bytes]
@@ -155,7 +158,7 @@ class DiagnoseConfig(Part):
 
     Attributes:
       on: diagnose, from iteration 1 on.
-      effects: names of those that may be missing; by default all of the library.
+      effects: names of those that may be missing; by default all of the library, and of the run's law files.
       unsure: effect -> standard deviation of what the MJCF says about it, see
         `diagnosis.fitting.nuisance`.
       seconds: of recordings that are used, at most; as many again of those kept for tests [s].
@@ -165,30 +168,21 @@ class DiagnoseConfig(Part):
     """
 
     on: bool = False
-    effects: tuple[Name, ...] = Field(default=(), max_length=len(NAMED))
-    unsure: dict[Name, Factor] = Field(default_factory=dict, max_length=len(NAMED))
+    effects: tuple[Name, ...] = Field(default=(), max_length=MOST_NAMES)
+    unsure: dict[Name, Factor] = Field(default_factory=dict, max_length=MOST_NAMES)
     seconds: HorizonSeconds = 12.0
     episode_seconds: HorizonSeconds | None = None
     window_seconds: HorizonSeconds | None = None
 
-    @field_validator("effects")
-    @classmethod
-    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        try:
-            for name in names:
-                lookup(NAMED, name, "effect")
-        except UnknownNameError as error:
-            raise ValueError(str(error)) from None
-        return names
+    def check_names(self, library: Mapping[str, Effect]) -> None:
+        """Refuse effects that are in no library, or that one cannot be unsure of.
 
-    @field_validator("unsure")
-    @classmethod
-    def _can_be(cls, unsure: dict[str, float]) -> dict[str, float]:
-        try:
-            unsure_terms(unsure)
-        except (DataError, UnknownNameError) as error:
-            raise ValueError(str(error)) from None
-        return unsure
+        Raises:
+          UnknownNameError, DataError: the message says which, and what there is.
+        """
+        for name in self.effects:
+            lookup(library, name, "effect")
+        unsure_terms(self.unsure, library=library)
 
 
 class GateConfig(Part):
@@ -237,6 +231,7 @@ NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
 # Settings of earlier versions, still in the files of their runs. None of them changed a result.
 RETIRED = ("workers.remote_rollouts",)
+LAW_FILES = "effects_from"  # names files relative to the one that it stands in
 
 
 def _with_model(values: dict[str, Any]) -> dict[str, Any]:
@@ -290,6 +285,8 @@ class RunConfig(Part):
       control_arm: beside MPPI's, train a model on as many episodes with random controls.
       effects: of every plant, beyond its MJCF. A file may give the path of an adopted plant instead, whose
         effects are then taken over.
+      effects_from: law files, with effects of one's own: Python that is run. A configuration's file gives
+        their paths relative to itself; on the command line they are relative to where one is.
       datasets: variations of the plant; MPPI collects and is judged on the first.
       measurement: between the plant and everything that learns or plans.
       terrain: that episodes are recorded on.
@@ -306,6 +303,7 @@ class RunConfig(Part):
     iterations: Annotated[int, Bounds(0, 1000)] = 2
     control_arm: bool = True
     effects: tuple[WrittenTerm, ...] = Field(default=(), max_length=MOST_EFFECTS)
+    effects_from: tuple[LawFile, ...] = Field(default=(), max_length=MOST_FILES)
     datasets: tuple[DataSet, ...] = Field(
         default=(DataSet(),), min_length=1, max_length=MOST_DATASETS
     )
@@ -323,6 +321,11 @@ class RunConfig(Part):
     workers: WorkersConfig = WorkersConfig()
     tracking: TrackingConfig = TrackingConfig()
     store: Place = ""
+
+    @field_validator("effects_from", mode="before")
+    @classmethod
+    def _one_or_several(cls, files: Any) -> Any:
+        return files if isinstance(files, list | tuple) else [files]
 
     @model_validator(mode="before")
     @classmethod
@@ -348,7 +351,46 @@ class RunConfig(Part):
                 f"effects {values['effects']} were adopted for {robot.name} ({robot.digest[:12]}), the "
                 f"run's model is {wanted.name} ({wanted.digest[:12]})"
             )
-        return {**values, "effects": [e.model_dump() for e in plant.effects]}
+        files = cls._given(values.get("effects_from", []))
+        try:
+            check_given(plant.effects_from, files, f"The plant {values['effects']}")
+        except FlywheelError as error:
+            raise ValueError(str(error)) from None
+        return {
+            **values,
+            "effects": [e.model_dump() for e in plant.effects],
+            "effects_from": files,
+        }
+
+    @classmethod
+    def _given(cls, files: Any) -> list[LawFile]:
+        """Law files as they are given: one, or a list."""
+        return [LawFile.model_validate(each) for each in cls._one_or_several(files)]
+
+    @model_validator(mode="after")
+    def _law_files_have_different_names(self) -> Self:
+        try:
+            check_different(self.effects_from)
+        except ConfigError as error:
+            raise ValueError(f"effects_from: {error}") from None
+        return self
+
+    @model_validator(mode="after")
+    def _known_effects(self) -> Self:
+        if not self.effects_from:  # else it is asked once the files are run: `check_suits`
+            try:
+                self.diagnose.check_names(NAMED)
+            except (DataError, UnknownNameError) as error:
+                raise ValueError(f"diagnose: {error}") from None
+        return self
+
+    def library(self, base: Mapping[str, Effect] = NAMED) -> Mapping[str, Effect]:
+        """A library with the effects of the law files. The files are run once in a process.
+
+        Raises:
+          ConfigError: a law file cannot be used, see `with_laws`.
+        """
+        return with_laws(self.effects_from, base) if self.effects_from else base
 
     @model_validator(mode="after")
     def _data_sets_have_names_and_places(self) -> Self:
@@ -393,7 +435,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
     Raises:
       ConfigError: the file or an override cannot be read, or a value is wrong.
     """
-    return read_config(RunConfig, path, overrides)
+    return read_config(RunConfig, path, overrides, beside=(LAW_FILES,))
 
 
 def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
@@ -402,7 +444,7 @@ def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunCo
     Raises:
       ConfigError: the file or an override cannot be read, or a value is wrong.
     """
-    return read_config(RunConfig, path, overrides, RETIRED)
+    return read_config(RunConfig, path, overrides, RETIRED, beside=(LAW_FILES,), only_beside=True)
 
 
 def decisive(config: RunConfig) -> dict[str, Any]:

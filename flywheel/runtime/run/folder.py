@@ -2,6 +2,7 @@
 
     config.yaml               resolved configuration
     run.json                  identity of the run
+    my_laws.py                copies of the law files that the configuration names
     run.lock                  held by its one driver
     store/                    trajectory store (unless the configuration names another)
     cache/<snapshot>/         training windows made from a snapshot; may be deleted
@@ -93,11 +94,17 @@ class RunFolder:
         """The configuration that the run was begun with.
 
         Raises:
-          Unsound: the file or run.json was changed since then.
+          Unsound: the file, a law file or run.json was changed since then.
           ConfigError: it is not a configuration.
         """
-        read_begun(self.path).check(self.path, self.config_file.name)
+        begun = read_begun(self.path)
+        for name in (self.config_file.name, *self.law_files(begun)):
+            begun.check(self.path, name)
         return load_stored_config(self.config_file)
+
+    def law_files(self, begun: Begun) -> list[str]:
+        """Names of the law files that the run was begun with, of which there are copies here."""
+        return sorted(begun.files.keys() - {self.config_file.name, self.robot_file.name})
 
     def robot(self, config: RunConfig) -> Robot:
         """The robot that the run was begun with, wherever its MJCF is now.
@@ -293,9 +300,12 @@ class RunFolder:
             write_stand_in(config.robot.stand_in, self.robot_folder)
         temporary = self.config_file.with_suffix(".tmp")
         temporary.write_text(yaml_of(config), encoding="utf-8")
+        for law in config.effects_from:  # where the configuration of the folder looks for them
+            (self.path / law.file).write_text(law.text, encoding="utf-8", newline="")
         digests = {
             self.config_file.name: file_sha256(temporary, "configuration"),
             self.robot_file.name: file_sha256(self.robot_file, "MJCF"),
+            **{law.file: law.sha256 for law in config.effects_from},
         }
         write_identity(self.path, identity, digests)
         temporary.replace(self.config_file)  # last: with it, the run has begun

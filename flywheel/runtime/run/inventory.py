@@ -2,7 +2,7 @@
 
 Every file that a later step needs has a seal, or is named with its digest on the seal of another file:
 
-    run.json                         config.yaml, robot.xml
+    run.json                         config.yaml, robot.xml, copies of law files
     iterations/i0001-mppi.json       its snapshot, the episodes it recorded, its model's files, its video
     iterations/i0001-diagnosis.json  its page
     result.json, of a finished run   the episodes and videos of its end
@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -119,7 +120,9 @@ class Inventory:
 
     def strangers(self) -> list[str]:
         """Names in the folder that are of no run; they do no harm."""
-        names = (path.name for path in self.folder.path.iterdir())
+        names = {path.name for path in self.folder.path.iterdir()}
+        with suppress(DataError):
+            names -= set(self.folder.law_files(self.folder.begun()))
         return sorted(n for n in names if not OURS.fullmatch(n) and not UNFINISHED.fullmatch(n))
 
     @property
@@ -146,14 +149,18 @@ class Inventory:
         except DataError as error:
             yield self._fault(error, RUN_FILE)
             return
+        faulty = []
+        for name in (*self.folder.law_files(begun), self.folder.robot_file.name):
+            try:
+                begun.check(self.folder.path, name)
+            except FlywheelError as error:
+                faulty.append(self._fault(error, name))
         try:
             self._config = self.folder.config()
         except FlywheelError as error:
-            yield self._fault(error, self.folder.config_file.name)
-        try:
-            begun.check(self.folder.path, self.folder.robot_file.name)
-        except FlywheelError as error:
-            yield self._fault(error, self.folder.robot_file.name)
+            if not faulty or faulty[0].where == self.folder.robot_file.name:
+                yield self._fault(error, self.folder.config_file.name)
+        yield from faulty
 
     def _folders(self) -> Iterator[Fault]:
         """Folders that cannot be read, or are files."""

@@ -15,7 +15,7 @@ import numpy as np
 from flywheel.control import MppiConfig, refuse_fixed
 from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Plant, Reckoning
-from flywheel.effects import NAMED
+from flywheel.dynamics.plant.law_checks import check_laws
 from flywheel.errors import ConfigError, ModelError, RobotError
 from flywheel.robot_link import StandIn
 from flywheel.robot_link.opening import SIMULATED, TCP, open_link
@@ -49,10 +49,15 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
 
     Raises:
       ConfigError: it asks for something that the robot cannot do, and the message has the overrides that
-        leave it out; or iteration 0 would record too little.
-      UnknownNameError: an effect has a place that the robot does not have.
+        leave it out; iteration 0 would record too little; or a law file cannot be used.
+      UnknownNameError: an effect has a place that the robot does not have, or is in no library.
+      DataError: one cannot be unsure of an effect.
       ModelError: the robot does not even come to rest.
     """
+    if config.effects_from:
+        config.diagnose.check_names(config.library())
+        own = config.library({})
+        check_laws(own.values(), Plant(robot, robot.control_steps(config.network.dt)[0]))
     found = misfits(config, robot) or list(_tasks(config, robot))
     if found:
         lines = "\n".join(f"  {misfit.asked}: {misfit.why}" for misfit in found)
@@ -213,7 +218,7 @@ def _refuse_terrain(config: RunConfig, robot: Robot) -> None:
 
 def _feels_load(config: RunConfig, robot: Robot) -> bool:
     """Whether the position of an unmeasured winch depends on its load."""
-    terms = tuple(effect.term(robot, NAMED) for effect in config.effects)
+    terms = tuple(effect.term(robot, config.library()) for effect in config.effects)
     reckoning = Reckoning(robot, config.network.dt, terms)
     return reckoning.loaded and not all(winch.measured for winch in robot.winches)
 

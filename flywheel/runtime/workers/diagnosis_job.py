@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, NAMED
+from flywheel.effects import Effect
 from flywheel.records import Episode, Trajectory
 from flywheel.runtime.config.run_config import DiagnoseConfig
 from flywheel.runtime.pool.heartbeat import Heartbeat
@@ -22,15 +22,17 @@ def diagnose_plant(
     fit: Iterable[Episode],
     held_out: Iterable[Episode],
     heartbeat: Heartbeat,
+    library: Mapping[str, Effect],
 ) -> Diagnosis:
     """Find the effects that a plant lacks to explain recordings.
 
     Args:
-      config: which effects are searched, and how much of the recordings is used.
+      config: what is not known exactly, and how much of the recordings is used.
       plant: with the effects adopted so far.
       effects: those effects.
       fit, held_out: recordings.
       heartbeat: is told about every step of the search.
+      library: effects that may be missing.
 
     Raises:
       DataError: the recordings cannot be used.
@@ -47,7 +49,7 @@ def diagnose_plant(
         plant,
         excerpt(fit, config.seconds, config.episode_seconds),
         excerpt(held_out, config.seconds, config.episode_seconds),
-        {name: NAMED[name] for name in config.effects or EFFECTS},
+        library,
         window_seconds=config.window_seconds,
         progress=progress,
         unsure={name: share for name, share in config.unsure.items() if name not in has},

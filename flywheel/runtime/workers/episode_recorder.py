@@ -19,7 +19,7 @@ from flywheel.control.gaits import Gait
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, with_effects
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import NAMED, Terms
+from flywheel.effects import Terms
 from flywheel.errors import DataError
 from flywheel.records import Episode, Provenance, State
 from flywheel.robots import Robot, draw_terrain
@@ -46,6 +46,7 @@ class EpisodeRecorder:
     def __init__(self, config: RunConfig, robot: Robot) -> None:
         self.config, self.robot = config, robot
         self._digest = config_digest(config)
+        self.library = config.library()
         self._settled: dict[tuple[int, Effects], State] = {}
 
     def terrain(self, plan: EpisodePlan) -> Terrain | None:
@@ -169,7 +170,7 @@ class EpisodeRecorder:
         return walk_of(task, episode, points, plan.seed)
 
     def _terms(self, effects: Effects) -> Terms:
-        return tuple(effect.term(self.robot, NAMED) for effect in effects)
+        return tuple(effect.term(self.robot, self.library) for effect in effects)
 
     def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
         kind, _, gait = plan.controller.partition(":")

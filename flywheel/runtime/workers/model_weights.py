@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from flywheel.dynamics.gnn.weights import (
     weights_arrays,
     weights_digest,
 )
-from flywheel.effects import NAMED
+from flywheel.effects import NAMED, Effect
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 from flywheel.runtime.workers.episode_plan import Effects
@@ -70,14 +71,16 @@ class TrainedModel:
       weights: of the network.
       dataset: index of the data set that recordings count as.
       effects: that the robot was known to have when the model was trained.
+      library: that these are from.
     """
 
     name: str
     weights: Weights
     dataset: int = 0
     effects: Effects = ()
+    library: Mapping[str, Effect] = field(default_factory=lambda: NAMED)
 
     def subject(self, robot: Robot, threads: int = 1) -> Subject:
         """The model as a subject of a diagnosis or comparison."""
-        terms = tuple(effect.term(robot, NAMED) for effect in self.effects)
+        terms = tuple(effect.term(robot, self.library) for effect in self.effects)
         return Subject(self.name, self.weights.dynamics(robot, threads), self.dataset, terms)

@@ -10,7 +10,6 @@ from flywheel.control.drive import Drive, OnStep, drive, without_gaps
 from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Reckoning
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import NAMED
 from flywheel.records import Episode, Floats, Provenance
 from flywheel.robot_link import RobotLink
 from flywheel.robots import Robot
@@ -32,7 +31,7 @@ class RobotRecorder:
     """
 
     def __init__(self, config: RunConfig, robot: Robot) -> None:
-        self.config, self.robot = config, robot
+        self.config, self.robot, self._library = config, robot, config.library()
         recorded = config.robot is not None or bool(config.collect.recordings)
         # A network that was trained without recordings has no data set of theirs.
         self._dataset = config.dataset_numbers()[RECORDING] if recorded else 0
@@ -60,7 +59,7 @@ class RobotRecorder:
         """
         config, dt = self.config, self.config.network.dt
         ahead = dynamics is not None and link.info.real_time
-        terms = tuple(effect.term(self.robot, NAMED) for effect in plan.effects)
+        terms = tuple(effect.term(self.robot, self._library) for effect in plan.effects)
         return drive(
             link,
             self.robot,

@@ -21,6 +21,7 @@ from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
+from flywheel.effects import EFFECTS
 from flywheel.errors import ModelError
 from flywheel.evaluation import (
     HISTORY_SECONDS,
@@ -106,6 +107,7 @@ class SimWorker:
         self._store = TrajectoryStore(store)
         self._heartbeat = Heartbeat()
         self._models: dict[str, LearnedDynamics] = {}
+        self._library = config.library()
 
     @property
     def beat(self) -> Beat:
@@ -195,6 +197,7 @@ class SimWorker:
           DataError: the recordings cannot be used.
         """
         self._heartbeat.start("diagnosing")
+        named, asked = self._config.diagnose.effects, self._config.library(EFFECTS)
         return diagnose_plant(
             self._config.diagnose,
             self._recorder.plant(0, effects),
@@ -202,6 +205,7 @@ class SimWorker:
             (self._store.read(name) for name in fit),
             (self._store.read(name) for name in held_out),
             self._heartbeat,
+            {name: self._library[name] for name in named or asked},
         )
 
     def overlay(self, weights: Weights, episode: str, effects: Effects = ()) -> Overlay | None:
@@ -219,7 +223,7 @@ class SimWorker:
                 self._store.read(episode),
                 self._config.evaluate.horizon_seconds,
                 self._config.dataset_numbers(),
-                EpisodeWinches(self._recorder.robot, effects),
+                EpisodeWinches(self._recorder.robot, effects, self._library),
             )
         except ModelError:
             return None
@@ -275,7 +279,7 @@ class SimWorker:
         earliest = round(HISTORY_SECONDS / dynamics.dt)
         long = [e for e in episodes if len(places(e, steps, earliest))]
         truth = None if self._config.measurement == MeasurementModel() else self._truth
-        winches = EpisodeWinches(self._recorder.robot, effects)
+        winches = EpisodeWinches(self._recorder.robot, effects, self._library)
         short = partial(
             score,
             dynamics,

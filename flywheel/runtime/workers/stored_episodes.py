@@ -11,7 +11,7 @@ import numpy as np
 from flywheel.data import TrajectoryStore
 from flywheel.dynamics.plant import Reckoning
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import NAMED, WrittenTerm
+from flywheel.effects import NAMED, Effect, WrittenTerm
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at
 from flywheel.records import Episode, Floats, KnownWinch
@@ -31,10 +31,12 @@ class EpisodeWinches:
     Attributes:
       robot: of the episodes.
       effects: adopted so far.
+      library: that effects are from.
     """
 
     robot: Robot
     effects: Effects = ()
+    library: Mapping[str, Effect] = field(default_factory=lambda: NAMED)
     _known: dict[str, Floats] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __call__(self, episode: Episode) -> Floats:
@@ -48,7 +50,7 @@ class EpisodeWinches:
     def _reckoned(self, episode: Episode) -> Floats:
         simulated = episode.provenance.source == "sim"
         effects = effects_of(episode) if simulated else self.effects
-        terms = tuple(effect.term(self.robot, NAMED) for effect in effects)
+        terms = tuple(effect.term(self.robot, self.library) for effect in effects)
         return Reckoning(self.robot, episode.trajectory.dt, terms).known(episode.trajectory)
 
     @property

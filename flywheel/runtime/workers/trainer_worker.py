@@ -87,7 +87,7 @@ class TrainerWorker:
         # A trainer whose driver was killed lives on for some seconds.
         with hold(order.folder / "trainer.lock", f"The model in {order.folder}", 60.0):
             snapshot = self._store.snapshot(order.snapshot)
-            winches = EpisodeWinches(self._robot, order.effects)
+            winches = EpisodeWinches(self._robot, order.effects, self._config.library())
             train, validation = (
                 WindowCache.build(
                     SplitSource(

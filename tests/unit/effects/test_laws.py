@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flywheel.effects import EFFECTS, Cables, CommandEffect, TensionEffect, WinchEffect
+from flywheel.effects import EFFECTS, Cables, CommandEffect, TensionEffect, WinchEffect, Winches
 from flywheel.robots import Robot, load_robot
 from tests import draws
 
@@ -95,7 +95,7 @@ def test_a_loaded_winch_hauls_slower_and_pays_out_as_ever(rng: np.random.Generat
     effect = EFFECTS["torque_speed"]
     assert isinstance(effect, WinchEffect)
     rate, load = rng.uniform(-1, 1, (50, 3)), rng.uniform(0, 2000, (50, 3))
-    got = effect.rate(rate, load, {"slope": np.full((50, 3), 1e-3)})
+    got = effect.rate(rate, Winches(np.ones_like(load), load), {"slope": np.full((50, 3), 1e-3)})
     hauls = rate < 0
     assert got[~hauls] == pytest.approx(rate[~hauls])
     assert got[hauls] == pytest.approx((rate * np.maximum(0, 1 - load / 1000))[hauls])

@@ -1,0 +1,45 @@
+"""Libraries of effects: those of the package, with those of law files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from flywheel.effects import NAMED, Effect
+from flywheel.effects.own import LawFile
+from flywheel.errors import ConfigError
+
+# Laws by which a diagnosis asks questions, and the one that it learns. They are in no library.
+RESERVED = frozenset(
+    {
+        "damping_by_speed_squared",
+        "damping_by_tension",
+        "stiffness_in_time",
+        "gain_by_rate",
+        "learned_tension",
+    }
+)
+
+
+def with_laws(files: Iterable[LawFile], library: Mapping[str, Effect] = NAMED) -> dict[str, Effect]:
+    """A library with the effects of law files after its own.
+
+    Args:
+      files: that are run.
+      library: to add them to.
+
+    Raises:
+      ConfigError: a file cannot be used, see `LawFile.effects`; or it defines an effect whose name is taken.
+    """
+    own: dict[str, Effect] = {}
+    owner: dict[str, str] = {}
+    for file in dict.fromkeys(files):
+        for name, effect in file.effects().items():
+            if name in NAMED or name in RESERVED:
+                raise ConfigError(
+                    f"{file.file} defines an effect {name!r}, a name that is taken in flywheel: give it "
+                    "another."
+                )
+            if name in own:
+                raise ConfigError(f"Both {owner[name]} and {file.file} define an effect {name!r}.")
+            own[name], owner[name] = effect, file.file
+    return {**library, **own}
