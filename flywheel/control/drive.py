@@ -278,7 +278,7 @@ def _observation(sample: Sample) -> Observation:
 
 def without_gaps(points: Floats) -> Floats:
     """Points (P, 3) with the middle of the others for those that are not seen."""
-    seen = np.isfinite(points).all(axis=-1)
+    seen = np.asarray(np.isfinite(points).all(axis=-1))
     middle = points[seen].mean(axis=0) if seen.any() else np.zeros(3)
     return np.where(seen[:, None], points, middle)
 

@@ -52,8 +52,13 @@ def _errors(axes: Axes, run: RunResult) -> None:
                 value, label=name, color=COLOURS[model], linestyle=(0, (5, 2)), linewidth=1.6
             )
             continue
-        line = {"marker": MARKERS[model], "color": COLOURS[model], "label": name}
-        axes.plot(list(found), list(found.values()), **line)
+        axes.plot(
+            list(found),
+            list(found.values()),
+            marker=MARKERS[model],
+            color=COLOURS[model],
+            label=name,
+        )
     _name_steps(axes, run)
     noise = run.robot_noise or next(
         (t.robot.noise for t in reversed(run.of_arm("mppi")) if t.robot and t.robot.noise), None

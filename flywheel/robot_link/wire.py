@@ -143,7 +143,7 @@ class Measured(Message):
     @classmethod
     def of(cls, sample: Sample) -> Measured:
         """The message that says this."""
-        there = (np.abs(sample.points) <= FARTHEST).all(axis=-1)  # NaN is not
+        there = np.all(np.abs(sample.points) <= FARTHEST, axis=-1).tolist()  # NaN is not
         points = zip(sample.points.tolist(), there, strict=True)
         return cls(
             time=sample.time,
