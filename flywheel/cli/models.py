@@ -1,7 +1,7 @@
 """What names on the command line stand for: plants, trained models, effects of the library.
 
 A plant is a shipped robot, an MJCF, or an adopted plant. A model is a plant, a model of a run, or a file
-of weights.
+of weights: of a network, or of a plant that a network corrects.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flywheel.effects.adopted import plant_file
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.workers.model_weights import TrainedModel, Weights
+from flywheel.runtime.workers.model_weights import TrainedModel
 
 PLANT = "plant"
 PAST = 0.36  # that a restarted plant looks back, to see speeds through noise [sqrt(L / g)]
@@ -104,7 +104,7 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     if (path / "config.yaml").exists():
         return _of_run(name, path, "")
     if path.is_file():
-        return TrainedModel(name, Weights.read(path, robot))
+        return TrainedModel.read(name, path, robot)
     run, _, model = what.rpartition(":")
     if run:
         return _of_run(name, Path(run), model)
@@ -112,11 +112,14 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
 
 
 def _plant(name: str, robot_name: str, dt: float, threads: int) -> Subject:
-    """MuJoCo, started from what is seen of the past."""
     plant = open_plant(robot_name, dt, threads)
-    window = max(2, round(PAST * Scales.of(plant.robot).time / dt))
-    dynamics = RestartedPlant(plant, window=window, degree=2, roll="relaxed")
-    return Subject(name, dynamics, terms=plant.terms)
+    return Subject(name, restarted(plant), terms=plant.terms)
+
+
+def restarted(plant: Plant) -> RestartedPlant:
+    """A plant as a dynamics model, started from what is seen of the past."""
+    window = max(2, round(PAST * Scales.of(plant.robot).time / plant.dt))
+    return RestartedPlant(plant, window=window, degree=2, roll="relaxed")
 
 
 def _of_run(name: str, folder: Path, model: str) -> TrainedModel:
