@@ -9,7 +9,6 @@ clearly helps there, the share is 0 and the model is the plant.
 from __future__ import annotations
 
 import copy
-import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -42,19 +41,17 @@ from flywheel.quantities import (
     HorizonSeconds,
     OptimiserSteps,
     PartialShare,
-    RobotLengths,
     Samples,
     Seed,
 )
-from flywheel.records import Episode, Floats, Past, Provenance, Trajectory
-from flywheel.robots import Robot
+from flywheel.records import Episode, Floats, Provenance, Trajectory
 from flywheel.training.batches import generator
 
 SHARES = np.linspace(0.0, 1.0, 21)  # of the correction, that are tried
 _SIMULATED = 64  # windows that the plant predicts at a time
 _JUDGED = 256  # windows that are judged at a time
 _SCALED = 512  # windows that the features' scales are taken from
-_ORDER, _DRIFT = 7, 8  # what is drawn from a seed
+_ORDER = 7  # what is drawn from a seed: in which order windows come
 _LEAST_RATE = 0.02  # where the cosine of the learning rate ends, as a share of the highest
 
 Say = Callable[[float, str], None]
@@ -68,9 +65,6 @@ class ResidualTraining(BaseModel):
       horizon: predicted from each present; less where no recording is as long.
       spacing: between two presents of a recording.
       windows: at most, of all recordings together.
-      copies: how often each window is predicted. In all but the first, the plant believes that the winches
-        are elsewhere, so that the network learns what the past tells of that.
-      drift: standard deviation of what it believes then, for winches whose position is not measured.
       held_out: share of the recordings that is not trained on, but decides.
       steps: of the optimiser, at most.
       batch: windows per step.
@@ -91,8 +85,6 @@ class ResidualTraining(BaseModel):
     horizon: HorizonSeconds = 2.0
     spacing: HorizonSeconds = 0.2
     windows: Annotated[int, Bounds(1, 100_000)] = 4000
-    copies: Annotated[int, Bounds(1, 100)] = 1
-    drift: RobotLengths = 0.01
     held_out: Annotated[float, Bounds(0.02, 0.9)] = 0.2
     steps: OptimiserSteps = 400
     batch: Samples = 64
@@ -118,7 +110,7 @@ class ResidualResult:
         over what is usual of the plant at its lead time [-].
       steps: optimiser steps done.
       best_step: after which the weights were best.
-      windows, held_out: how many of each, copies left out.
+      windows, held_out: how many of each.
       seconds: of the training, simulations included.
       curve: (step, loss, error on what is held out with the whole correction).
     """
@@ -190,8 +182,9 @@ def train_residual(
     lookout = Lookout(plant, config)
     check(plant, recordings)
     learned, judged = split(recordings, training.held_out)
-    train = windows_of(lookout, learned, training, training.copies, _part(say, 0.0, 0.2))
-    held_out = windows_of(lookout, judged, training, 1, _part(say, 0.2, 0.25))
+    steps = min(horizon_of(lookout, tracks, training) for tracks in (learned, judged))
+    train = windows_of(lookout, learned, steps, training, _part(say, 0.0, 0.2))
+    held_out = windows_of(lookout, judged, steps, training, _part(say, 0.2, 0.25))
     with one_thread_per_operation(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(training.seed)
         network = ResidualNetwork(plant.robot, config)
@@ -205,7 +198,7 @@ def train_residual(
         error=float(errors[:, share].mean()),
         steps=fitting.step,
         best_step=fitting.best_step,
-        windows=len(train) // training.copies,
+        windows=len(train),
         held_out=len(held_out),
         seconds=time.monotonic() - begun,
         curve=tuple(fitting.curve),
@@ -255,11 +248,20 @@ def _cut(track: Trajectory, begin: int, end: int) -> Trajectory:
     return Trajectory(seen, track.controls[begin:end], track.dt)
 
 
+def horizon_of(
+    lookout: Lookout, recordings: Sequence[Trajectory], training: ResidualTraining
+) -> int:
+    """Control steps of the longest windows that the recordings hold, up to the horizon."""
+    plant, every = lookout.plant, lookout.every
+    longest = max(t.steps for t in recordings) - plant.history
+    return max(0, min(round(training.horizon / plant.dt), longest)) // every * every
+
+
 def windows_of(
     lookout: Lookout,
     recordings: Sequence[Trajectory],
+    steps: int,
     training: ResidualTraining,
-    copies: int = 1,
     say: Say = lambda done, note: None,
 ) -> Windows:
     """Let the plant predict windows of recordings.
@@ -267,30 +269,25 @@ def windows_of(
     Args:
       lookout: of the plant.
       recordings: unbatched.
-      training: horizon, spacing, drift.
-      copies: of each window.
+      steps: control steps of a window.
+      training: spacing, and how many windows at most.
       say: is told how far it is.
 
     Raises:
       DataError: no recording is long enough.
     """
-    plant, every = lookout.plant, lookout.every
-    longest = max(t.steps for t in recordings) - plant.history
-    steps = min(round(training.horizon / plant.dt), longest) // every * every
-    found = _presents(plant, recordings, steps, training) if steps >= every else []
+    plant = lookout.plant
+    found = _presents(plant, recordings, steps, training) if steps else []
     if not found:
+        least = (plant.history + lookout.every) * plant.dt
         raise DataError(
-            f"The recordings are too short, or points are missing too often: it takes one of "
-            f"{(plant.history + every) * plant.dt:g} s in which all points are in sight to learn from, and "
-            "one to judge by."
+            f"The recordings are too short, or points are missing too often: it takes {least:g} s in which "
+            "all points are in sight to learn from, and as much to judge by."
         )
     parts = []
     for first in range(0, len(found), _SIMULATED):
         some = found[first : first + _SIMULATED]
-        for number in range(copies):
-            rng = generator(training.seed, first * copies + number, _DRIFT)
-            drift = training.drift * plant.robot.length if number else 0.0
-            parts.append(_predicted(lookout, some, steps, drift, rng))
+        parts.append(_predicted(lookout, some, steps))
         done = first + len(some)
         say(done / len(found), f"the plant predicts window {done} of {len(found)}")
     return _joined(parts)
@@ -319,18 +316,9 @@ def _presents(
     return found[:: max(1, math.ceil(len(found) / training.windows))]
 
 
-def _predicted(
-    lookout: Lookout,
-    presents: Sequence[_Present],
-    steps: int,
-    drift: float,
-    rng: np.random.Generator,
-) -> Windows:
-    """Windows as the plant predicts them with winches that are `drift` [m] off, where none is measured."""
+def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> Windows:
     plant = lookout.plant
     past = stacked([past_at(e, plant.robot, s, lookout.history, w) for e, s, w in presents])
-    if drift:
-        past = _drifted(past, plant.robot, drift, rng)
     tracks = [(episode.trajectory, s) for episode, s, _ in presents]
     controls = np.stack([t.controls[s : s + steps] for t, s in tracks])
     measured = np.stack([t.observations.points[s : s + steps + 1] for t, s in tracks])
@@ -341,13 +329,6 @@ def _predicted(
         torch.as_tensor(left / plant.robot.length).float(),
         torch.as_tensor(weight).float(),
     )
-
-
-def _drifted(past: Past, robot: Robot, drift: float, rng: np.random.Generator) -> Past:
-    moved = past.winch + drift * rng.normal(size=past.winch[:, :1].shape)
-    moved = np.clip(moved, robot.rest_low, robot.rest_high)
-    measured = np.isfinite(past.observations.winch)
-    return dataclasses.replace(past, winch=np.where(measured, past.winch, moved))
 
 
 def _joined(parts: Sequence[Windows]) -> Windows:

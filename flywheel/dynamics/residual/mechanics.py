@@ -38,6 +38,7 @@ class Structure:
     Attributes:
       mass: (B, K, n, n).
       elongation: (B, K, C, n) of the cables, per displacement.
+      rise: (B, K, P, n) of where tracked points touch the ground, likewise.
       strain: (B, K, C) length beyond the rest length; negative where slack [L].
       stiffness: (C,) of the cables.
       geometric: (B, K, n, n) stiffness that comes from the tensions and from contacts.
@@ -46,6 +47,7 @@ class Structure:
 
     mass: Tensor
     elongation: Tensor
+    rise: Tensor
     strain: Tensor
     stiffness: Tensor
     geometric: Tensor
@@ -125,7 +127,8 @@ def structure_of(
     lost = _squared(per, damping.expand_as(strain))
     lost = lost + _squared(up, NORMAL_DAMPING * touching)
     lost = lost + _squared(level, sticking.repeat_interleave(2, dim=-1))
-    return Structure(_mass(turn, masses, inertias), per, strain, stiffness, geometric, lost)
+    mass = _mass(turn, masses, inertias)
+    return Structure(mass, per, up, strain, stiffness, geometric, lost)
 
 
 def _mass(turn: Tensor, masses: Tensor, inertias: Tensor) -> Tensor:

@@ -306,7 +306,8 @@ class ResidualNetwork(nn.Module):
         longer = hidden.new_zeros(batch, len(layout.stiffness))
         found = []
         for k in range(ahead.place.shape[1]):
-            hidden, said = self._update(hidden, shown, drives, k, error, velocity, longer)
+            off = _off(layout, shown.turn[:, k], structure, k, error, velocity, longer)
+            hidden, said = self._update(hidden, drives, k, off)
             turn = shown.turn[:, k]
             rest, rate, tension = said.unbind(-1)
             if k == 0:
@@ -337,12 +338,9 @@ class ResidualNetwork(nn.Module):
         shape = (1 if past is None else len(past), self.layout.bodies, self.config.width)
         hidden = ahead.place.new_zeros(shape)
         if past is not None:
-            shown = features(self.layout, self.config, past, past=True)
-            nothing = hidden.new_zeros(*shape[:2], 2, 3)
-            longer = hidden.new_zeros(shape[0], len(self.layout.stiffness))
-            drives = self._drives(shown)
+            drives = self._drives(features(self.layout, self.config, past, past=True))
             for k in range(past.place.shape[1]):
-                hidden, _ = self._update(hidden, shown, drives, k, nothing, nothing, longer)
+                hidden, _ = self._update(hidden, drives, k, None)
         return hidden
 
     def _drives(self, shown: Shown) -> Drives:
@@ -358,43 +356,70 @@ class ResidualNetwork(nn.Module):
         )
 
     def _update(
-        self,
-        hidden: Tensor,
-        shown: Shown,
-        drives: Drives,
-        k: int,
-        error: Tensor,
-        velocity: Tensor,
-        longer: Tensor,
+        self, hidden: Tensor, drives: Drives, k: int, off: Off | None
     ) -> tuple[Tensor, Tensor]:
         """Hidden states (B, bodies, width) after knot k, and what is said of the cables (B, C, 3).
 
         Args:
-          error, velocity: (B, bodies, 2, 3) of the bodies so far.
-          longer: (B, C) by how much rest lengths are longer than the plant's.
+          off: how far things are from the plant's motion; None for not at all.
         """
         layout = self.layout
         own, other = self.cable_hidden(hidden).chunk(2, dim=-1)
-        both = torch.stack([error / ERROR, velocity / DRIFT], dim=2)  # (B, bodies, 2, 2, 3)
         cables = drives[0][k] + torch.matmul(layout.owns, own) + torch.matmul(layout.others, other)
-        slack = torch.asinh(longer[:, layout.cable, None] / ERROR)
-        stretch = torch.cat([_stretch(layout, shown, k, both), slack], dim=-1)
-        cables = torch.relu(cables + self.cable_error(stretch))
         points = drives[1][k] + torch.matmul(layout.carries, self.point_hidden(hidden))
-        points = points + self.point_error(_rise(layout, shown, k, both))
-        turned = torch.einsum("bnji,bnstj->bnsti", shown.turn[:, k], both).flatten(2)
+        bodies = hidden.new_zeros(*hidden.shape[:2], 2 * FREEDOMS) if off is None else off.bodies
+        if off is not None:
+            cables = cables + self.cable_error(off.cables).repeat_interleave(2, dim=1)
+            points = points + self.point_error(off.points)
+        cables = torch.relu(cables)
         received = torch.cat(
             [
                 torch.matmul(layout.owns.t(), cables),
                 torch.matmul(layout.carries.t(), torch.relu(points)),
                 torch.relu(drives[2][k]),
-                torch.asinh(turned),
+                bodies,
             ],
             dim=-1,
         )
         mixed = torch.relu(self.mix(received))
         after = self.memory(mixed.flatten(0, 1), hidden.flatten(0, 1)).view_as(hidden)
         return after, self.cable(cables.unflatten(1, (-1, 2)).sum(2))
+
+
+@dataclass(frozen=True)
+class Off:
+    """How far things are from the plant's motion, as the network sees it.
+
+    Attributes:
+      cables: (B, C, 3) by how much a cable is longer, how fast that grows, and how much longer its rest
+        length is.
+      points: (B, P, 2) by how much a tracked point is higher, and how fast it rises.
+      bodies: (B, bodies, 12) error and velocity of a body, in its frame.
+    """
+
+    cables: Tensor
+    points: Tensor
+    bodies: Tensor
+
+
+def _off(
+    layout: Layout,
+    turn: Tensor,
+    structure: Structure,
+    k: int,
+    error: Tensor,
+    velocity: Tensor,
+    longer: Tensor,
+) -> Off:
+    """Errors as the network sees them, of error states (B, bodies, 2, 3) and rest lengths (B, C)."""
+    both = torch.stack([error / ERROR, velocity / DRIFT], dim=2)  # (B, bodies, 2, 2, 3)
+    states = both.transpose(1, 2).flatten(2).transpose(1, 2)  # (B, n, 2)
+    cables = torch.cat(
+        [torch.matmul(structure.elongation[:, k], states), longer[..., None] / ERROR], -1
+    )
+    bodies = torch.einsum("bnji,bnstj->bnsti", turn, both).flatten(2)
+    points = torch.matmul(structure.rise[:, k], states)
+    return Off(torch.asinh(cables), torch.asinh(points), torch.asinh(bodies))
 
 
 def _decoder(width: int, outputs: int) -> nn.Sequential:
@@ -430,26 +455,6 @@ def _structure(layout: Layout, shown: Shown) -> Structure:
 def _out_of(turn: Tensor, twists: Tensor) -> Tensor:
     """Twists (B, bodies, 2, 3) of body frames that are turned by (B, bodies, 3, 3), in the world."""
     return torch.einsum("bnij,bnsj->bnsi", turn, twists)
-
-
-def _stretch(layout: Layout, shown: Shown, k: int, both: Tensor) -> Tensor:
-    """(B, 2C, 2) by how much a cable is longer than in the plant's motion, and how fast that grows."""
-    arms = shown.arms[:, k]
-    partner = arms.unflatten(1, (-1, 2)).flip(2).flatten(1, 2)  # ends 2c and 2c + 1 are of cable c
-    here, there = _carried(layout.owns, both, arms), _carried(layout.others, both, partner)
-    return torch.asinh(((there - here) * shown.along[:, k, :, None]).sum(-1))
-
-
-def _rise(layout: Layout, shown: Shown, k: int, both: Tensor) -> Tensor:
-    """(B, P, 2) by how much a tracked point is higher than in the plant's motion, and how fast it rises."""
-    return torch.asinh(_carried(layout.carries, both, shown.point_arms[:, k])[..., 2])
-
-
-def _carried(carriers: Tensor, both: Tensor, arms: Tensor) -> Tensor:
-    """(B, n, 2, 3) how places at arms (B, n, 3) move with their bodies' small twists (B, bodies, 2, 2, 3)."""
-    twists = torch.matmul(carriers, both.flatten(2)).unflatten(2, both.shape[2:])
-    shift, turn = twists.unbind(-2)
-    return shift + torch.linalg.cross(turn, arms[:, :, None].expand_as(turn))
 
 
 def displaced(arms: Tensor, shift: Tensor, turn: Tensor) -> Tensor:

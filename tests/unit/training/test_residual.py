@@ -15,6 +15,7 @@ from flywheel.robots import load_robot
 from flywheel.training.residual import (
     ResidualTraining,
     chosen_share,
+    horizon_of,
     split,
     train_residual,
     windows_of,
@@ -93,22 +94,12 @@ def test_what_is_missing_has_no_weight():
     seen = Observation(points, track.observations.winch)
     lookout = Lookout(plant(), CONFIG)
     whole, part = (
-        windows_of(lookout, [t], QUICK) for t in (track, Trajectory(seen, track.controls, track.dt))
+        windows_of(lookout, [t], horizon_of(lookout, [t], QUICK), QUICK)
+        for t in (track, Trajectory(seen, track.controls, track.dt))
     )
     assert whole.weight.min() > 0.0
     assert (part.weight[:, :, 4] == 0.0).any() and (part.weight[:, :, 3] > 0.0).all()
     assert (part.left[part.weight == 0.0] == 0.0).all()
-
-
-def test_copies_differ_in_where_the_winches_are_believed_to_be_and_the_first_does_not():
-    tracks = recordings(4, 1)
-    lookout = Lookout(plant(), CONFIG)
-    one, three = (windows_of(lookout, tracks, QUICK, copies) for copies in (1, 3))
-    count = len(one)
-    assert len(three) == 3 * count
-    assert np.array_equal(three.sight.ahead.winch[:count], one.sight.ahead.winch)
-    apart = three.sight.ahead.winch[count : 2 * count, 0] - one.sight.ahead.winch[:, 0]
-    assert 0.3 * QUICK.drift < float(apart.std()) < 3.0 * QUICK.drift
 
 
 def test_whole_recordings_are_held_out_if_there_are_enough_and_else_the_ends_of_all():
