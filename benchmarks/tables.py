@@ -4,6 +4,7 @@
     python -m benchmarks.tables collect diagnosis FOLDER     results of `python -m benchmarks.diagnosis`
     python -m benchmarks.tables collect adoption FOLDER      ... of `python -m benchmarks.adoption`
     python -m benchmarks.tables collect sysid FOLDER         ... of `python -m benchmarks.sysid`
+    python -m benchmarks.tables collect residual FOLDER      ... of `python -m benchmarks.residual`
     python -m benchmarks.tables collect navigation NAME RUN  a run, or a file of `flywheel navigate --results`
 
 A table stands in a page between `<!-- table: NAME -->` and `<!-- end -->`.
@@ -16,12 +17,13 @@ import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from benchmarks import adoption, navigation
+from benchmarks import adoption, navigation, residual
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
 from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.navigation import EpisodeRow, ModelRow
+from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.rows import RESULTS, read_rows, write_rows
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
@@ -37,6 +39,7 @@ BLOCK = re.compile(r"(?<=<!-- table: )([\w-]+)( -->\n).*?(?=<!-- end -->)", re.D
 DIAGNOSIS = RESULTS / "diagnosis.csv"
 ADOPTION = RESULTS / "adoption.csv"
 SYSID = RESULTS / "sysid.csv"
+RESIDUAL = RESULTS / "residual.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
 
@@ -69,6 +72,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "diagnosis-fresh-hard": lambda: hard_table(_of_set("fresh")),
     "diagnosis-network": lambda: rates_table(diagnosis("network", ("none", "single"), "x2")),
     "adoption": lambda: adoption.table(read_rows(AdoptionRow, ADOPTION)),
+    "residual": lambda: residual.table(read_rows(ResidualRow, RESIDUAL)),
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
     "navigation": lambda: navigation.run_table(
         "s_course_from_little",
@@ -96,7 +100,8 @@ def with_tables(page: str) -> str:
 
 def collect(kind: str, folder: Path, of_set: str = "main") -> Path:
     """Take the results of a benchmark's folder over; of the diagnosis, those of one set of cases."""
-    texts = [file.read_text(encoding="utf-8") for file in sorted(folder.glob("*.json"))]
+    files = (file for file in sorted(folder.glob("*.json")) if ".model." not in file.name)
+    texts = [file.read_text(encoding="utf-8") for file in files]
     if not texts:
         raise ConfigError(f"There is no result in {folder}.")
     if kind == "diagnosis":
@@ -109,6 +114,10 @@ def collect(kind: str, folder: Path, of_set: str = "main") -> Path:
             ADOPTION, [adoption.row_of(AdoptionStudy.model_validate_json(text)) for text in texts]
         )
         return ADOPTION
+    if kind == "residual":
+        studies = (ResidualStudy.model_validate_json(text) for text in texts)
+        write_rows(RESIDUAL, [residual.row_of(each) for each in studies])
+        return RESIDUAL
     cases = [CaseStudy.model_validate_json(text) for text in texts]
     write_rows(SYSID, [row for case in cases for row in sysid.rows_of(case)])
     return SYSID
@@ -138,7 +147,7 @@ def main() -> None:
     verbs = parser.add_subparsers(dest="verb")
     verb = verbs.add_parser("collect", help="take results over as CSV")
     kinds = verb.add_subparsers(dest="kind", required=True)
-    for kind in ("diagnosis", "adoption", "sysid"):
+    for kind in ("diagnosis", "adoption", "residual", "sysid"):
         kinds.add_parser(kind).add_argument("folder", type=Path)
     kinds.choices["diagnosis"].add_argument("--set", default="main", help="of the cases")
     driven = kinds.add_parser("navigation")

@@ -30,7 +30,7 @@ Models = Annotated[
     typer.Option(
         metavar="[LABEL=]SPEC",
         help="plant (the default), an adopted plant's folder, a run's folder (its champion), "
-        "RUN:NAME, or a file of weights. May be given again.",
+        "RUN:NAME, or a file of weights (also those of `flywheel correct`). May be given again.",
         show_default=False,
     ),
 ]

@@ -156,7 +156,7 @@ def changes_of(statements: Sequence[str]) -> dict[str, float]:
     """
     from flywheel.diagnosis.settings import NUMBER
 
-    pairs = _pairs(statements, "--set takes SETTING=NUMBER;")
+    pairs = pairs_of(statements, "--set takes SETTING=NUMBER;")
     return {path: number(text, path, NUMBER) for path, text in pairs}
 
 
@@ -172,14 +172,14 @@ def unsure_of(statements: Sequence[str]) -> dict[str, float]:
     from flywheel.files import shown
 
     known = {}
-    for name, text in _pairs(statements, "Say how unsure as effect=number or effect=5%,"):
+    for name, text in pairs_of(statements, "Say how unsure as effect=number or effect=5%,"):
         what = f"How unsure one is of {shown(name)}, as a number or 5%,"
         value = number(text.removesuffix("%"), what, FACTOR)
         known[name] = value / (100.0 if text.endswith("%") else 1.0)
     return known
 
 
-def _pairs(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
+def pairs_of(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
     """Split "name=text".
 
     Raises:

@@ -10,6 +10,7 @@ from flywheel.cli import config, data, recordings, robot
 from flywheel.cli.adopt import adopt
 from flywheel.cli.bench import bench
 from flywheel.cli.compare import compare
+from flywheel.cli.correct import correct
 from flywheel.cli.design import design
 from flywheel.cli.diagnose import diagnose
 from flywheel.cli.drive import drive
@@ -73,6 +74,7 @@ app.command(rich_help_panel=RUNS)(ui)
 app.add_typer(data.app, name="data", rich_help_panel=RUNS)
 app.command(rich_help_panel=LOGS)(diagnose)
 app.command(rich_help_panel=LOGS)(adopt)
+app.command(rich_help_panel=LOGS)(correct)
 app.command(rich_help_panel=LOGS)(compare)
 app.command(rich_help_panel=LOGS)(power)
 app.command(rich_help_panel=LOGS)(design)

@@ -1,7 +1,7 @@
 """What names on the command line stand for: plants, trained models, effects of the library.
 
 A plant is a shipped robot, an MJCF, or an adopted plant. A model is a plant, a model of a run, or a file
-of weights.
+of weights: of a network, or of a plant that a network corrects.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from flywheel.effects.own import LawFile, check_different
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.workers.model_weights import TrainedModel, Weights
+from flywheel.runtime.workers.model_weights import TrainedModel
 
 PLANT = "plant"
 ALLOWED = (
@@ -178,7 +178,7 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     if (path / "config.yaml").exists():
         return _of_run(name, path, "")
     if path.is_file():
-        return TrainedModel(name, Weights.read(path, robot))
+        return TrainedModel.read(name, path, robot)
     run, _, model = what.rpartition(":")
     if run:
         return _of_run(name, Path(run), model)

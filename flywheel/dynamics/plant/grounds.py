@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.records import Floats, Observation, State
+from flywheel.records import Floats, Observation, State, Trajectory
 from flywheel.terrain import Terrain
 
 
-def observed_on(
+def simulated_on(
     terrains: Sequence[Terrain | None], plant: Plant, state: State, controls: Floats
-) -> Observation:
-    """What is seen of a plant on the terrain of each simulation, or on one for all.
+) -> Trajectory:
+    """The motion of a plant on the terrain of each simulation, or on one for all.
 
     Args:
       terrains: of B simulations, or one; None is the plane z = 0.
@@ -22,12 +22,25 @@ def observed_on(
       state, controls: as `Plant.simulate` takes them.
     """
     if len(set(terrains)) == 1:
-        return plant.on(terrains[0]).simulate(state, controls).observations
-    points = np.empty((*controls.shape[:1], controls.shape[1] + 1, len(plant.robot.points), 3))
-    winch = np.empty((*points.shape[:2], len(plant.robot.winches)))
+        return plant.on(terrains[0]).simulate(state, controls)
+    parts, order = [], []
     for terrain in dict.fromkeys(terrains):
         rows = np.flatnonzero([each == terrain for each in terrains])
         begun = state if len(state.qpos) == 1 else state[rows]
-        seen = plant.on(terrain).simulate(begun, controls[rows]).observations
-        points[rows], winch[rows] = seen.points, seen.winch
-    return Observation(points, winch)
+        parts.append(plant.on(terrain).simulate(begun, controls[rows]))
+        order.append(rows)
+    back = np.argsort(np.concatenate(order))
+
+    def joined(arrays: Iterable[Floats]) -> Floats:
+        return np.concatenate(list(arrays))[back]
+
+    states = [part.states for part in parts if part.states is not None]
+    return Trajectory(
+        Observation(
+            joined(part.observations.points for part in parts),
+            joined(part.observations.winch for part in parts),
+        ),
+        joined(part.controls for part in parts),
+        plant.dt,
+        State(*(joined(getattr(s, name) for s in states) for name in ("qpos", "qvel", "act"))),
+    )

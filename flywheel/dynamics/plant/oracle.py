@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flywheel.dynamics.plant.grounds import observed_on
+from flywheel.dynamics.plant.grounds import simulated_on
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout
@@ -44,5 +44,5 @@ class PlantDynamics:
                 "The oracle needs the plant's full state, which this past does not have; "
                 "RestartedPlant predicts from observations."
             )
-        seen = observed_on(past.terrains, self.plant, past.state, controls)
+        seen = simulated_on(past.terrains, self.plant, past.state, controls).observations
         return Rollout(seen.points, seen.winch)

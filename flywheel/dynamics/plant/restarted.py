@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
-from flywheel.dynamics.plant.grounds import observed_on
+from flywheel.dynamics.plant.grounds import simulated_on
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.poses import seen_poses
 from flywheel.dynamics.plant.roll import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
-from flywheel.records import Floats, Past, Rollout, State
+from flywheel.records import Floats, Past, Rollout, State, Trajectory
 from flywheel.robots import GRAVITY, Body, Robot
 from flywheel.rotations import about_axis, conjugate, multiply, rotate
 from flywheel.smoothing import causal_polynomial
@@ -84,8 +84,12 @@ class RestartedPlant:
         Raises:
           ModelError: a point was never seen, shapes do not fit, or the simulation diverged.
         """
-        seen = observed_on(past.terrains, self.plant, self.estimate(past), controls)
+        seen = self.motion(past, controls).observations
         return Rollout(seen.points, seen.winch)
+
+    def motion(self, past: Past, controls: Floats) -> Trajectory:
+        """The same with full states; raises the same."""
+        return simulated_on(past.terrains, self.plant, self.estimate(past), controls)
 
     def estimate(self, past: Past) -> State:
         """The state (B,) that fits the past best.

@@ -15,6 +15,7 @@ from flywheel.dynamics.gnn.weights import (
     weights_arrays,
     weights_digest,
 )
+from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.effects import NAMED, Effect
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
@@ -68,17 +69,29 @@ class TrainedModel:
 
     Attributes:
       name: for people.
-      weights: of the network.
+      weights: of the network, or of the plant that it corrects.
       dataset: index of the data set that recordings count as.
       effects: that the robot was known to have when the model was trained.
       library: that these are from.
     """
 
     name: str
-    weights: Weights
+    weights: Weights | ResidualWeights
     dataset: int = 0
     effects: Effects = ()
     library: Mapping[str, Effect] = field(default_factory=lambda: NAMED)
+
+    @classmethod
+    def read(cls, name: str, path: Path, robot: Robot) -> TrainedModel:
+        """A file of weights.
+
+        Raises:
+          ModelError: the file is missing or damaged, or for another robot.
+        """
+        if not is_residual(path):
+            return cls(name, Weights.read(path, robot))
+        found = ResidualWeights.read(path, robot)
+        return cls(name, found, effects=found.corrected.effects)
 
     def subject(self, robot: Robot, threads: int = 1) -> Subject:
         """The model as a subject of a diagnosis or comparison."""

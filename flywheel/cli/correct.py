@@ -1,0 +1,149 @@
+"""`flywheel correct`: a small network learns what a plant leaves of a robot's logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flywheel.cli.console import Out, console, table
+from flywheel.cli.options import DtOption, JsonOption, PlantOption, ThreadsOption, number, within
+from flywheel.quantities import HORIZON_SECONDS, SEED, Bounds
+
+if TYPE_CHECKING:
+    from flywheel.dynamics.residual import ResidualConfig
+    from flywheel.training.residual import ResidualResult, ResidualTraining
+
+NETWORK = "network"
+ANY = Bounds(-1e12, 1e12)  # of a setting, whose own bounds are asked afterwards
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="SETTING=NUMBER",
+        help="Another value of a setting of the training, such as steps=800, or of the network, such as "
+        "network.width=32. May be given again.",
+        show_default=False,
+    ),
+]
+
+
+def correct(
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="CSV...", help="Logs to learn from.", show_default=False)
+    ],
+    robot: PlantOption,
+    out: Annotated[Path, typer.Option(help="Where the model goes.")] = Path("corrected.npz"),
+    horizon: Annotated[
+        float,
+        typer.Option(help="Predicted ahead, in seconds.", callback=within(HORIZON_SECONDS)),
+    ] = 2.0,
+    seed: Annotated[int, typer.Option(help="Seed of the training.", callback=within(SEED))] = 0,
+    settings: SetOption = None,
+    dt: DtOption = 0.01,
+    threads: ThreadsOption = 2,
+    json: JsonOption = None,
+) -> None:
+    """Train a small network that corrects a plant, by a robot's logs.
+
+    The plant predicts; the network learns what that leaves of the logs, in minutes from minutes of them. A
+    fifth of the logs is held out, and decides how much of the correction is made: none if it does not help.
+
+    [bold]Example[/bold]
+
+    flywheel correct monday.csv tuesday.csv --robot plants/my_robot-1 --out my_robot.npz
+    """
+    from flywheel.cli.logs import read_logs
+    from flywheel.cli.models import open_plant
+    from flywheel.dynamics.plant import RestartedPlant
+    from flywheel.dynamics.residual import ResidualWeights
+    from flywheel.errors import ConfigError
+    from flywheel.outputs import check_outputs
+    from flywheel.runtime.pool.progress import console_progress
+    from flywheel.training.residual import train_residual
+
+    if out.suffix == ".json":
+        raise ConfigError(f"--out is the file of the weights, which end in .npz; got {out.name}.")
+    side = out.with_suffix(".json")
+    outputs = {"model": out, "side file of the model": side, "JSON": json}
+    check_outputs(outputs, inputs=[*recordings, robot])
+    config, training = settings_of(settings or [], horizon, seed)
+    plant, shown = RestartedPlant.from_measurements(open_plant(robot, dt, threads)), console()
+    tracks = [each.trajectory for each in read_logs(recordings, plant.robot, dt, shown)]
+    with console_progress().stage("correct", 1.0) as stage:
+        found = train_residual(plant, tracks, config, training, stage.update)
+    seconds = sum(t.steps for t in tracks) * dt
+    digest = ResidualWeights.of(found.model).write(
+        out, {**found.notes(), "recordings": [p.name for p in recordings], "seconds": seconds}
+    )
+    _show(shown, found, out, robot, seconds, recordings)
+    shown.keep_json(json, {**found.notes(), "share": found.model.share, "digest": digest})
+
+
+def settings_of(
+    statements: Sequence[str], horizon: float, seed: int
+) -> tuple[ResidualConfig, ResidualTraining]:
+    """The settings, from "steps=800" and "network.width=32".
+
+    Raises:
+      ConfigError: there is no such setting, or it cannot have that value.
+    """
+    from flywheel.cli.diagnose import pairs_of
+    from flywheel.dynamics.residual import ResidualConfig
+    from flywheel.errors import ConfigError
+    from flywheel.training.residual import ResidualTraining
+    from flywheel.validation import validated
+
+    network: dict[str, float] = {}
+    training: dict[str, float] = {"horizon": horizon, "seed": seed}
+    for path, text in pairs_of(statements, "--set takes SETTING=NUMBER;"):
+        first, dot, name = path.partition(".")
+        value = number(text, path, ANY)
+        whole = int(value) if value == int(value) else value
+        if dot and first == NETWORK:
+            network[name] = whole
+        else:
+            training[path] = whole
+    return (
+        validated(ResidualConfig, network, "--set network", ConfigError),
+        validated(ResidualTraining, training, "--set", ConfigError),
+    )
+
+
+def _show(
+    out: Out,
+    found: ResidualResult,
+    path: Path,
+    robot: str,
+    seconds: float,
+    recordings: Sequence[Path],
+) -> None:
+    gone = 1.0 - found.error / found.plant_error
+    if found.model.share:
+        out.say(
+            f"{gone:.0%} of the plant's error on what was held out is gone, with {found.model.share:.0%} "
+            "of the correction.",
+            style="bold",
+        )
+    else:
+        out.say(
+            "The correction does not help for sure on what was held out: the model is the plant as it was. "
+            "More logs may help.",
+            style="bold",
+        )
+    rows = [("plant", found.plant_error), ("corrected", found.error)]
+    heads = ("model", "#error held out, over the plant's usual one at that lead time")
+    out.print(
+        table(
+            f"{found.windows} windows to learn from, {found.held_out} held out, of {seconds:.0f} s; "
+            f"{found.steps} steps in {found.seconds:.0f} s",
+            heads,
+            rows,
+        )
+    )
+    out.say(f"Model: {path}")
+    first = recordings[0] if recordings else "log.csv"
+    out.say(f"next: flywheel compare {first} --robot {robot} --model plant --model {path}")

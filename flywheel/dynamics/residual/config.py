@@ -1,0 +1,43 @@
+"""What a user can choose about the network that corrects a plant."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict
+
+from flywheel.effects import Scales
+from flywheel.quantities import Bounds
+from flywheel.robots import Robot
+
+
+class ResidualConfig(BaseModel):
+    """The shape of a `ResidualNetwork` and what it is shown; times are in the robot's own unit, sqrt(L / g).
+
+    Attributes:
+      width: of all latent vectors.
+      interval: between the instants at which the network looks at the plant's motion and corrects it;
+        rounded to control steps. Between them the correction is a straight line.
+      past: how far back the plant is started once more, so that the network sees what it got wrong on the
+        way to the present; rounded to intervals.
+      clearance: height above the ground up to which a tracked point sees it, as a share of L.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    width: Annotated[int, Bounds(4, 1024)] = 48
+    interval: Annotated[float, Bounds(0.001, 10, "sqrt(L / g)")] = 0.2
+    past: Annotated[float, Bounds(0, 100, "sqrt(L / g)")] = 1.0
+    clearance: Annotated[float, Bounds(0, 10, "L", above=True)] = 0.2
+
+    def every(self, robot: Robot, dt: float) -> int:
+        """Control steps between two corrections."""
+        return max(1, round(self.interval * Scales.of(robot).time / dt))
+
+    def past_knots(self) -> int:
+        """Corrections' worth of time that is looked back."""
+        return round(self.past / self.interval)
+
+    def past_steps(self, robot: Robot, dt: float) -> int:
+        """Control steps that are looked back."""
+        return self.past_knots() * self.every(robot, dt)

@@ -1,0 +1,248 @@
+"""A corrected plant in a file: the network's weights, and the plant that they belong to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
+from flywheel.dynamics.residual.config import ResidualConfig
+from flywheel.dynamics.residual.model import ResidualDynamics
+from flywheel.dynamics.residual.network import ResidualNetwork
+from flywheel.dynamics.weight_files import (
+    DAMAGED,
+    Wanted,
+    arrays_of,
+    checked_side_file,
+    digest_of,
+    read_arrays,
+    read_side_file,
+    write_arrays,
+)
+from flywheel.effects import NAMED, Effect, Terms, WrittenTerm
+from flywheel.effects.adopted import MOST_EFFECTS
+from flywheel.errors import FlywheelError, ModelError
+from flywheel.quantities import Bounds, ControlStep, Seed
+from flywheel.robots import Robot
+from flywheel.validation import first_problem
+
+KIND = "residual"
+_FORMAT = 1
+_ABOUT = {"digest": str, "robot": str, "corrected": dict, "config": dict, "share": (int, float)}
+
+
+class CorrectedPlant(BaseModel):
+    """The plant that a network corrects, but for its MJCF.
+
+    Attributes:
+      dt: control step.
+      window, degree, roll, seed: how it is started, see `RestartedPlant`.
+      effects: all that it has beyond its MJCF.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    dt: ControlStep
+    window: Annotated[int, Bounds(1, 100_000, "steps")]
+    degree: Literal[1, 2]
+    roll: Literal["random", "keyframe", "relaxed"]
+    seed: Seed = 0
+    effects: tuple[WrittenTerm, ...] = Field((), max_length=MOST_EFFECTS)
+
+    @classmethod
+    def of(cls, plant: RestartedPlant) -> Self:
+        """What is written down of a plant."""
+        inner = plant.plant
+        return cls(
+            dt=plant.dt,
+            window=plant.window,
+            degree=plant.degree,
+            roll=plant.roll,
+            seed=plant.seed,
+            effects=tuple(WrittenTerm.of(term, plant.robot) for term in inner.terms),
+        )
+
+    def terms(self, robot: Robot, library: Mapping[str, Effect] = NAMED) -> Terms:
+        """The effects of a library, with their values; raises what `WrittenTerm.term` does."""
+        return tuple(effect.term(robot, library) for effect in self.effects)
+
+    def plant(
+        self, robot: Robot, threads: int = 1, library: Mapping[str, Effect] = NAMED
+    ) -> RestartedPlant:
+        """The plant, on level ground and without obstacles."""
+        plant = with_effects(Plant(robot, self.dt, threads=threads), self.terms(robot, library))
+        return RestartedPlant(plant, self.window, self.degree, self.roll, self.seed)
+
+
+@dataclass(frozen=True)
+class ResidualWeights:
+    """A corrected plant as it is stored, or sent to other processes.
+
+    Attributes:
+      robot: digest of its MJCF.
+      corrected: the plant.
+      config: shape of the network.
+      share: of the correction that is made.
+      arrays: of the network, by name.
+    """
+
+    robot: str
+    corrected: CorrectedPlant
+    config: ResidualConfig
+    share: float
+    arrays: dict[str, np.ndarray]
+
+    @classmethod
+    def of(cls, model: ResidualDynamics) -> Self:
+        """Those of a model."""
+        return cls(
+            model.robot.digest,
+            CorrectedPlant.of(model.plant),
+            model.network.config,
+            model.share,
+            arrays_of(model.network),
+        )
+
+    @property
+    def digest(self) -> str:
+        """Sha256 of robot, plant, configuration and every array."""
+        return digest_of(self._head, sorted(self.arrays.items()))
+
+    @property
+    def _head(self) -> dict[str, Any]:
+        return {
+            "kind": KIND,
+            "robot": self.robot,
+            "corrected": self.corrected.model_dump(mode="json"),
+            "config": self.config.model_dump(mode="json"),
+            "share": self.share,
+        }
+
+    def write(self, path: Path | str, notes: Mapping[str, Any] | None = None) -> str:
+        """Write the arrays to `path` and what they are beside it (.json); return their digest.
+
+        Args:
+          path: of the file.
+          notes: about the training, for people.
+
+        Raises:
+          ModelError: the name ends in .json, which is that of the side file.
+        """
+        path = Path(path)
+        if path.suffix == ".json":
+            raise ModelError(f"Weights cannot be called {path.name}: call them .npz.")
+        digest = self.digest
+        about = {**self._head, "format": _FORMAT, "digest": digest, "notes": dict(notes or {})}
+        write_arrays(path, self.arrays, about)
+        return digest
+
+    @classmethod
+    def read(
+        cls,
+        path: Path | str,
+        robot: Robot,
+        plant: Plant | None = None,
+        library: Mapping[str, Effect] = NAMED,
+    ) -> Self:
+        """Read what `write` wrote.
+
+        Args:
+          path: of the file.
+          robot: that is to be predicted.
+          plant: that has to be the one that is corrected; None for any.
+          library: that its effects are from.
+
+        Raises:
+          ModelError: the file is missing or damaged, or for another robot or plant.
+        """
+        path = Path(path)
+        about = checked_side_file(path, _FORMAT, _ABOUT)
+        if about["robot"] != robot.digest:
+            raise ModelError(
+                f"{path.name} corrects the plant of another robot (digest {about['robot'][:12]}), not "
+                f"that of {robot.name} ({robot.digest[:12]})."
+            )
+        if not path.exists():
+            raise ModelError(f"There are no weights at {path}.")
+        try:
+            found = cls(
+                about["robot"],
+                CorrectedPlant.model_validate(about["corrected"]),
+                ResidualConfig.model_validate(about["config"]),
+                Bounds(0, 1).check(about["share"], f"The share in {path.name}", ModelError),
+                {},
+            )
+            wanted = {
+                name: Wanted(tuple(value.shape), np.dtype(np.float32))
+                for name, value in _network(robot, found.config).state_dict().items()
+            }
+            arrays = read_arrays(path, wanted, found._head, about["digest"])
+        except ValidationError as problem:
+            raise ModelError(f"The weights {path} are damaged: {first_problem(problem)}.") from None
+        except DAMAGED as problem:
+            raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
+        found = cls(found.robot, found.corrected, found.config, found.share, arrays)
+        found._check(path, robot, plant, library)
+        return found
+
+    def _check(
+        self, path: Path, robot: Robot, plant: Plant | None, library: Mapping[str, Effect]
+    ) -> None:
+        """Refuse a plant that is not the one that is corrected."""
+        try:
+            self.corrected.terms(robot, library)
+        except FlywheelError as error:
+            raise ModelError(f"{path.name} corrects a plant that cannot be made: {error}") from None
+        if plant is None:
+            return
+        there = tuple(WrittenTerm.of(term, robot) for term in plant.terms)
+        if there != self.corrected.effects:
+            raise ModelError(
+                f"{path.name} corrects the plant with {_named(self.corrected.effects)}; this one has "
+                f"{_named(there)}. Train it anew for this plant."
+            )
+        if abs(plant.dt - self.corrected.dt) > 1e-9:
+            raise ModelError(
+                f"{path.name} corrects a plant in steps of {self.corrected.dt:g} s; this one has "
+                f"{plant.dt:g} s."
+            )
+
+    def dynamics(
+        self, robot: Robot, threads: int = 1, library: Mapping[str, Effect] = NAMED
+    ) -> ResidualDynamics:
+        """The dynamics model."""
+        network = _network(robot, self.config)
+        state = {name: torch.from_numpy(np.array(value)) for name, value in self.arrays.items()}
+        network.load_state_dict(state)
+        return ResidualDynamics(
+            self.corrected.plant(robot, threads, library), network, self.share, threads
+        )
+
+
+def is_residual(path: Path | str) -> bool:
+    """Whether a file of weights says that it is of a corrected plant.
+
+    Raises:
+      ModelError: there is none, or it is no such file.
+    """
+    return bool(read_side_file(path).get("kind") == KIND)
+
+
+def _network(robot: Robot, config: ResidualConfig) -> ResidualNetwork:
+    with torch.random.fork_rng(devices=[]):  # the weights are replaced: draw no random number
+        return ResidualNetwork(robot, config)
+
+
+def _named(effects: tuple[WrittenTerm, ...]) -> str:
+    """The effects of a plant, in words."""
+    names = []
+    for effect in effects:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in effect.parameters.items())
+        names.append(f"{effect.label} ({values})")
+    return ", ".join(names) or "no effects"

@@ -1,0 +1,163 @@
+"""Arrays in a file without pickle, and a readable side file that says what they are.
+
+The side file says which network it is, and that network how large the file may be, and the names, shapes
+and types of the arrays in it: that is looked at before an array is read, and the digest before one is kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+from torch import nn
+
+from flywheel.errors import ModelError
+from flywheel.files import opened, read_json, shown
+from flywheel.outputs import write_output
+
+Arrays = dict[str, np.ndarray]
+DAMAGED = (  # raised by a broken archive
+    ValueError,
+    OSError,
+    EOFError,
+    RuntimeError,
+    NotImplementedError,
+    OverflowError,
+    BadZipFile,
+    zlib.error,
+)
+_LARGEST_HEADER = 1000  # overhead of an array in an .npz: header and directory entries [bytes]
+_LARGEST_DIRECTORY = 1000  # everything else in an .npz [bytes]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """An array as it has to be."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    @property
+    def nbytes(self) -> int:
+        return math.prod(self.shape) * self.dtype.itemsize
+
+
+def arrays_of(network: nn.Module) -> Arrays:
+    """Every weight and buffer of a network by name."""
+    state = network.state_dict()
+    return {name: value.detach().cpu().numpy().copy() for name, value in state.items()}
+
+
+def digest_of(head: Mapping[str, Any], arrays: Iterable[tuple[str, np.ndarray]]) -> str:
+    """Sha256 of what a network is and of its arrays, in the order of their names."""
+    found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
+    for name, array in arrays:
+        array = np.ascontiguousarray(array)
+        found.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        found.update(array.tobytes())
+    return found.hexdigest()
+
+
+def write_arrays(path: Path, arrays: Arrays, about: Mapping[str, Any]) -> None:
+    """Write arrays to `path` (.npz) and what they are beside it (.json).
+
+    Both files are replaced whole, the .npz first: a kill in between leaves a side file that does not
+    match, which reading refuses.
+    """
+    content = BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
+    write_output(path, content.getvalue())
+    write_output(path.with_suffix(".json"), json.dumps(about, indent=1, sort_keys=True) + "\n")
+
+
+def read_side_file(path: Path | str) -> dict[str, Any]:
+    """What the side file of weights at `path` says.
+
+    Raises:
+      ModelError: there is none, or it is no such file.
+    """
+    side = Path(path).with_suffix(".json")
+    if not side.exists():
+        raise ModelError(f"There are no weights at {path}: {side.name} is missing.")
+    about = read_json(side, "side file of weights", ModelError)
+    if not isinstance(about, dict) or "format" not in about:
+        raise ModelError(f"{side} does not describe weights: it holds {shown(about)}.")
+    return about
+
+
+def checked_side_file(
+    path: Path | str, format: int, kinds: Mapping[str, type | tuple[type, ...]]
+) -> dict[str, Any]:
+    """The same, of this format, with values of these types.
+
+    Raises:
+      ModelError: it is another.
+    """
+    about, side = read_side_file(path), Path(path).with_suffix(".json")
+    if about["format"] != format:
+        raise ModelError(
+            f"{side} has format {shown(about['format'])}; this version reads format {format}. Train the "
+            "network anew, or read it with the version of this project that wrote it."
+        )
+    for name, kind in kinds.items():
+        if not isinstance(about.get(name), kind):
+            got = shown(about[name]) if name in about else "nothing"
+            raise ModelError(f"{side} does not describe weights: {name} is {got}.")
+    return about
+
+
+def read_arrays(
+    path: Path, wanted: Mapping[str, Wanted], head: Mapping[str, Any], digest: str
+) -> Arrays:
+    """The arrays of a file, if they are those that are wanted and have their digest.
+
+    Args:
+      path: of the .npz file.
+      wanted: arrays by name.
+      head: what the network is, see `digest_of`.
+      digest: that the side file names.
+
+    Raises:
+      ModelError, and those of `DAMAGED`: they are not.
+    """
+    largest = _LARGEST_DIRECTORY + sum(w.nbytes + _LARGEST_HEADER for w in wanted.values())
+    with opened(path, "file of weights", ModelError, largest) as raw, ZipFile(raw) as archive:
+        there = sorted(archive.namelist())
+        if there != sorted(f"{name}.npy" for name in wanted):
+            raise ValueError(
+                f"they are not the {len(wanted)} arrays of their network: {shown(there)}"
+            )
+        # Twice: not all of them are held before they are known to be right.
+        found = digest_of(head, _arrays_in(archive, wanted))
+        if found != digest:
+            raise ValueError(
+                f"their digest is {found[:12]}, their side file says {shown(digest[:12])}"
+            )
+        return dict(_arrays_in(archive, wanted))
+
+
+def _arrays_in(archive: ZipFile, wanted: Mapping[str, Wanted]) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and arrays by name; none is read whose header says that it is another."""
+    for name in sorted(wanted):
+        one = wanted[name]
+        with archive.open(f"{name}.npy") as file:
+            if (version := np.lib.format.read_magic(file)) != (1, 0):
+                raise ValueError(f"{name} has the version {version} of NumPy's format, not (1, 0)")
+            shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+            if (shape, dtype) != (one.shape, one.dtype) or fortran:
+                raise ValueError(
+                    f"{name} is {dtype} {shape}, and should be {one.dtype} {one.shape}"
+                )
+            content = file.read(one.nbytes + 1)
+        if len(content) != one.nbytes:
+            raise ValueError(f"{name} does not have {one.nbytes} bytes")
+        yield name, np.frombuffer(content, one.dtype).reshape(one.shape)

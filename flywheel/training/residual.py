@@ -1,0 +1,467 @@
+"""Training of the network that corrects a plant, from recordings of the robot alone.
+
+The plant predicts windows of the recordings once, from what is seen of the past. What it leaves, the measured
+points minus the predicted ones, is what the network learns to predict, over the whole horizon at once. A part
+of the recordings is held out: it decides when to stop, and how much of the correction is made. If none of it
+clearly helps there, the share is 0 and the model is the plant.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Annotated
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict
+from torch import Tensor, nn
+
+from flywheel.dynamics.gnn.learned import one_thread_per_operation
+from flywheel.dynamics.plant import Reckoning, RestartedPlant
+from flywheel.dynamics.residual import (
+    Knots,
+    Lookout,
+    ResidualConfig,
+    ResidualDynamics,
+    ResidualNetwork,
+    Sight,
+    displaced,
+    mean_offsets,
+)
+from flywheel.errors import DataError, ModelError
+from flywheel.evaluation import past_at, places
+from flywheel.evaluation.pasts import stacked
+from flywheel.quantities import (
+    Bounds,
+    Factor,
+    HorizonSeconds,
+    OptimiserSteps,
+    PartialShare,
+    Samples,
+    Seed,
+)
+from flywheel.records import Episode, Floats, Provenance, Trajectory
+from flywheel.training.batches import generator
+
+SHARES = np.linspace(0.0, 1.0, 21)  # of the correction, that are tried
+_SIMULATED = 64  # windows that the plant predicts at a time
+_JUDGED = 256  # windows that are judged at a time
+_SCALED = 512  # windows that the features' scales are taken from
+_ORDER = 7  # what is drawn from a seed: in which order windows come
+_LEAST_RATE = 0.02  # where the cosine of the learning rate ends, as a share of the highest
+
+Say = Callable[[float, str], None]
+"""Is told how much is done, from 0 to 1, and a note."""
+
+
+class ResidualTraining(BaseModel):
+    """How a plant's correction is trained.
+
+    Attributes:
+      horizon: predicted from each present; less where no recording is as long.
+      spacing: between two presents of a recording.
+      windows: at most, of all recordings together.
+      held_out: share of the recordings that is not trained on, but decides.
+      steps: of the optimiser, at most.
+      batch: windows per step.
+      learning_rate: highest one; it rises over the first `warmup_steps` and falls like a cosine.
+      warmup_steps: of the optimiser.
+      weight_decay: of AdamW.
+      clip: largest norm of the gradient.
+      averaging: decay per step of the running mean of the weights, which is what is judged and kept.
+      huber: what is more than this many times as large as usual at its lead time counts linearly.
+      validate_every: steps between two looks at what is held out.
+      patience: looks without a better one before it stops early.
+      sure: standard errors by which the correction has to help on what is held out.
+      seed: of the weights and of the order of the windows.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    horizon: HorizonSeconds = 2.0
+    spacing: HorizonSeconds = 0.2
+    windows: Annotated[int, Bounds(1, 100_000)] = 4000
+    held_out: Annotated[float, Bounds(0.02, 0.9)] = 0.2
+    steps: OptimiserSteps = 400
+    batch: Samples = 64
+    learning_rate: Factor = 3e-3
+    warmup_steps: Annotated[int, Bounds(0, 1_000_000)] = 30
+    weight_decay: Annotated[float, Bounds(0, 10)] = 0.02
+    clip: Factor = 1.0
+    averaging: PartialShare = 0.98
+    huber: Factor = 1.5
+    validate_every: Annotated[int, Bounds(1, 1_000_000)] = 20
+    patience: Annotated[int, Bounds(1, 1_000_000)] = 6
+    sure: Annotated[float, Bounds(0, 100)] = 1.0
+    seed: Seed = 0
+
+
+@dataclass(frozen=True)
+class ResidualResult:
+    """A finished training.
+
+    Attributes:
+      model: the plant and its correction.
+      plant_error, error: on what is held out, of the plant and of the model: distances in the mean, each
+        over what is usual of the plant at its lead time [-].
+      steps: optimiser steps done.
+      best_step: after which the weights were best.
+      windows, held_out: how many of each.
+      seconds: of the training, simulations included.
+      curve: (step, loss, error on what is held out with the whole correction).
+    """
+
+    model: ResidualDynamics
+    plant_error: float
+    error: float
+    steps: int
+    best_step: int
+    windows: int
+    held_out: int
+    seconds: float
+    curve: tuple[tuple[int, float, float], ...]
+
+    def notes(self) -> dict[str, object]:
+        """What is written beside the weights; no timings, so that equal trainings give equal files."""
+        return {
+            "plant_error": self.plant_error,
+            "error": self.error,
+            "best_step": self.best_step,
+            "windows": self.windows,
+            "held_out": self.held_out,
+        }
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of recordings, as the plant predicts them; lengths in L.
+
+    Attributes:
+      sight: what the network is shown.
+      left: (N, K, P, 3) what the plant leaves at each knot, in the mean over the steps around it.
+      weight: (N, K, P) share of those steps in which the point was measured.
+    """
+
+    sight: Sight
+    left: Tensor
+    weight: Tensor
+
+    def __len__(self) -> int:
+        return len(self.left)
+
+    def __getitem__(self, rows: Tensor | slice) -> Windows:
+        """Some of the windows."""
+        return Windows(self.sight[rows], self.left[rows], self.weight[rows])
+
+
+def train_residual(
+    plant: RestartedPlant,
+    recordings: Sequence[Trajectory],
+    config: ResidualConfig = ResidualConfig(),
+    training: ResidualTraining = ResidualTraining(),
+    say: Say = lambda done, note: None,
+) -> ResidualResult:
+    """Train the correction of a plant. Equal arguments give equal weights, to the bit, on one machine.
+
+    Args:
+      plant: with what is known of the robot beyond its MJCF.
+      recordings: unbatched, of the plant's control step; measurements are enough.
+      config: of the network.
+      training: how.
+      say: is told how far it is.
+
+    Raises:
+      DataError: recordings that do not fit the plant, or too little of them to train and to hold out.
+      ModelError: the plant cannot predict them.
+    """
+    begun = time.monotonic()
+    lookout = Lookout(plant, config)
+    check(plant, recordings)
+    learned, judged = split(recordings, training.held_out)
+    steps = min(horizon_of(lookout, tracks, training) for tracks in (learned, judged))
+    train = windows_of(lookout, learned, steps, training, _part(say, 0.0, 0.2))
+    held_out = windows_of(lookout, judged, steps, training, _part(say, 0.2, 0.25))
+    with one_thread_per_operation(), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(training.seed)
+        network = ResidualNetwork(plant.robot, config)
+        fitting = _Fitting(network, train, held_out, training)
+        fitting.run(_part(say, 0.25, 1.0))
+    errors = fitting.errors(fitting.best, held_out)
+    share = chosen_share(errors, training)
+    return ResidualResult(
+        model=ResidualDynamics(plant, fitting.best, float(SHARES[share]), plant.plant.threads),
+        plant_error=float(errors[:, 0].mean()),
+        error=float(errors[:, share].mean()),
+        steps=fitting.step,
+        best_step=fitting.best_step,
+        windows=len(train),
+        held_out=len(held_out),
+        seconds=time.monotonic() - begun,
+        curve=tuple(fitting.curve),
+    )
+
+
+def check(plant: RestartedPlant, recordings: Sequence[Trajectory]) -> None:
+    """Refuse recordings that do not fit the plant.
+
+    Raises:
+      DataError: they do not.
+    """
+    robot = plant.robot
+    if not recordings:
+        raise DataError("There is no recording to learn from.")
+    for number, track in enumerate(recordings):
+        got = (track.observations.points.shape[-2], track.controls.shape[-1])
+        if got != (wanted := (len(robot.points), len(robot.winches))):
+            raise DataError(
+                f"Recording {number} has (points, winches) = {got}; robot {robot.name} has {wanted}."
+            )
+        if abs(track.dt - plant.dt) > 1e-9:
+            raise DataError(
+                f"Recording {number} is in control steps of {track.dt:g} s, the plant in steps of "
+                f"{plant.dt:g} s."
+            )
+
+
+def split(
+    recordings: Sequence[Trajectory], share: float
+) -> tuple[list[Trajectory], list[Trajectory]]:
+    """Recordings to learn from, and to hold out: whole ones if there are enough, else the end of each."""
+    count, period = len(recordings), max(2, round(1 / share))
+    if count >= period:
+        held = range(period - 1, count, period)
+        return (
+            [t for i, t in enumerate(recordings) if i not in held],
+            [recordings[i] for i in held],
+        )
+    cuts = [round((1 - share) * t.steps) for t in recordings]
+    pairs = list(zip(recordings, cuts, strict=True))
+    return [_cut(t, 0, cut) for t, cut in pairs], [_cut(t, cut, t.steps) for t, cut in pairs]
+
+
+def _cut(track: Trajectory, begin: int, end: int) -> Trajectory:
+    seen = track.observations[begin : end + 1]
+    return Trajectory(seen, track.controls[begin:end], track.dt)
+
+
+def horizon_of(
+    lookout: Lookout, recordings: Sequence[Trajectory], training: ResidualTraining
+) -> int:
+    """Control steps of the longest windows that the recordings hold, up to the horizon."""
+    plant, every = lookout.plant, lookout.every
+    longest = max(t.steps for t in recordings) - plant.history
+    return max(0, min(round(training.horizon / plant.dt), longest)) // every * every
+
+
+def windows_of(
+    lookout: Lookout,
+    recordings: Sequence[Trajectory],
+    steps: int,
+    training: ResidualTraining,
+    say: Say = lambda done, note: None,
+) -> Windows:
+    """Let the plant predict windows of recordings.
+
+    Args:
+      lookout: of the plant.
+      recordings: unbatched.
+      steps: control steps of a window.
+      training: spacing, and how many windows at most.
+      say: is told how far it is.
+
+    Raises:
+      DataError: no recording is long enough.
+    """
+    plant = lookout.plant
+    found = _presents(plant, recordings, steps, training) if steps else []
+    if not found:
+        least = (plant.history + lookout.every) * plant.dt
+        raise DataError(
+            f"The recordings are too short, or points are missing too often: it takes {least:g} s in which "
+            "all points are in sight to learn from, and as much to judge by."
+        )
+    parts = []
+    for first in range(0, len(found), _SIMULATED):
+        some = found[first : first + _SIMULATED]
+        parts.append(_predicted(lookout, some, steps))
+        done = first + len(some)
+        say(done / len(found), f"the plant predicts window {done} of {len(found)}")
+    return _joined(parts)
+
+
+_Present = tuple[Episode, int, Floats]
+"""A recording, a step of it, and what is known of its winches."""
+
+
+def _presents(
+    plant: RestartedPlant,
+    recordings: Sequence[Trajectory],
+    steps: int,
+    training: ResidualTraining,
+) -> list[_Present]:
+    """Where windows of so many steps begin."""
+    about = Provenance(plant.robot.digest, source="recording", dataset="recording")
+    reckoning = Reckoning(plant.robot, plant.dt, plant.plant.terms)
+    stride = max(1, round(training.spacing / plant.dt))
+    found: list[_Present] = []
+    for number, track in enumerate(recordings):
+        episode = Episode(f"recording-{number}", track, about, "train")
+        if len(at := places(episode, steps, plant.history)[::stride]):
+            winch = reckoning.known(track)
+            found += [(episode, int(start), winch) for start in at]
+    return found[:: max(1, math.ceil(len(found) / training.windows))]
+
+
+def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> Windows:
+    plant = lookout.plant
+    past = stacked([past_at(e, plant.robot, s, lookout.history, w) for e, s, w in presents])
+    tracks = [(episode.trajectory, s) for episode, s, _ in presents]
+    controls = np.stack([t.controls[s : s + steps] for t, s in tracks])
+    measured = np.stack([t.observations.points[s : s + steps + 1] for t, s in tracks])
+    sight, motion = lookout.look(past, controls)
+    left, weight = mean_offsets(motion.observations.points, measured, lookout.every)
+    return Windows(
+        sight,
+        torch.as_tensor(left / plant.robot.length).float(),
+        torch.as_tensor(weight).float(),
+    )
+
+
+def _joined(parts: Sequence[Windows]) -> Windows:
+    def knots(each: Sequence[Knots]) -> Knots:
+        return Knots(*(torch.cat([getattr(k, f.name) for k in each]) for f in fields(Knots)))
+
+    pasts = [p.sight.past for p in parts if p.sight.past is not None]
+    sight = Sight(knots(pasts) if pasts else None, knots([p.sight.ahead for p in parts]))
+    return Windows(sight, torch.cat([p.left for p in parts]), torch.cat([p.weight for p in parts]))
+
+
+class _Fitting:
+    """The loop: its weights, the running mean of them, and the best so far."""
+
+    def __init__(
+        self,
+        network: ResidualNetwork,
+        train: Windows,
+        held_out: Windows,
+        training: ResidualTraining,
+    ) -> None:
+        self._network, self._train = network, train
+        self._held_out, self._training = held_out, training
+        self._scale = usual(train)
+        some = train[:: max(1, len(train) // _SCALED)].sight
+        network.fit_scales(some.past, some.ahead)
+        self._mean = copy.deepcopy(network)
+        self.best, self.best_step, self.step = copy.deepcopy(network), 0, 0
+        self.curve: list[tuple[int, float, float]] = []
+        self._order: list[int] = []
+        self._rng = generator(training.seed, 0, _ORDER)
+
+    def run(self, say: Say) -> None:
+        """Train until the budget is spent, or nothing gets better."""
+        training, network = self._training, self._network
+        optimiser = torch.optim.AdamW(network.parameters(), weight_decay=training.weight_decay)
+        best, since = math.inf, 0
+        for self.step in range(1, training.steps + 1):
+            for group in optimiser.param_groups:
+                group["lr"] = training.learning_rate * self._rate()
+            loss = self._loss(self._next_batch())
+            if not math.isfinite(value := float(loss.detach())):
+                raise ModelError(f"The training diverged at step {self.step}: lower learning_rate.")
+            optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            nn.utils.clip_grad_norm_(network.parameters(), training.clip)
+            optimiser.step()
+            self._average()
+            if self.step % training.validate_every and self.step < training.steps:
+                continue
+            errors = self.errors(self._mean, self._held_out).mean(axis=0)
+            self.curve.append((self.step, value, float(errors[-1])))
+            better = float(errors.min()) < best
+            since = 0 if better else since + 1
+            if better:
+                best, self.best_step = float(errors.min()), self.step
+                self.best = copy.deepcopy(self._mean)
+            gain = 1.0 - best / float(errors[0])
+            say(self.step / training.steps, f"step {self.step}, {gain:.0%} of the error gone")
+            if since >= training.patience:
+                return
+
+    def _rate(self) -> float:
+        """Learning rate now, over the highest."""
+        training = self._training
+        rise = min(1.0, self.step / max(1, training.warmup_steps))
+        fall = 0.5 * (1.0 + math.cos(math.pi * self.step / training.steps))
+        return rise * (_LEAST_RATE + (1.0 - _LEAST_RATE) * fall)
+
+    def _next_batch(self) -> Windows:
+        size = min(self._training.batch, len(self._train))
+        if len(self._order) < size:
+            self._order = self._rng.permutation(len(self._train)).tolist()
+        rows, self._order = self._order[:size], self._order[size:]
+        return self._train[torch.tensor(rows)]
+
+    def _loss(self, batch: Windows) -> Tensor:
+        off = (correction(self._network, batch) - batch.left) / self._scale
+        each = nn.functional.huber_loss(
+            off, torch.zeros_like(off), reduction="none", delta=self._training.huber
+        )
+        return (each.mean(-1) * batch.weight).sum() / batch.weight.sum().clamp(min=1.0)
+
+    @torch.no_grad()
+    def _average(self) -> None:
+        decay = min(self._training.averaging, self.step / (self.step + 10))
+        pairs = zip(self._mean.parameters(), self._network.parameters(), strict=True)
+        for mean, now in pairs:
+            mean.lerp_(now, 1.0 - decay)
+
+    @torch.no_grad()
+    def errors(self, network: ResidualNetwork, windows: Windows) -> Floats:
+        """(N, shares) mean distance over what is usual, for each of `SHARES` of the correction."""
+        found = []
+        for first in range(0, len(windows), _JUDGED):
+            some = windows[first : first + _JUDGED]
+            moved, count = correction(network, some), some.weight.sum((1, 2)).clamp(min=1e-6)
+            rows = []
+            for share in SHARES.tolist():
+                off = ((share * moved - some.left) / self._scale).norm(dim=-1)
+                rows.append((off * some.weight).sum((1, 2)) / count)
+            found.append(torch.stack(rows, dim=1))
+        return np.asarray(torch.cat(found).double().numpy())
+
+
+def correction(network: ResidualNetwork, windows: Windows) -> Tensor:
+    """(N, K, P, 3) by how much a network moves the points at each knot [L]."""
+    layout, ahead = network.layout, windows.sight.ahead
+    shift, turn = network(windows.sight.past, ahead)
+    body = layout.point_body
+    arms = torch.einsum("bknij,nj->bkni", ahead.turn[:, :, body], layout.point_arm)
+    return displaced(arms, shift[:, :, body], turn[:, :, body])
+
+
+def usual(windows: Windows) -> Tensor:
+    """(K, 1, 1) root mean square of a coordinate that the plant leaves, by lead time; never falls [L]."""
+    squares = ((windows.left**2).sum(-1) * windows.weight).sum((0, 2))
+    by_lead = squares / windows.weight.sum((0, 2)).clamp(min=1e-6) / 3
+    return torch.cummax(by_lead, dim=0).values.clamp(min=1e-12).sqrt()[:, None, None]
+
+
+def chosen_share(errors: Floats, training: ResidualTraining) -> int:
+    """Which of `SHARES` has the least error; the first, none of the correction, unless that is sure.
+
+    Windows that overlap do not count as often as they are many.
+    """
+    best = int(errors.mean(axis=0).argmin())
+    gain = errors[:, 0] - errors[:, best]
+    alone = max(1.0, len(gain) * min(1.0, training.spacing / training.horizon))
+    doubt = float(gain.std()) / math.sqrt(alone)
+    return best if gain.mean() > training.sure * doubt else 0
+
+
+def _part(say: Say, begin: float, end: float) -> Say:
+    """Progress of a part of the work, as progress of the whole."""
+    return lambda done, note: say(begin + done * (end - begin), note)
