@@ -151,7 +151,7 @@ def robot_rows(run: RunResult) -> list[RobotRow]:
 def robot_time(run: RunResult) -> list[str]:
     """How much robot time each model needed, as sentences."""
     sentences = []
-    for model in ("plant", "network"):
+    for model in ("plant", "residual", "network"):
         if (minutes := run.minutes_to_best(model)) is not None:
             in_all = max(s.minutes for s in run.on_robot if s.model == model)
             sentences.append(

@@ -14,10 +14,16 @@ from flywheel.runtime.results import RunResult
 NAMES = {
     "given": "MJCF as given",
     "plant": "MJCF with found effects",
+    "residual": "that, corrected by a network",
     "network": "network",
 }
-COLOURS = {"given": style.FLOOR, "plant": style.INFORMED, "network": style.MPPI}
-MARKERS = {"given": "", "plant": "s", "network": "o"}
+COLOURS = {
+    "given": style.FLOOR,
+    "plant": style.INFORMED,
+    "residual": style.CONTROL,
+    "network": style.MPPI,
+}
+MARKERS = {"given": "", "plant": "s", "residual": "D", "network": "o"}
 
 
 def on_the_robot(run: RunResult) -> Figure | None:

@@ -160,7 +160,8 @@ def _pool(
     stop: StopRequest,
 ) -> Iterator[WorkerPool]:
     workers, arguments = config.workers, (config, files.store_url(config), robot)
-    trainers = workers.trainers or (2 if config.control_arm and config.iterations else 1)
+    both = (config.control_arm and config.iterations) or config.residual.on
+    trainers = workers.trainers or (2 if both else 1)
     groups = [
         Group("sim", SimWorker, arguments, workers.sim, threads=config.sim_threads),
         Group(

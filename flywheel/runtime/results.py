@@ -312,7 +312,8 @@ class RobotResult(ResultRecord):
       minutes: that were recorded on the robot before, from which the models learned.
       driven_minutes: recorded in this iteration's drives.
       errors: name of a model -> its errors on the robot's held-out recordings up to here. "network"; "given",
-        the MJCF as it is; "plant", the MJCF with the effects that were adopted.
+        the MJCF as it is; "plant", the MJCF with the effects that were adopted; "residual", that plant with
+        a network that corrects it.
       noise: what a perfect model would have on them.
       drives: name of the model that MPPI planned with -> its episodes.
     """

@@ -14,7 +14,7 @@ from flywheel.robot_link import StandInConfig
 from flywheel.robot_link.opening import SIMULATED
 from flywheel.runtime.config.loading import read_config, yaml_of
 
-Planner = Literal["network", "given", "plant"]
+Planner = Literal["network", "given", "plant", "residual"]
 STAND_IN = frozenset(StandInConfig.model_fields)
 # How a robot is reached changes no result: neither do transcripts of what it measured.
 REACHED_BY = ("link", "links", "arguments")
@@ -55,7 +55,7 @@ class RobotConfig(StandInConfig):
       drives: episodes to goals that each planner drives in every iteration, with the task and the MPPI of
         the run.
       planners: models that MPPI drives the robot with: "network"; "given", the MJCF as it is; "plant",
-        the MJCF with the effects that were adopted.
+        the MJCF with the effects that were adopted; "residual", that plant with a network that corrects it.
       validation, test: shares of the episodes of each kind that are kept for validation and for tests.
     """
 
@@ -65,7 +65,7 @@ class RobotConfig(StandInConfig):
     first: Episodes = 8
     first_seconds: EpisodeSeconds = 10.0
     drives: Episodes = 8
-    planners: tuple[Planner, ...] = Field(default=("network", "plant"), min_length=1, max_length=3)
+    planners: tuple[Planner, ...] = Field(default=("network", "plant"), min_length=1, max_length=4)
     validation: PartialShare = 0.15
     test: PartialShare = 0.25
 

@@ -22,6 +22,7 @@ from flywheel.control import MppiConfig
 from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import MeasurementModel, PlantParameters
+from flywheel.dynamics.residual import ResidualConfig
 from flywheel.effects import NAMED, AdoptedPlant, Effect, WrittenTerm
 from flywheel.effects.adopted import MOST_EFFECTS
 from flywheel.effects.libraries import with_laws
@@ -53,6 +54,7 @@ from flywheel.runtime.tracking.tracker import TrackingConfig
 from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
 from flywheel.training.config import MOST_DATASETS
+from flywheel.training.residual import ResidualTraining
 
 MOST_RECORDINGS = 5_000  # that one configuration may name
 MOST_COURSES = 100
@@ -185,6 +187,20 @@ class DiagnoseConfig(Part):
         unsure_terms(self.unsure, library=library)
 
 
+class ResidualModelConfig(Part):
+    """Whether a small network also learns what the plant leaves of the recordings (`flywheel correct`).
+
+    Attributes:
+      on: train one in every iteration, on the plant with the effects adopted so far.
+      network: its shape.
+      training: how; its seed is derived from that of the run.
+    """
+
+    on: bool = False
+    network: ResidualConfig = ResidualConfig()
+    training: ResidualTraining = ResidualTraining()
+
+
 class GateConfig(Part):
     """When a new model replaces the champion.
 
@@ -290,7 +306,8 @@ class RunConfig(Part):
       datasets: variations of the plant; MPPI collects and is judged on the first.
       measurement: between the plant and everything that learns or plans.
       terrain: that episodes are recorded on.
-      collect, task, mppi, network, training, evaluate, diagnose, gate: described in their own classes.
+      collect, task, mppi, network, training, evaluate, diagnose, residual, gate: described in their own
+        classes.
       sim_threads: threads of each simulation worker.
       workers, tracking: described in their own classes; they change no result.
       store: URL of the trajectory store; "" for `store/` in the run folder.
@@ -316,6 +333,7 @@ class RunConfig(Part):
     training: TrainingConfig = TrainingConfig()
     evaluate: EvaluateConfig = EvaluateConfig()
     diagnose: DiagnoseConfig = DiagnoseConfig()
+    residual: ResidualModelConfig = ResidualModelConfig()
     gate: GateConfig = GateConfig()
     sim_threads: Threads = 1
     workers: WorkersConfig = WorkersConfig()
@@ -411,6 +429,14 @@ class RunConfig(Part):
                 "diagnose.on needs recordings: name those in the store in collect.recordings, or a robot "
                 "that records some (robot.link)"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _a_residual_model_has_recordings(self) -> Self:
+        if self.residual.on and self.robot is None:
+            raise ValueError("residual.on needs a robot that records something: give robot.link")
+        if self.robot is not None and "residual" in self.robot.planners and not self.residual.on:
+            raise ValueError("robot.planners has residual, which needs residual.on=true")
         return self
 
     @model_validator(mode="after")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flywheel.data import Snapshot, TrajectoryStore
+from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.errors import LinkError, RunError
 from flywheel.faults import fault_of, told
 from flywheel.records import Split
@@ -103,10 +104,21 @@ class Run:
     def shared_weights(self, model: Model) -> Any:
         """A reference to the model's weights, for jobs. They are shared with all workers only once."""
         if model.digest not in self._shared:
-            self._shared[model.digest] = self.pool.share(
-                Weights.read(model.path, self.robot, model.digest)
-            )
+            self._shared[model.digest] = self.pool.share(self._weights(model))
         return self._shared[model.digest]
+
+    def _weights(self, model: Model) -> Weights | ResidualWeights:
+        if is_residual(model.path):
+            return ResidualWeights.read(model.path, self.robot, library=self.config.library())
+        return Weights.read(model.path, self.robot, model.digest)
+
+    def residual(self, iteration: int) -> Model | None:
+        """The residual model of an iteration; None without one."""
+        path = self.folder.residual(iteration)
+        if not path.exists():
+            return None
+        weights = ResidualWeights.read(path, self.robot, library=self.config.library())
+        return Model("mppi", iteration, weights.digest, path)
 
     def snapshot(self, name: str) -> Snapshot | None:
         """A sealed snapshot, or None."""

@@ -146,6 +146,10 @@ class RunFolder:
         """The weights of an iteration's model, in a folder that `pyfunc_model.read_model` reads."""
         return self.model(iteration, arm) / "served" / WEIGHTS
 
+    def residual(self, iteration: int) -> Path:
+        """The weights of an iteration's residual model, which belong to the files of its model."""
+        return self.model(iteration, "mppi") / "residual" / "residual.npz"
+
     def finished(self, iteration: int, arm: Arm) -> IterationResult | None:
         """The result of an iteration; None if it is not done.
 

@@ -16,23 +16,20 @@ from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.robot_plan import drives
 from flywheel.runtime.workers.sim_worker import Baseline
 
-GIVEN, PLANT, NETWORK, NOISE = "given", "plant", "network", "noise"
+GIVEN, PLANT, RESIDUAL, NETWORK, NOISE = "given", "plant", "residual", "network", "noise"
 
 
 def drive_robot(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> ArmOutcome:
-    """Let every planner drive the robot to the goals; a network that cannot be used drives nowhere."""
+    """Let every planner drive the robot to the goals; a model that cannot be used drives nowhere."""
     robot = run.config.robot
     assert robot is not None, "only a run with a robot drives one"
+    trained = {NETWORK: outcome.usable_model, RESIDUAL: run.residual(iteration)}
     plans: dict[Planner, list[EpisodePlan]] = {
         planner: drives(run.config, iteration, planner, run.effects(iteration))
         for planner in robot.planners
-        if planner != NETWORK or outcome.usable_model is not None
+        if planner not in trained or trained[planner] is not None
     }
-    jobs = [
-        job
-        for planner, its in plans.items()
-        for job in run.robot_jobs(its, outcome.usable_model if planner == NETWORK else None)
-    ]
+    jobs = [job for p, its in plans.items() for job in run.robot_jobs(its, trained.get(p))]
     report = tally.add(run.do(jobs, f"{iteration}: drive the robot"))
     notes = [note for its in plans.values() for note in valid_notes(report, its, tally)]
     driven = _driven(run, report, plans)
@@ -59,17 +56,19 @@ def _driven(
 
 
 def robot_score_jobs(run: Run, iteration: int, prefix: str = "robot") -> dict[str, list[Job]]:
-    """Jobs that score the plants, and the noise, on the robot's held-out recordings of an iteration.
+    """Jobs that score all models but the network on the robot's held-out recordings.
 
     Args:
       run: under way.
-      iteration: whose adopted effects the plant has.
+      iteration: with its drives.
       prefix: of the jobs' ids.
     """
     episodes = run.recordings("test", iteration + 1)
-    subjects: dict[str, Baseline | KnownPlant] = {
+    effects = run.effects(iteration)
+    subjects: dict[str, Baseline | KnownPlant | Model | None] = {
         GIVEN: KnownPlant(run.config.effects),
-        PLANT: KnownPlant(run.effects(iteration)),
+        PLANT: KnownPlant(effects),
+        RESIDUAL: run.residual(iteration),
         NOISE: Baseline.NOISE,
     }
     return {
@@ -78,10 +77,11 @@ def robot_score_jobs(run: Run, iteration: int, prefix: str = "robot") -> dict[st
             f"{prefix}-{name}",
             subject,
             episodes,
-            subject.effects if isinstance(subject, KnownPlant) else (),
+            subject.effects if isinstance(subject, KnownPlant) else effects,
             full=False,
         )
         for name, subject in subjects.items()
+        if subject is not None
     }
 
 
@@ -114,10 +114,12 @@ def score_finally(run: Run, so_far: RunResult) -> RunResult:
         models: dict[str, Model | KnownPlant] = {PLANT: KnownPlant(run.effects(number))}
         if usable(result.validation):
             models[NETWORK] = run.model_of(result)
+        if (corrected := run.residual(number)) is not None:
+            models[RESIDUAL] = corrected
         if number == 0:
             models[GIVEN] = KnownPlant(run.config.effects)
         for name, model in models.items():
-            known = model.effects if isinstance(model, KnownPlant) else run.effects(last)
+            known = run.config.effects if name == GIVEN else run.effects(number)
             label = f"on-robot-{number}-{name}"
             jobs[number, name] = score_jobs(run, label, model, episodes, known, full=False)
     noise = score_jobs(run, "on-robot-noise", Baseline.NOISE, episodes, (), full=False)

@@ -11,7 +11,7 @@ from flywheel.runtime.run.context import Model, Run
 from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
 from flywheel.runtime.tracking.pyfunc_model import write_model
 from flywheel.runtime.workers.episode_plan import ceiling, derive_seed
-from flywheel.runtime.workers.trainer_worker import TrainingNote, TrainingOrder
+from flywheel.runtime.workers.trainer_worker import ResidualOrder, TrainingNote, TrainingOrder
 
 SECONDS_PER_STEP = 0.15  # of the optimiser, roughly; for the remaining time that is shown
 
@@ -28,7 +28,9 @@ def train(run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally) ->
     jobs = [_job(run, iteration, outcome) for outcome in outcomes]
     plant_stays = iteration == 0 and not run.config.diagnose.on
     ahead = run.episode_jobs(ceiling(run.config, run.config.effects)) if plant_stays else []
-    report = tally.add(run.do([*jobs, *ahead], f"{iteration}: train"))
+    residual = _residual_jobs(run, iteration)
+    report = tally.add(run.do([*jobs, *residual, *ahead], f"{iteration}: train"))
+    tally.problems += [problem for job in residual if (problem := report.results.get(job.id))]
     trained = []
     for outcome, job in zip(outcomes, jobs, strict=True):
         note: TrainingNote | None = report.results.get(job.id)
@@ -49,6 +51,21 @@ def _kept(run: Run, iteration: int, outcome: ArmOutcome, note: TrainingNote) -> 
     network = load_weights(note.weights, run.robot)
     write_model(path.parent, run.robot, network, outcome.snapshot.digest)
     return Model(outcome.arm, iteration, note.digest, path)
+
+
+def _residual_jobs(run: Run, iteration: int) -> list[Job]:
+    """The training of the residual model, beside the network's."""
+    if not run.config.residual.on:
+        return []
+    learned = (*run.recordings("train", iteration), *run.recordings("validation", iteration))
+    order = ResidualOrder(
+        recordings=learned,
+        path=run.folder.residual(iteration),
+        seed=derive_seed(run.config.seed, "residual", iteration),
+        effects=run.effects(iteration),
+    )
+    size = SECONDS_PER_STEP * run.config.residual.training.steps
+    return [Job(f"residual-{iteration:04d}", "trainer", "train_residual", (order,), size)]
 
 
 def _job(run: Run, iteration: int, outcome: ArmOutcome) -> Job:

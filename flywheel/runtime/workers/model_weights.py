@@ -15,7 +15,7 @@ from flywheel.dynamics.gnn.weights import (
     weights_arrays,
     weights_digest,
 )
-from flywheel.dynamics.residual import ResidualWeights, is_residual
+from flywheel.dynamics.residual import ResidualDynamics, ResidualWeights, is_residual
 from flywheel.effects import NAMED, Effect
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
@@ -63,6 +63,25 @@ class Weights:
         return LearnedDynamics(robot, network, threads=threads)
 
 
+def dynamics_of(
+    weights: Weights | ResidualWeights,
+    robot: Robot,
+    threads: int = 1,
+    library: Mapping[str, Effect] = NAMED,
+) -> LearnedDynamics | ResidualDynamics:
+    """The dynamics model of either kind of weights.
+
+    Args:
+      weights: of a network, or of a plant with the network that corrects it.
+      robot: of the weights.
+      threads: of the model.
+      library: that the plant's effects are from.
+    """
+    if isinstance(weights, Weights):
+        return weights.dynamics(robot, threads)
+    return weights.dynamics(robot, threads, library)
+
+
 @dataclass(frozen=True)
 class TrainedModel:
     """A trained model that a diagnosis or comparison examines.
@@ -96,4 +115,6 @@ class TrainedModel:
     def subject(self, robot: Robot, threads: int = 1) -> Subject:
         """The model as a subject of a diagnosis or comparison."""
         terms = tuple(effect.term(robot, self.library) for effect in self.effects)
-        return Subject(self.name, self.weights.dynamics(robot, threads), self.dataset, terms)
+        return Subject(
+            self.name, dynamics_of(self.weights, robot, threads, self.library), self.dataset, terms
+        )

@@ -9,6 +9,7 @@ from flywheel.data import TrajectoryStore
 from flywheel.data.recordings import write_recording
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
+from flywheel.dynamics.residual import ResidualWeights
 from flywheel.errors import ModelError, RunError
 from flywheel.records import Episode
 from flywheel.robot_link import RobotLink, Sample, StandInConfig
@@ -22,7 +23,7 @@ from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.model_weights import Weights
+from flywheel.runtime.workers.model_weights import Weights, dynamics_of
 from flywheel.runtime.workers.robot_recorder import RobotRecorder
 from flywheel.runtime.workers.stored_episodes import committed
 
@@ -55,12 +56,14 @@ class RobotWorker:
         """The latest sign of progress."""
         return self._heartbeat.beat
 
-    def record(self, plan: EpisodePlan, weights: Weights | None = None) -> EpisodeNote:
+    def record(
+        self, plan: EpisodePlan, weights: Weights | ResidualWeights | None = None
+    ) -> EpisodeNote:
         """Record and commit an episode on the robot, unless the store has it already.
 
         Args:
           plan: of the episode.
-          weights: of the network that MPPI plans with; None for the plant with the plan's effects.
+          weights: of what MPPI plans with; None for the plant with the plan's effects.
 
         Raises:
           RunError: the link was lost. What was measured until then is in a log beside the transcripts.
@@ -85,11 +88,14 @@ class RobotWorker:
         self._store.commit(plan.id, [driven.episode])
         return self._note(plan, driven.episode)
 
-    def _dynamics(self, plan: EpisodePlan, weights: Weights | None) -> Dynamics | None:
+    def _dynamics(
+        self, plan: EpisodePlan, weights: Weights | ResidualWeights | None
+    ) -> Dynamics | None:
         if plan.controller != "mppi":
             return None
         if weights is not None:
-            return weights.dynamics(self._robot, self._config.sim_threads)
+            threads, library = self._config.sim_threads, self._config.library()
+            return dynamics_of(weights, self._robot, threads, library)
         return RestartedPlant.from_measurements(self._simulated.plant(0, plan.effects))
 
     def _told(self, plan: EpisodePlan) -> Callable[[int, Sample], None]:

@@ -21,6 +21,7 @@ from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
+from flywheel.dynamics.residual import ResidualDynamics, ResidualWeights
 from flywheel.effects import EFFECTS
 from flywheel.errors import ModelError
 from flywheel.evaluation import (
@@ -41,7 +42,7 @@ from flywheel.runtime.workers.diagnosis_job import diagnose_plant
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.model_weights import Weights
+from flywheel.runtime.workers.model_weights import Weights, dynamics_of
 from flywheel.runtime.workers.stored_episodes import (
     EpisodeWinches,
     committed,
@@ -106,7 +107,7 @@ class SimWorker:
         self._config = config
         self._store = TrajectoryStore(store)
         self._heartbeat = Heartbeat()
-        self._models: dict[str, LearnedDynamics] = {}
+        self._models: dict[str, LearnedDynamics | ResidualDynamics] = {}
         self._library = config.library()
 
     @property
@@ -138,7 +139,7 @@ class SimWorker:
 
     def score_model(
         self,
-        weights: Weights,
+        weights: Weights | ResidualWeights,
         episodes: Sequence[str],
         seed: int,
         full: bool,
@@ -302,12 +303,12 @@ class SimWorker:
             return episode.trajectory.observations.points
         return self._recorder.plant(0, effects_of(episode)).observe(states).points
 
-    def _model(self, weights: Weights) -> LearnedDynamics:
+    def _model(self, weights: Weights | ResidualWeights) -> LearnedDynamics | ResidualDynamics:
         if weights.digest not in self._models:
             while len(self._models) >= MODELS_KEPT:
                 del self._models[next(iter(self._models))]
-            self._models[weights.digest] = weights.dynamics(
-                self._recorder.robot, self._config.sim_threads
+            self._models[weights.digest] = dynamics_of(
+                weights, self._recorder.robot, self._config.sim_threads, self._config.library()
             )
         return self._models[weights.digest]
 

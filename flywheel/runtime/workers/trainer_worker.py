@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
-from flywheel.errors import ModelError
+from flywheel.dynamics.plant import RestartedPlant
+from flywheel.dynamics.residual import ResidualWeights
+from flywheel.errors import DataError, ModelError
 from flywheel.records import Split
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
@@ -15,8 +17,10 @@ from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.results import TrainingPoint
 from flywheel.runtime.workers.episode_plan import Effects
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches
 from flywheel.training import Trainer, TrainingProgress
+from flywheel.training.residual import train_residual
 
 SPLITS: tuple[Split, ...] = ("train", "validation")
 
@@ -57,6 +61,23 @@ class TrainingNote:
     digest: str = ""
     curve: tuple[TrainingPoint, ...] = ()
     problem: str = ""
+
+
+@dataclass(frozen=True)
+class ResidualOrder:
+    """One training of a residual model.
+
+    Attributes:
+      recordings: ids of the robot's, to learn from.
+      path: for the weights.
+      seed: of the training.
+      effects: of the plant that is corrected.
+    """
+
+    recordings: tuple[str, ...]
+    path: Path
+    seed: int
+    effects: Effects = ()
 
 
 class TrainerWorker:
@@ -121,6 +142,30 @@ class TrainerWorker:
             for p in result.curve
         )
         return TrainingNote(result.weights, result.digest, points)
+
+    def train_residual(self, order: ResidualOrder) -> str:
+        """Train a residual model, unless its weights are there.
+
+        Returns:
+          Why there is none, or "".
+        """
+        self._heartbeat.start("reading the recordings")
+        with hold(order.path.parent / "trainer.lock", f"The model in {order.path.parent}", 60.0):
+            if order.path.exists():
+                return ""
+            config = self._config.residual
+            simulated = EpisodeRecorder(self._config, self._robot).plant(0, order.effects)
+            tracks = [self._store.read(name).trajectory for name in order.recordings]
+            training = config.training.model_copy(update={"seed": order.seed})
+            plant = RestartedPlant.from_measurements(simulated)
+            try:
+                found = train_residual(
+                    plant, tracks, config.network, training, self._heartbeat.progress
+                )
+            except (DataError, ModelError) as error:
+                return f"There is no residual model: {error}"
+            ResidualWeights.of(found.model).write(order.path, found.notes())
+        return ""
 
     def _progress(self, now: TrainingProgress) -> None:
         words = (

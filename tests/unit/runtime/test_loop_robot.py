@@ -51,12 +51,17 @@ def _timeless(value: object) -> object:
 def test_the_transcripts_of_a_run_give_the_same_run_without_a_robot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench = Bench(tmp_path / "run", robot=HERE, evaluate=EVALUATE)
+    here = {**HERE, "planners": ["network", "plant", "residual"]}
+    training = {"horizon": 0.3, "steps": 4, "batch": 4, "spacing": 0.1, "validate_every": 2}
+    more = {"evaluate": EVALUATE, "residual": {"on": True, "training": training}}
+    bench = Bench(tmp_path / "run", robot=here, **more)
     bench.files.path.mkdir()
     result = bench.turn()
+    assert set(result.iterations[1].robot.errors) == {"network", "given", "plant", "residual"}
+    assert set(result.iterations[1].robot.drives) == {"network", "plant", "residual"}
     monkeypatch.setattr(robot_worker, "open_link", unreachable)
-    played = {**HERE, "link": f"transcripts:{bench.files.robot_folder}"}
-    again = Bench(tmp_path / "again", robot=played, evaluate=EVALUATE)
+    played = {**here, "link": f"transcripts:{bench.files.robot_folder}"}
+    again = Bench(tmp_path / "again", robot=played, **more)
     again.files.path.mkdir()
     assert outcome(again.turn()) == outcome(result)
 
