@@ -12,8 +12,8 @@ from pathlib import Path
 
 from flywheel.cli.runs import open_run
 from flywheel.diagnosis.comparison import Subject
-from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
-from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Effect, Scales
+from flywheel.dynamics.plant import Plant, with_effects
+from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Effect
 from flywheel.effects.adopted import PLANT as PLANT_FILE
 from flywheel.effects.adopted import plant_file
 from flywheel.errors import ConfigError
@@ -22,7 +22,6 @@ from flywheel.robots import Robot, load_robot
 from flywheel.runtime.workers.model_weights import TrainedModel, Weights
 
 PLANT = "plant"
-PAST = 0.36  # that a restarted plant looks back, to see speeds through noise [sqrt(L / g)]
 ALLOWED = (
     f"{PLANT!r}, the folder of an adopted plant, a run's folder (its champion), RUN:NAME (another of "
     "its models), or a file of weights; each may have LABEL= in front"
@@ -79,9 +78,9 @@ def open_model(spec: str, robot: Robot, robot_name: str, dt: float, threads: int
     label, _, what = spec.rpartition("=")
     name = label or what
     if what == PLANT:
-        return _plant(name, robot_name, dt, threads)
+        return Subject.of_plant(name, open_plant(robot_name, dt, threads))
     if adopted_file(what) is not None:
-        return _plant(name, what, dt, threads)
+        return Subject.of_plant(name, open_plant(what, dt, threads))
     return open_trained(spec, robot).subject(robot, threads)
 
 
@@ -109,14 +108,6 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     if run:
         return _of_run(name, Path(run), model)
     raise ConfigError(f"There is no model {what!r}. A model is {ALLOWED}.")
-
-
-def _plant(name: str, robot_name: str, dt: float, threads: int) -> Subject:
-    """MuJoCo, started from what is seen of the past."""
-    plant = open_plant(robot_name, dt, threads)
-    window = max(2, round(PAST * Scales.of(plant.robot).time / dt))
-    dynamics = RestartedPlant(plant, window=window, degree=2, roll="relaxed")
-    return Subject(name, dynamics, terms=plant.terms)
 
 
 def _of_run(name: str, folder: Path, model: str) -> TrainedModel:

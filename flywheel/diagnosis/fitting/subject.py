@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
+from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.effects import Terms
+from flywheel.effects import Scales, Terms
+
+PAST = 0.36  # that a restarted plant looks back, to see speeds through noise [sqrt(L / g)]
 
 
 @dataclass(frozen=True)
@@ -24,3 +28,15 @@ class Subject:
     dynamics: Dynamics
     dataset: int = 0
     terms: Terms = ()
+
+    @classmethod
+    def of_plant(cls, name: str, plant: Plant) -> Self:
+        """MuJoCo, started from what is seen of the past.
+
+        Args:
+          name: for people.
+          plant: with the effects that it is told of.
+        """
+        window = max(2, round(PAST * Scales.of(plant.robot).time / plant.dt))
+        dynamics = RestartedPlant(plant, window=window, degree=2, roll="relaxed")
+        return cls(name, dynamics, terms=plant.terms)

@@ -1,0 +1,327 @@
+"""A robot that is not its model: recorded, compared, diagnosed, adopted, compared again, and revealed.
+
+The robot is a stand-in in a process of its own. What is hidden in it is told to that process, and here kept
+for the last line: everything between sees measurements and commands alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from flywheel import __version__
+from flywheel.control import Playback
+from flywheel.control.drive import drive
+from flywheel.diagnosis import Diagnosis, diagnose
+from flywheel.diagnosis.adoption import adoptable
+from flywheel.diagnosis.comparison import Comparison, Subject, compare
+from flywheel.dynamics.plant import Plant, with_effects
+from flywheel.effects import EFFECTS, NAMED, Effect, WrittenTerm
+from flywheel.errors import DataError, LinkError
+from flywheel.quantities import (
+    Bounds,
+    ControlStep,
+    EpisodeSeconds,
+    HorizonSeconds,
+    Samples,
+    Share,
+    Threads,
+)
+from flywheel.records import Episode, Provenance, Split, Trajectory
+from flywheel.reports.comparison_page import sentence
+from flywheel.reports.diagnosis_page import sentence as diagnosed_words
+from flywheel.robot_link import RobotLink, StandInConfig
+from flywheel.robot_link.opening import SIMULATED, open_link
+from flywheel.robots import Robot
+from flywheel.runtime.assessment import Assessment, assess, library_values, smallest_shown
+from flywheel.runtime.pool.progress import Progress, Stage, notes_of
+from flywheel.truth_simulator import HIDDEN, EffectTruth
+from flywheel.truth_simulator.scripts import script
+from flywheel.truth_simulator.written import PLACE, hidden_effects
+
+NOTHING = "none"  # in the place of an effect
+GIVEN, ADOPTED = "the MJCF as given", "the MJCF with what was found"
+# Every winch by itself, and big strokes that load the motors; then all winches tight.
+SCRIPTS: tuple[tuple[str, Split], ...] = (
+    ("random_steps", "train"),
+    ("gait", "train"),
+    ("pretension", "test"),
+    ("random_steps", "test"),
+)
+HELD_OUT: Split = "test"
+STREAM = 2**31  # seeds of single recordings are below
+
+
+class DemoConfig(BaseModel):
+    """How much a demonstration records and computes.
+
+    Attributes:
+      seconds: of each recording [s].
+      noise: of the robot's sensors, as a share of its length.
+      held_out: recordings that answer and models are judged by.
+      horizon: of the predictions that are compared [s].
+      draws: of the noise, for what it makes of an error.
+      dt: control step [s].
+      threads: simulations at the same time.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    seconds: EpisodeSeconds = 3.0
+    noise: Share = 0.001
+    held_out: Annotated[int, Bounds(1, 2)] = 2
+    horizon: HorizonSeconds = 1.0
+    draws: Samples = 100
+    dt: ControlStep = 0.01
+    threads: Threads = 2
+
+    @property
+    def scripts(self) -> tuple[tuple[str, Split], ...]:
+        """Name of each command script, and what the recording is for."""
+        return SCRIPTS[: 2 + self.held_out]
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """The whole story.
+
+    Attributes:
+      robot: of the MJCF.
+      seed: of all that was drawn.
+      config: how much was recorded and computed.
+      recordings: what the robot measured; those of the split "test" are held out.
+      before: the MJCF as given, beside the held-out recordings.
+      diagnosis: of the others.
+      adopted: effects that the plant was given; none where that was not justified.
+      why: they were adopted, or were not.
+      after: the plant with them, beside the same recordings; None where nothing was adopted.
+      hidden: what the robot had beyond its MJCF; None for nothing.
+      assessment: whether that was found.
+      seconds: it took.
+    """
+
+    robot: Robot
+    seed: int
+    config: DemoConfig
+    recordings: tuple[Episode, ...]
+    before: Comparison
+    diagnosis: Diagnosis
+    adopted: tuple[WrittenTerm, ...]
+    why: str
+    after: Comparison | None
+    hidden: EffectTruth | None
+    assessment: Assessment
+    seconds: float
+
+    @property
+    def beside(self) -> Comparison:
+        """Both models beside the held-out recordings, the one as given first."""
+        if self.after is None:
+            return self.before
+        return dataclasses.replace(
+            self.before,
+            models=(*self.before.models, *self.after.models),
+            seconds=self.before.seconds + self.after.seconds,
+        )
+
+
+def drawn_effect(robot: Robot, seed: int) -> str:
+    """An effect of typical size that the robot can have, with its place, as `hidden_effects` reads it."""
+    rng = np.random.default_rng(seed)
+    able = [kind for kind in HIDDEN.values() if kind.applies(robot)]
+    kind = able[int(rng.integers(len(able)))]
+    truth = kind.typical(robot, rng).truth(robot)
+    return f"{truth.name}{PLACE}{truth.place}" if truth.place else truth.name
+
+
+def hidden_truth(effect: str, robot: Robot) -> EffectTruth | None:
+    """What an effect is in numbers; None for "none".
+
+    Args:
+      effect: NAME[@PLACE][:SIZE], or "none".
+      robot: that has it.
+
+    Raises:
+      UnknownNameError, ConfigError: see `hidden_effects`.
+    """
+    effects = hidden_effects(() if effect == NOTHING else (effect,), robot)
+    return effects[0].truth(robot) if effects else None
+
+
+def demonstrate(
+    robot: Robot,
+    effect: str,
+    seed: int,
+    config: DemoConfig,
+    progress: Progress,
+    library: Mapping[str, Effect] = EFFECTS,
+) -> Demonstration:
+    """Hide an effect in a stand-in, and see what is found of it.
+
+    Args:
+      robot: of the MJCF.
+      effect: that is hidden: NAME[@PLACE][:SIZE], or "none".
+      seed: of commands, noise and all else that is random.
+      config: how much is recorded and computed.
+      progress: is told what is being done, and each finding in a sentence.
+      library: effects that are considered.
+
+    Raises:
+      UnknownNameError, ConfigError: there is no such effect, or it cannot be hidden in this robot.
+      LinkError: the stand-in does not start, or is lost.
+      DataError, ModelError: recordings that are too short, or a simulation that diverges.
+    """
+    begun = time.perf_counter()
+    hidden = hidden_truth(effect, robot)
+    recordings = _recorded(robot, effect, seed, config, progress)
+    fit = [each.trajectory for each in recordings if each.split != HELD_OUT]
+    held_out = [each.trajectory for each in recordings if each.split == HELD_OUT]
+    plant = Plant(robot, config.dt, threads=config.threads)
+    before = _compared(Subject.of_plant(GIVEN, plant), held_out, seed, config, progress)
+    with progress.stage("diagnose", 1.0) as stage:
+        found = diagnose(plant, fit, held_out, library, progress=notes_of(stage.update))
+    progress.say(f"{found.verdict}: {diagnosed_words(found)}")
+    adopted, why = _adopted(found)
+    progress.say(why)
+    after = None
+    if adopted:
+        richer = with_effects(plant, tuple(each.term(robot, NAMED) for each in adopted))
+        after = _compared(Subject.of_plant(ADOPTED, richer), held_out, seed, config, progress)
+    return Demonstration(
+        robot=robot,
+        seed=seed,
+        config=config,
+        recordings=recordings,
+        before=before,
+        diagnosis=found,
+        adopted=adopted,
+        why=why,
+        after=after,
+        hidden=hidden,
+        assessment=_assessed(hidden, found),
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def compared_words(found: Comparison) -> str:
+    """How far off a model is, and where most, in sentences."""
+    (model,) = found.models
+    worst = [
+        bins.labels[bins.worst(1)[0]] for bins in model.bins if bins.by in ("end cap", "cable")
+    ]
+    return f"{sentence(found, model)} It is off most at {' and '.join(worst)}."
+
+
+def _recorded(
+    robot: Robot, effect: str, seed: int, config: DemoConfig, progress: Progress
+) -> tuple[Episode, ...]:
+    """What a stand-in with an effect measures while command scripts are played to it."""
+    scripts = config.scripts
+    hidden = () if effect == NOTHING else (effect,)
+    stand_in = StandInConfig(hidden=hidden, noise=config.noise)
+    with progress.stage("record", len(scripts)) as stage:
+        link = open_link(SIMULATED, robot, config.dt, stand_in)
+        try:
+            seeds = np.random.default_rng(seed).integers(STREAM, size=len(scripts)).tolist()
+            recordings = tuple(
+                _recording(link, robot, number, scripts[number], own, config, stage)
+                for number, own in enumerate(seeds)
+            )
+        finally:
+            link.close()
+    progress.say(
+        f"The robot was recorded {len(scripts)} times for {config.seconds:g} s; {config.held_out} of these "
+        "recordings are held out: nothing is fitted to them."
+    )
+    return recordings
+
+
+def _recording(
+    link: RobotLink,
+    robot: Robot,
+    number: int,
+    plan: tuple[str, Split],
+    seed: int,
+    config: DemoConfig,
+    stage: Stage,
+) -> Episode:
+    """One recording; `number` counts those before it."""
+    name, split = plan
+    controls = script(name, robot, config.seconds, config.dt, np.random.default_rng(seed))
+    controller = Playback(robot, controls, name)
+    driven = drive(
+        link,
+        robot,
+        controller,
+        lambda points: None,
+        seconds=config.seconds,
+        seed=seed,
+        episode_id=f"demo-{number}",
+        provenance=Provenance(
+            robot=robot.digest,
+            source="recording",
+            dataset="recording",
+            controller=controller.name,
+            seed=seed,
+            code=__version__,
+        ),
+        split=split,
+        on_step=lambda done, sample: stage.update(number + done / len(controls), name),
+    )
+    if driven.ended == "stopped":
+        raise KeyboardInterrupt
+    if driven.ended != "time":
+        raise LinkError(driven.why)
+    return driven.episode
+
+
+def _compared(
+    subject: Subject,
+    recordings: Sequence[Trajectory],
+    seed: int,
+    config: DemoConfig,
+    progress: Progress,
+) -> Comparison:
+    names = [f"held-out recording {number}" for number in range(1, len(recordings) + 1)]
+    with progress.stage("compare", 1.0):
+        found = compare(
+            [subject],
+            recordings,
+            horizon=config.horizon,
+            draws=config.draws,
+            seed=seed,
+            names=names,
+        )
+    progress.say(f"{found.models[0].outcome}: {compared_words(found)}")
+    return found
+
+
+def _adopted(found: Diagnosis) -> tuple[tuple[WrittenTerm, ...], str]:
+    """Effects that are adopted, and why, or why not."""
+    try:
+        effects = adoptable(found.summary())
+    except DataError as error:
+        return (), f"Nothing is adopted. {error}"
+    errors = found.held_out
+    assert errors is not None, "a demonstration holds recordings out"
+    labels = ", ".join(effect.label for effect in effects)
+    return effects, (
+        f"{labels} is adopted: on the held-out recordings, where nothing but the starts is fitted, the error "
+        f"falls from {1000 * errors.baseline:.1f} to {1000 * errors.augmented:.1f} mm (noise: "
+        f"{1000 * errors.noise:.1f} mm)."
+    )
+
+
+def _assessed(hidden: EffectTruth | None, found: Diagnosis) -> Assessment:
+    smallest = float("nan")
+    if hidden is not None:
+        values = library_values(hidden)
+        smallest = smallest_shown(found.ranking, hidden.name, hidden.place, values)
+    answers = [[(each.effect, each.location) for each in answer] for answer in found.answers]
+    return assess(hidden, found.verdict, answers, smallest)
