@@ -4,6 +4,7 @@
     python -m benchmarks.tables collect diagnosis FOLDER     results of `python -m benchmarks.diagnosis`
     python -m benchmarks.tables collect adoption FOLDER      ... of `python -m benchmarks.adoption`
     python -m benchmarks.tables collect sysid FOLDER         ... of `python -m benchmarks.sysid`
+    python -m benchmarks.tables collect demo FOLDER          ... of `python -m benchmarks.demo`
     python -m benchmarks.tables collect navigation NAME RUN  a run, or a file of `flywheel navigate --results`
 
 A table stands in a page between `<!-- table: NAME -->` and `<!-- end -->`.
@@ -16,8 +17,9 @@ import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from benchmarks import adoption, navigation
+from benchmarks import adoption, demo, navigation
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
+from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
@@ -37,6 +39,7 @@ BLOCK = re.compile(r"(?<=<!-- table: )([\w-]+)( -->\n).*?(?=<!-- end -->)", re.D
 DIAGNOSIS = RESULTS / "diagnosis.csv"
 ADOPTION = RESULTS / "adoption.csv"
 SYSID = RESULTS / "sysid.csv"
+DEMO = RESULTS / "demo.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
 
@@ -69,6 +72,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "diagnosis-fresh-hard": lambda: hard_table(_of_set("fresh")),
     "diagnosis-network": lambda: rates_table(diagnosis("network", ("none", "single"), "x2")),
     "adoption": lambda: adoption.table(read_rows(AdoptionRow, ADOPTION)),
+    "demo": lambda: demo.table(read_rows(DemoRow, DEMO)),
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
     "navigation": lambda: navigation.run_table(
         "s_course_from_little",
@@ -109,6 +113,9 @@ def collect(kind: str, folder: Path, of_set: str = "main") -> Path:
             ADOPTION, [adoption.row_of(AdoptionStudy.model_validate_json(text)) for text in texts]
         )
         return ADOPTION
+    if kind == "demo":
+        write_rows(DEMO, [demo.row_of(DemoResult.model_validate_json(text)) for text in texts])
+        return DEMO
     cases = [CaseStudy.model_validate_json(text) for text in texts]
     write_rows(SYSID, [row for case in cases for row in sysid.rows_of(case)])
     return SYSID
@@ -138,7 +145,7 @@ def main() -> None:
     verbs = parser.add_subparsers(dest="verb")
     verb = verbs.add_parser("collect", help="take results over as CSV")
     kinds = verb.add_subparsers(dest="kind", required=True)
-    for kind in ("diagnosis", "adoption", "sysid"):
+    for kind in ("diagnosis", "adoption", "sysid", "demo"):
         kinds.add_parser(kind).add_argument("folder", type=Path)
     kinds.choices["diagnosis"].add_argument("--set", default="main", help="of the cases")
     driven = kinds.add_parser("navigation")

@@ -118,7 +118,7 @@ def demo(
         film = _filmed(out, story, Path(folder) / "film.mp4")
         out.say(f"Page: {write_demo(story, page, again, film)}")
     if _on_a_screen(out) if show is None else show:
-        _open(out, page)
+        open_page(out, page)
 
 
 def _command(robot: str, effect: str | None, seed: int, seconds: float) -> str:
@@ -174,6 +174,7 @@ def _on_a_screen(out: Out) -> bool:
     return out.is_terminal and screen
 
 
-def _open(out: Out, page: Path) -> None:
+def open_page(out: Out, page: Path) -> None:
+    """Show the page in a browser, or say that there is none."""
     if not webbrowser.open(page.absolute().as_uri()):
         out.say("No browser was found to open it with.")

@@ -20,10 +20,10 @@ BEFORE, ANSWER, AFTER = ("heat", "cables"), ("ranking", "worst"), ("lead_time",)
 SVG = "image/svg+xml"
 LIMITS = (
     "The robot is simulated, too, if by other code, and lacks one thing at a time; a real one lacks several.",
-    "What is hidden has its typical size unless it was asked for otherwise. Some effects of that size are "
-    "smaller than the noise here, and then nothing can be found.",
-    "Predictions start from measured points, so that noise in the starts is a large part of every error here. "
-    "The diagnosis fits the starts, and sees more.",
+    "What is drawn has twice its typical size. Some effects are smaller than the noise here even then, and "
+    "cannot be found.",
+    "Predictions start from measured points, so that noise in the starts is a part of every error here. The "
+    "diagnosis fits the starts, and sees more.",
     "One story is no statistics: how often the diagnosis is right is counted in docs/results/diagnosis.md.",
 )
 

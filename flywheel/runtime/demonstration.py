@@ -30,7 +30,6 @@ from flywheel.quantities import (
     EpisodeSeconds,
     HorizonSeconds,
     Samples,
-    Share,
     Threads,
 )
 from flywheel.records import Episode, Provenance, Split, Trajectory
@@ -41,11 +40,12 @@ from flywheel.robot_link.opening import SIMULATED, open_link
 from flywheel.robots import Robot
 from flywheel.runtime.assessment import Assessment, assess, library_values, smallest_shown
 from flywheel.runtime.pool.progress import Progress, Stage, notes_of
-from flywheel.truth_simulator import HIDDEN, EffectTruth
+from flywheel.truth_simulator import HIDDEN, EffectTruth, HiddenEffect
 from flywheel.truth_simulator.scripts import script
-from flywheel.truth_simulator.written import PLACE, hidden_effects
+from flywheel.truth_simulator.written import PLACE, SIZE, hidden_effects
 
 NOTHING = "none"  # in the place of an effect
+DRAWN = 2.0  # size of what is drawn, in typical ones: of less the noise in starts hides much, see `compare`
 GIVEN, ADOPTED = "the MJCF as given", "the MJCF with what was found"
 # Every winch by itself, and big strokes that load the motors; then all winches tight.
 SCRIPTS: tuple[tuple[str, Split], ...] = (
@@ -63,7 +63,6 @@ class DemoConfig(BaseModel):
 
     Attributes:
       seconds: of each recording [s].
-      noise: of the robot's sensors, as a share of its length.
       held_out: recordings that answer and models are judged by.
       horizon: of the predictions that are compared [s].
       draws: of the noise, for what it makes of an error.
@@ -74,7 +73,6 @@ class DemoConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     seconds: EpisodeSeconds = 3.0
-    noise: Share = 0.001
     held_out: Annotated[int, Bounds(1, 2)] = 2
     horizon: HorizonSeconds = 1.0
     draws: Samples = 100
@@ -132,12 +130,17 @@ class Demonstration:
 
 
 def drawn_effect(robot: Robot, seed: int) -> str:
-    """An effect of typical size that the robot can have, with its place, as `hidden_effects` reads it."""
+    """An effect that the robot can have, with its place and its size, as `hidden_effects` reads it."""
     rng = np.random.default_rng(seed)
     able = [kind for kind in HIDDEN.values() if kind.applies(robot)]
-    kind = able[int(rng.integers(len(able)))]
+    return placed_effect(robot, able[int(rng.integers(len(able)))], rng)
+
+
+def placed_effect(robot: Robot, kind: type[HiddenEffect], rng: np.random.Generator) -> str:
+    """An effect of a kind, at a place that is drawn where it has one."""
     truth = kind.typical(robot, rng).truth(robot)
-    return f"{truth.name}{PLACE}{truth.place}" if truth.place else truth.name
+    place = f"{PLACE}{truth.place}" if truth.place else ""
+    return f"{truth.name}{place}{SIZE}{DRAWN:g}"
 
 
 def hidden_truth(effect: str, robot: Robot) -> EffectTruth | None:
@@ -187,7 +190,7 @@ def demonstrate(
     with progress.stage("diagnose", 1.0) as stage:
         found = diagnose(plant, fit, held_out, library, progress=notes_of(stage.update))
     progress.say(f"{found.verdict}: {diagnosed_words(found)}")
-    adopted, why = _adopted(found)
+    adopted, why = adopted_effects(found)
     progress.say(why)
     after = None
     if adopted:
@@ -223,8 +226,7 @@ def _recorded(
 ) -> tuple[Episode, ...]:
     """What a stand-in with an effect measures while command scripts are played to it."""
     scripts = config.scripts
-    hidden = () if effect == NOTHING else (effect,)
-    stand_in = StandInConfig(hidden=hidden, noise=config.noise)
+    stand_in = StandInConfig(hidden=() if effect == NOTHING else (effect,))
     with progress.stage("record", len(scripts)) as stage:
         link = open_link(SIMULATED, robot, config.dt, stand_in)
         try:
@@ -302,8 +304,8 @@ def _compared(
     return found
 
 
-def _adopted(found: Diagnosis) -> tuple[tuple[WrittenTerm, ...], str]:
-    """Effects that are adopted, and why, or why not."""
+def adopted_effects(found: Diagnosis) -> tuple[tuple[WrittenTerm, ...], str]:
+    """Effects of an answer that a plant is given, and why; none where several would do, or none helps."""
     try:
         effects = adoptable(found.summary())
     except DataError as error:
