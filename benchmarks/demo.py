@@ -3,8 +3,8 @@
     python -m benchmarks.demo OUT_FOLDER
 
 Tells one story after the other, each as the command would with `--effect NAME@PLACE:SIZE --seed N`, and keeps
-one JSON file per story. Stories that the folder has are not told again, so that it can be stopped at any time.
-`python -m benchmarks.tables collect demo OUT_FOLDER` takes the results over into benchmarks/results/.
+one JSON file per story. Stories that the folder has are not told again: it can be stopped at any time.
+`python -m benchmarks.tables collect demo OUT_FOLDER` takes the results over as CSV.
 """
 
 from __future__ import annotations

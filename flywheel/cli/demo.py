@@ -17,13 +17,13 @@ import typer
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import ThreadsOption, within
-from flywheel.quantities import EPISODE_SECONDS, SEED
+from flywheel.quantities import DEMO_SECONDS, SEED
 
 if TYPE_CHECKING:
     from flywheel.runtime.demonstration import Demonstration
     from flywheel.runtime.pool.progress import Progress, Stage
 
-ROBOT = "prism3"
+ROBOT, SECONDS = "prism3", 3.0
 SEEDS = 10_000  # that are drawn from: short enough to be typed again
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")  # where one of these is set, a browser has a place
 
@@ -47,7 +47,7 @@ SeedOption = Annotated[
 ]
 SecondsOption = Annotated[
     float,
-    typer.Option(help="Length of each recording, in seconds.", callback=within(EPISODE_SECONDS)),
+    typer.Option(help="Length of each recording, in seconds.", callback=within(DEMO_SECONDS)),
 ]
 ShowOption = Annotated[
     bool | None,
@@ -79,7 +79,7 @@ def demo(
     robot: RobotOption = ROBOT,
     effect: EffectOption = None,
     seed: SeedOption = None,
-    seconds: SecondsOption = 3.0,
+    seconds: SecondsOption = SECONDS,
     threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("demo.html"),
     show: ShowOption = None,
@@ -128,7 +128,7 @@ def _command(robot: str, effect: str | None, seed: int, seconds: float) -> str:
         parts += ["--robot", robot]
     if effect is not None:
         parts += ["--effect", effect]
-    if seconds != 3.0:
+    if seconds != SECONDS:
         parts += ["--seconds", f"{seconds:g}"]
     return shlex.join(parts)
 
@@ -159,10 +159,10 @@ def _reveal(out: Out, story: Demonstration) -> None:
 
 def _filmed(out: Out, story: Demonstration, path: Path) -> Path | str:
     """The video of the page, or why there is none."""
-    from flywheel.reports.demo_page import film_story
+    from flywheel.reports.demo_page import worst_window
 
     try:
-        return film_story(story, path)
+        return worst_window(story).film(path)
     except Exception as error:  # whatever a graphics driver throws
         out.say(f"No video: {error}")
         return str(error)

@@ -11,10 +11,11 @@ from flywheel.diagnosis.comparison import Comparison, Outcome
 from flywheel.diagnosis.results.verdict import Value
 from flywheel.outputs import write_output
 from flywheel.reports import comparison_figures, diagnosis_figures, diagnosis_page
-from flywheel.reports.comparison_video import SLOWER, film_side_by_side, magnification
+from flywheel.reports.comparison_video import SLOWER
+from flywheel.reports.diagnosis_video import WorstWindow
 from flywheel.reports.html import Shown, data_uri, render
 from flywheel.runtime.assessment import RIGHT, key_of, label_of, library_values
-from flywheel.runtime.demonstration import HELD_OUT, Demonstration, compared_words
+from flywheel.runtime.demonstration import GIVEN, HELD_OUT, Demonstration, compared_words
 
 BEFORE, ANSWER, AFTER = ("heat", "cables"), ("ranking", "worst"), ("lead_time",)
 SVG = "image/svg+xml"
@@ -83,13 +84,14 @@ def write_demo(story: Demonstration, path: str | Path, command: str, film: Path 
       story: to tell.
       path: of the HTML file.
       command: that tells the same story again.
-      film: mp4 of `film_story`, or why there is none.
+      film: mp4 of the `worst_window`, or why there is none.
     """
     page = render(
         "demo",
         story=story,
         steps=steps(story),
         recordings=_recordings(story),
+        fails=story.before.models[0].outcome is Outcome.MORE_THAN_NOISE,
         before=compared_words(story.before),
         answer=diagnosis_page.sentence(story.diagnosis),
         after="" if story.after is None else compared_words(story.after),
@@ -100,6 +102,7 @@ def write_demo(story: Demonstration, path: str | Path, command: str, film: Path 
         horizon=story.before.windows.steps * story.before.windows.dt,
         millimetres=1000.0 * story.before.windows.sigma,
         video=_video(story, film),
+        filmed=_filmed(story),
         truth=truth(story),
         commands=_commands(command),
         about=_about(story),
@@ -108,14 +111,10 @@ def write_demo(story: Demonstration, path: str | Path, command: str, film: Path 
     return write_output(path, page)
 
 
-def film_story(story: Demonstration, path: Path) -> Path:
-    """Film the window that the MJCF as given predicts worst, with each model, side by side.
-
-    Raises:
-      Exception: whatever a graphics driver throws where nothing can be drawn.
-    """
-    beside = story.beside
-    return film_side_by_side(beside, beside.models[0].worst, path)
+def worst_window(story: Demonstration) -> WorstWindow:
+    """What the video shows: the window of the diagnosed recordings that the MJCF as given fits worst."""
+    fit = [each.trajectory for each in story.recordings if each.split != HELD_OUT]
+    return WorstWindow.of(story.diagnosis, story.robot, fit)
 
 
 def steps(story: Demonstration) -> list[Step]:
@@ -220,18 +219,25 @@ def _diagnosed(names: Iterable[str], story: Demonstration) -> list[Shown]:
 def _video(story: Demonstration, film: Path | str) -> Shown:
     if not isinstance(film, Path):
         return Shown("video", "", film, "")
-    beside = story.beside
-    window = beside.models[0].worst
-    times = magnification(beside, window)
+    shown = worst_window(story)
     larger = (
-        f"; how far these are off is drawn {times} times as large as it is" if times > 1 else ""
+        f" How far they are off is drawn {shown.times} times as large as it is."
+        if shown.times > 1
+        else ""
     )
     words = (
-        f"{beside.windows.labels[window]}: where {beside.models[0].name} is off most. The robot is drawn as "
-        f"predicted; the orange ghosts are the measured points, smoothed{larger}. {SLOWER} times slower than "
-        "it was."
+        f"Recording {shown.recording + 1}, {shown.begin:.2f} to {shown.end:.2f} s: where {GIVEN} is off most "
+        "when its start is fitted. The robot is drawn as predicted; the orange ghosts are the measured "
+        f"points, smoothed.{larger} {SLOWER} times slower than it was."
     )
     return Shown("video", "", words, data_uri(film.read_bytes(), "video/mp4"))
+
+
+def _filmed(story: Demonstration) -> list[str]:
+    """What is predicted with on the left, and on the right."""
+    answers = [answer for answer in story.diagnosis.answers if answer]
+    names = [" with ".join(each.label for each in answer) for answer in answers[:1]]
+    return [GIVEN, *(f"with {name}" for name in names)]
 
 
 def _commands(command: str) -> dict[str, str]:

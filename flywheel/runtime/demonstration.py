@@ -20,14 +20,14 @@ from flywheel.control import Playback
 from flywheel.control.drive import drive
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.adoption import adoptable
-from flywheel.diagnosis.comparison import Comparison, Subject, compare
+from flywheel.diagnosis.comparison import Comparison, Outcome, Subject, compare
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import EFFECTS, NAMED, Effect, WrittenTerm
 from flywheel.errors import DataError, LinkError
 from flywheel.quantities import (
     Bounds,
     ControlStep,
-    EpisodeSeconds,
+    DemoSeconds,
     HorizonSeconds,
     Samples,
     Threads,
@@ -45,7 +45,7 @@ from flywheel.truth_simulator.scripts import script
 from flywheel.truth_simulator.written import PLACE, SIZE, hidden_effects
 
 NOTHING = "none"  # in the place of an effect
-DRAWN = 2.0  # size of what is drawn, in typical ones: of less the noise in starts hides much, see `compare`
+DRAWN = 2.0  # size of what is drawn, in typical ones: noise in the starts of predictions hides most of less
 GIVEN, ADOPTED = "the MJCF as given", "the MJCF with what was found"
 # Every winch by itself, and big strokes that load the motors; then all winches tight.
 SCRIPTS: tuple[tuple[str, Split], ...] = (
@@ -54,8 +54,12 @@ SCRIPTS: tuple[tuple[str, Split], ...] = (
     ("pretension", "test"),
     ("random_steps", "test"),
 )
+PLACES = ("end cap", "cable")  # criteria of a comparison that are named in a sentence
 HELD_OUT: Split = "test"
-STREAM = 2**31  # seeds of single recordings are below
+SEEDS = 2**31  # of single recordings
+COMMANDS = (
+    1  # beside a recording's seed: its commands have a stream of their own, apart from the noise
+)
 
 
 class DemoConfig(BaseModel):
@@ -72,7 +76,7 @@ class DemoConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    seconds: EpisodeSeconds = 3.0
+    seconds: DemoSeconds = 3.0
     held_out: Annotated[int, Bounds(1, 2)] = 2
     horizon: HorizonSeconds = 1.0
     draws: Samples = 100
@@ -215,10 +219,11 @@ def demonstrate(
 def compared_words(found: Comparison) -> str:
     """How far off a model is, and where most, in sentences."""
     (model,) = found.models
-    worst = [
-        bins.labels[bins.worst(1)[0]] for bins in model.bins if bins.by in ("end cap", "cable")
-    ]
-    return f"{sentence(found, model)} It is off most at {' and '.join(worst)}."
+    words = sentence(found, model)
+    if model.outcome is Outcome.NOISE_ONLY:
+        return words
+    worst = [bins.labels[bins.worst(1)[0]] for bins in model.bins if bins.by in PLACES]
+    return f"{words} It is off most at {' and '.join(worst)}."
 
 
 def _recorded(
@@ -230,7 +235,7 @@ def _recorded(
     with progress.stage("record", len(scripts)) as stage:
         link = open_link(SIMULATED, robot, config.dt, stand_in)
         try:
-            seeds = np.random.default_rng(seed).integers(STREAM, size=len(scripts)).tolist()
+            seeds = np.random.default_rng(seed).integers(SEEDS, size=len(scripts)).tolist()
             recordings = tuple(
                 _recording(link, robot, number, scripts[number], own, config, stage)
                 for number, own in enumerate(seeds)
@@ -255,7 +260,8 @@ def _recording(
 ) -> Episode:
     """One recording; `number` counts those before it."""
     name, split = plan
-    controls = script(name, robot, config.seconds, config.dt, np.random.default_rng(seed))
+    rng = np.random.default_rng((seed, COMMANDS))
+    controls = script(name, robot, config.seconds, config.dt, rng)
     controller = Playback(robot, controls, name)
     driven = drive(
         link,

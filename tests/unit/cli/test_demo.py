@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from flywheel.cli.main import app
 from flywheel.diagnosis import Verdict
 from flywheel.effects import EFFECTS
-from flywheel.reports import comparison_video
-from flywheel.reports.comparison_video import FARTHEST, MAGNIFIED, magnification
-from flywheel.reports.demo_page import film_story, steps, truth, write_demo
+from flywheel.reports import diagnosis_video
+from flywheel.reports.demo_page import steps, truth, worst_window, write_demo
+from flywheel.reports.diagnosis_video import FARTHEST, MAGNIFIED, SHOT
 from flywheel.robots import load_robot
 from flywheel.runtime import demonstration
 from flywheel.runtime.assessment import Outcome
@@ -108,7 +108,7 @@ def test_a_story_without_an_end_or_a_video_is_told_as_well(
     )
     page = write_demo(other, tmp_path / "p.html", "flywheel demo", "no <graphics>").read_text()
     assert "No video: no &lt;graphics&gt;" in page
-    assert "4. Not adopted" in page and "Compared again" not in page
+    assert "4. Not adopted" in page and "no other model to compare" in page
     assert "true value" not in page
 
 
@@ -134,26 +134,28 @@ def test_the_film_shows_both_models_beside_each_other(
         shapes.extend(frame.shape for frame in frames)
         return path
 
-    monkeypatch.setattr(comparison_video, "write_video", noted)
-    film_story(told[0], tmp_path / "film.mp4")
-    width, height = comparison_video.CLOSE.size
+    monkeypatch.setattr(diagnosis_video, "write_video", noted)
+    worst_window(told[0]).film(tmp_path / "film.mp4")
+    width, height = SHOT.size
     assert len(shapes) > 5 and set(shapes) == {(height, 2 * width, 3)}
 
 
 @pytest.mark.slow
-def test_differences_are_magnified_as_far_as_there_is_room(
+def test_the_window_that_is_filmed_is_the_worst_and_differences_have_room(
     told: tuple[Demonstration, str, str],
 ) -> None:
-    found = told[0].beside
-    times = magnification(found, found.models[0].worst)
-    room = FARTHEST * found.windows.robot.length
-    model, window = found.models[0], found.models[0].worst
-    first = int(found.windows.first[window])
-    points, _ = found.windows.smooth[found.windows.recording[window]]
-    off = np.linalg.norm(points[first:][: found.windows.steps + 1] - model.points[window], axis=-1)
-    assert times in MAGNIFIED
-    assert times * off.max() <= room or times == 1
-    assert times == MAGNIFIED[-1] or 2.5 * times * off.max() > room
+    shown, evidence = worst_window(told[0]), told[0].diagnosis.evidence
+    before, after = shown.predicted
+    off = [np.linalg.norm(shown.measured - points, axis=-1).max() for points in shown.predicted]
+    assert off[1] < off[0]
+    assert any(np.array_equal(before, window) for window in evidence.before)
+    assert before.shape == after.shape == shown.measured.shape
+    squares = ((shown.measured - before) ** 2).mean()
+    assert squares > 0.5 * ((evidence.measured - evidence.before) ** 2).mean(axis=(1, 2, 3)).max()
+    room = FARTHEST * shown.robot.length
+    assert shown.times in MAGNIFIED
+    assert shown.times * off[0] <= room or shown.times == 1
+    assert shown.times == MAGNIFIED[-1] or 2.5 * shown.times * off[0] > room
 
 
 @pytest.mark.parametrize(
