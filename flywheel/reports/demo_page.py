@@ -190,7 +190,7 @@ def _notes(story: Demonstration) -> list[str]:
     if (where := found.location) is not None:
         cable = f"; of all cables most like {where.cable}" if where.cable else ""
         notes.append(
-            f"Most of what is unexplained is in recording {where.recording + 1}, from {where.begin:.2f} to "
+            f"Most of what is unexplained is in recording {where.recording}, from {where.begin:.2f} to "
             f"{where.end:.2f} s, at {where.point}{cable}."
         )
     experiment = found.next_experiment
@@ -226,7 +226,7 @@ def _video(story: Demonstration, film: Path | str) -> Shown:
         else ""
     )
     words = (
-        f"Recording {shown.recording + 1}, {shown.begin:.2f} to {shown.end:.2f} s: where {GIVEN} is off most "
+        f"Recording {shown.recording}, {shown.begin:.2f} to {shown.end:.2f} s: where {GIVEN} is off most "
         "when its start is fitted. The robot is drawn as predicted; the orange ghosts are the measured "
         f"points, smoothed.{larger} {SLOWER} times slower than it was."
     )

@@ -17,7 +17,7 @@ from flywheel.robots import Robot
 from flywheel.smoothing import savitzky_golay
 
 SHOT = Shot(size=(640, 368), distance=1.5)
-MAGNIFIED = (1, 2, 5, 10)  # times that a difference may be drawn as large as it is
+MAGNIFIED = (1, 2, 5)  # times that a difference may be drawn as large as it is
 SMOOTHED = (
     0.2  # length of the parabolas that take noise out; longer ones round impacts off [sqrt(L / g)]
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -188,11 +188,16 @@ def demonstrate(
     hidden = hidden_truth(effect, robot)
     recordings = _recorded(robot, effect, seed, config, progress)
     fit = [each.trajectory for each in recordings if each.split != HELD_OUT]
-    held_out = [each.trajectory for each in recordings if each.split == HELD_OUT]
+    held_out = {
+        f"held-out recording {number}": each.trajectory
+        for number, each in enumerate(recordings)
+        if each.split == HELD_OUT
+    }
     plant = Plant(robot, config.dt, threads=config.threads)
     before = _compared(Subject.of_plant(GIVEN, plant), held_out, seed, config, progress)
     with progress.stage("diagnose", 1.0) as stage:
-        found = diagnose(plant, fit, held_out, library, progress=notes_of(stage.update))
+        others = list(held_out.values())
+        found = diagnose(plant, fit, others, library, progress=notes_of(stage.update))
     progress.say(f"{found.verdict}: {diagnosed_words(found)}")
     adopted, why = adopted_effects(found)
     progress.say(why)
@@ -291,20 +296,19 @@ def _recording(
 
 def _compared(
     subject: Subject,
-    recordings: Sequence[Trajectory],
+    recordings: Mapping[str, Trajectory],
     seed: int,
     config: DemoConfig,
     progress: Progress,
 ) -> Comparison:
-    names = [f"held-out recording {number}" for number in range(1, len(recordings) + 1)]
     with progress.stage("compare", 1.0):
         found = compare(
             [subject],
-            recordings,
+            list(recordings.values()),
             horizon=config.horizon,
             draws=config.draws,
             seed=seed,
-            names=names,
+            names=list(recordings),
         )
     progress.say(f"{found.models[0].outcome}: {compared_words(found)}")
     return found
