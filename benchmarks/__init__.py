@@ -2,6 +2,7 @@
 
 - `diagnosis`: how often a diagnosis is right, on recordings of the truth simulator.
 - `adoption`: from a hidden effect to a better network.
+- `demo`: how `flywheel demo` ends, over all effects.
 - `sysid`: a diagnosis beside fitting all of an MJCF's numbers with `mujoco.sysid`.
 - `oracle`: how well MPPI does when its model is the plant itself.
 - `regression`: whether what a user can measure is still the same after code was moved.

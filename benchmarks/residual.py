@@ -23,7 +23,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flywheel.cli.models import restarted
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.dynamics.gnn import LearnedDynamics, load_weights
 from flywheel.dynamics.plant import Plant
@@ -267,7 +266,7 @@ def study(
     """One set of hidden effects, one seed, so many minutes; with a network where there is a config of one."""
     learned = [each.trajectory for each in bench.learned(hidden, seed, minutes)]
     judged, plain = bench.judged(hidden, seed), bench.judged("nothing", seed)
-    plant = restarted(Plant(bench.robot, DT))
+    plant = RestartedPlant.from_measurements(Plant(bench.robot, DT))
     name = f"{hidden}-s{seed}-{minutes:g}min"
     begun = time.process_time()
     with bench.progress.stage(f"{name}: correct", 1.0) as stage:

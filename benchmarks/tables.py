@@ -5,6 +5,7 @@
     python -m benchmarks.tables collect adoption FOLDER      ... of `python -m benchmarks.adoption`
     python -m benchmarks.tables collect sysid FOLDER         ... of `python -m benchmarks.sysid`
     python -m benchmarks.tables collect residual FOLDER      ... of `python -m benchmarks.residual`
+    python -m benchmarks.tables collect demo FOLDER          ... of `python -m benchmarks.demo`
     python -m benchmarks.tables collect navigation NAME RUN  a run, or a file of `flywheel navigate --results`
 
 A table stands in a page between `<!-- table: NAME -->` and `<!-- end -->`.
@@ -17,8 +18,9 @@ import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from benchmarks import adoption, navigation, residual
+from benchmarks import adoption, demo, navigation, residual
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
+from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
@@ -40,6 +42,7 @@ DIAGNOSIS = RESULTS / "diagnosis.csv"
 ADOPTION = RESULTS / "adoption.csv"
 SYSID = RESULTS / "sysid.csv"
 RESIDUAL = RESULTS / "residual.csv"
+DEMO = RESULTS / "demo.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
 
@@ -73,6 +76,7 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "diagnosis-network": lambda: rates_table(diagnosis("network", ("none", "single"), "x2")),
     "adoption": lambda: adoption.table(read_rows(AdoptionRow, ADOPTION)),
     "residual": lambda: residual.table(read_rows(ResidualRow, RESIDUAL)),
+    "demo": lambda: demo.table(read_rows(DemoRow, DEMO)),
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
     "navigation": lambda: navigation.run_table(
         "s_course_from_little",
@@ -118,6 +122,9 @@ def collect(kind: str, folder: Path, of_set: str = "main") -> Path:
         studies = (ResidualStudy.model_validate_json(text) for text in texts)
         write_rows(RESIDUAL, [residual.row_of(each) for each in studies])
         return RESIDUAL
+    if kind == "demo":
+        write_rows(DEMO, [demo.row_of(DemoResult.model_validate_json(text)) for text in texts])
+        return DEMO
     cases = [CaseStudy.model_validate_json(text) for text in texts]
     write_rows(SYSID, [row for case in cases for row in sysid.rows_of(case)])
     return SYSID
@@ -147,7 +154,7 @@ def main() -> None:
     verbs = parser.add_subparsers(dest="verb")
     verb = verbs.add_parser("collect", help="take results over as CSV")
     kinds = verb.add_subparsers(dest="kind", required=True)
-    for kind in ("diagnosis", "adoption", "residual", "sysid"):
+    for kind in ("diagnosis", "adoption", "residual", "sysid", "demo"):
         kinds.add_parser(kind).add_argument("folder", type=Path)
     kinds.choices["diagnosis"].add_argument("--set", default="main", help="of the cases")
     driven = kinds.add_parser("navigation")

@@ -113,6 +113,8 @@ CONTROL_STEP = Bounds(1e-4, 10, "s")  # the shortest of motors, the longest of c
 ControlStep = Annotated[float, CONTROL_STEP]
 EPISODE_SECONDS = Bounds(0, 3600, "s", above=True)  # the longest of ours have two minutes
 EpisodeSeconds = Annotated[float, EPISODE_SECONDS]
+DEMO_SECONDS = Bounds(0.2, 30, "s")  # of one recording; diagnosed in minutes
+DemoSeconds = Annotated[float, DEMO_SECONDS]
 HORIZON_SECONDS = Bounds(0, 600, "s", above=True)  # predicted ahead, or looked at together
 HorizonSeconds = Annotated[float, HORIZON_SECONDS]
 Patience = Annotated[float, Bounds(0, 86_400, "s", above=True)]  # of one process with another

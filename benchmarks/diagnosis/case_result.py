@@ -6,10 +6,8 @@ import math
 
 from pydantic import Field
 
+from flywheel.runtime.assessment import key_of
 from flywheel.runtime.results import ResultRecord
-
-# Effects that make the same motion exactly, so that naming either is right.
-EQUIVALENT = {"sensor_latency": "command_delay"}
 
 
 class Named(ResultRecord):
@@ -31,12 +29,12 @@ class Named(ResultRecord):
     @property
     def family(self) -> str:
         """The effect, or the one that is declared to be the same."""
-        return EQUIVALENT.get(self.effect, self.effect)
+        return self.key[0]
 
     @property
     def key(self) -> tuple[str, str]:
         """What has to agree for two to be the same."""
-        return (self.family, self.location)
+        return key_of(self.effect, self.location)
 
 
 Answer = tuple[Named, ...]

@@ -17,6 +17,7 @@ from flywheel.effects import Scales
 from flywheel.errors import FlywheelError
 from flywheel.records import Trajectory
 from flywheel.robots import Robot, load_robot
+from flywheel.runtime.assessment import library_values, smallest_shown
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.model_weights import TrainedModel
 from flywheel.truth_simulator.cases import UNSURE, Case, Recorded
@@ -114,22 +115,15 @@ def _left(left: Adequacy) -> tuple[float, ...]:
 
 def _smallest(case: CaseResult, found: Diagnosis) -> float:
     """Size of the first hidden effect that could have been seen, over its true size."""
-    for score in found.ranking:
-        candidate = score.candidate
-        named = Named(effect=candidate.effect.name, location=candidate.location)
-        if case.truth and named.key == case.truth[0].key:
-            sizes = [case.truth[0].values.get(p.name, 0.0) for p in candidate.effect.sizes]
-            true = np.linalg.norm(np.array(sizes) / np.array(candidate.typical))
-            return float(score.smallest / true) if true else float("inf")
-    return float("nan")
+    if not case.truth:
+        return float("nan")
+    first = case.truth[0]
+    return smallest_shown(found.ranking, first.effect, first.location, first.values)
 
 
 def truth_of(effect: EffectTruth) -> Named:
     """What was hidden, in the parameters of the library."""
-    values = dict(effect.values)
-    if effect.name == "hysteresis":
-        values["force"] = values.pop("stiffness") * values["length"]
-    return Named(effect=effect.name, location=effect.place, values=values)
+    return Named(effect=effect.name, location=effect.place, values=library_values(effect))
 
 
 def _named(found: Found) -> Named:

@@ -23,6 +23,8 @@ from flywheel.cli.options import (
 from flywheel.quantities import FACTOR
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from flywheel.diagnosis import Diagnosis
     from flywheel.diagnosis.checks.localisation import Location
     from flywheel.dynamics.plant import Plant
@@ -213,16 +215,8 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
     )
 
     out.say(f"{found.verdict}: {sentence(found)}", style="bold")
-    named = [(str(number), answer) for number, answer in enumerate(found.answers, 1)]
-    rows = [
-        (label if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
-        for label, alternative in [*named, ("calibration", found.calibration)]
-        for f in alternative
-        for k, v in enumerate(f.values)
-    ]
-    if rows:
-        columns = ("answer", "effect", "at", "parameter", "#value", "#low", "#high", "unit")
-        out.print(table("effects", columns, rows))
+    if any(found.answers) or found.calibration:
+        out.print(effects_table(found))
     if form := other_form(found):
         out.say(f"another form than the effects of the library: {form}")
     for note in (at_bounds(found), suspects(found), held_back(found), numbers(found)):
@@ -247,6 +241,19 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
                 f"{name}: noise {1000 * errors.noise:.2f} mm, as it was {1000 * errors.baseline:.2f} mm, "
                 f"with the answer {1000 * errors.augmented:.2f} mm"
             )
+
+
+def effects_table(found: Diagnosis) -> Table:
+    """The effects of all answers, with their values and intervals."""
+    named = [(str(number), answer) for number, answer in enumerate(found.answers, 1)]
+    rows = [
+        (label if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
+        for label, alternative in [*named, ("calibration", found.calibration)]
+        for f in alternative
+        for k, v in enumerate(f.values)
+    ]
+    columns = ("answer", "effect", "at", "parameter", "#value", "#low", "#high", "unit")
+    return table("effects", columns, rows)
 
 
 def _unexplained(location: Location) -> str:

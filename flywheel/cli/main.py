@@ -11,6 +11,7 @@ from flywheel.cli.adopt import adopt
 from flywheel.cli.bench import bench
 from flywheel.cli.compare import compare
 from flywheel.cli.correct import correct
+from flywheel.cli.demo import demo
 from flywheel.cli.design import design
 from flywheel.cli.diagnose import diagnose
 from flywheel.cli.drive import drive
@@ -50,6 +51,8 @@ def flywheel(
 
     Start here:
 
+    [bold]flywheel demo[/bold] [dim](three minutes: a robot that is not its model, and what it lacks)[/dim]
+
     [bold]flywheel run prism3[/bold] [dim](the whole loop on this machine; flywheel report shows it)[/dim]
 
     [bold]flywheel robot check my.xml[/bold] [dim](whether your own robot fits)[/dim]
@@ -62,6 +65,7 @@ from)[/dim]
     """
 
 
+app.command(rich_help_panel=RUNS)(demo)
 app.command(rich_help_panel=RUNS)(run)
 app.command("list", rich_help_panel=RUNS)(list_)
 app.add_typer(config.app, name="config", rich_help_panel=RUNS)

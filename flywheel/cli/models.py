@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from flywheel.cli.runs import open_run
 from flywheel.diagnosis.comparison import Subject
-from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
+from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.dynamics.plant.law_checks import check_laws
 from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Effect
 from flywheel.effects.adopted import PLANT as PLANT_FILE
@@ -153,9 +153,9 @@ def open_model(
     label, _, what = spec.rpartition("=")
     name = label or what
     if what == PLANT:
-        return _plant(name, robot_name, dt, threads, library)
+        return Subject.of_plant(name, open_plant(robot_name, dt, threads, library))
     if adopted_file(what) is not None:
-        return _plant(name, what, dt, threads, library)
+        return Subject.of_plant(name, open_plant(what, dt, threads, library))
     return open_trained(spec, robot).subject(robot, threads)
 
 
@@ -183,12 +183,6 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     if run:
         return _of_run(name, Path(run), model)
     raise ConfigError(f"There is no model {what!r}. A model is {ALLOWED}.")
-
-
-def _plant(name: str, robot_name: str, dt: float, threads: int, library: Library) -> Subject:
-    """MuJoCo, started from what is seen of the past."""
-    plant = open_plant(robot_name, dt, threads, library)
-    return Subject(name, RestartedPlant.from_measurements(plant), terms=plant.terms)
 
 
 def _of_run(name: str, folder: Path, model: str) -> TrainedModel:

@@ -1,4 +1,4 @@
-"""Controllers that need not look: they hold still, or excite the robot at random."""
+"""Controllers that need not look: they hold still, play a script, or excite the robot at random."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, model_validator
 
 from flywheel.control.protocol import Command
+from flywheel.errors import ConfigError
 from flywheel.quantities import HorizonSeconds, Share
 from flywheel.records import Floats, Past
 from flywheel.robots import Robot
@@ -44,6 +45,43 @@ class Hold:
     def sequence(self, winch: Floats, steps: int, seed: int) -> Floats:
         """The holding command (steps, W)."""
         return np.repeat(self.robot.holding(winch)[None], steps, axis=0)
+
+
+class Playback:
+    """Plays commands that were written beforehand, and then holds still.
+
+    Args:
+      robot: that is commanded.
+      controls: (T, W) commands, one for each control step.
+      script: what they are called.
+
+    Raises:
+      ConfigError: they are no commands for this robot.
+    """
+
+    model, history = "", 0
+
+    def __init__(self, robot: Robot, controls: Floats, script: str = "") -> None:
+        self.robot, self.controls = robot, np.asarray(controls, float)
+        self.name = f"playback:{script}" if script else "playback"
+        winches = len(robot.winches)
+        if self.controls.ndim != 2 or self.controls.shape[1] != winches:
+            raise ConfigError(
+                f"A script for {robot.name} has {winches} commands in each step, got an array of the shape "
+                f"{self.controls.shape}."
+            )
+        if not np.isfinite(self.controls).all():
+            raise ConfigError(f"A script for {robot.name} has commands that are no finite numbers.")
+        self._played = 0
+
+    def reset(self, task: Task | None, seed: int) -> None:
+        """Begin again with the first command."""
+        self._played = 0
+
+    def act(self, past: Past) -> Command:
+        """All of the script at once; after it, to hold still for a step."""
+        rest, self._played = self.controls[self._played :], len(self.controls)
+        return Command(rest if len(rest) else self.robot.holding(past.winch[0, -1])[None])
 
 
 class RandomConfig(BaseModel):

@@ -66,7 +66,8 @@ def heat(found: Comparison) -> Figure:
         axes.set_yticks(range(len(names)), names)
         axes.grid(visible=False)
     _name_windows(parts[-1], windows.labels)
-    figure.colorbar(image, ax=list(parts), label="mean square [noise variances]")
+    bar = figure.colorbar(image, ax=list(parts), label="mean square [noise variances]")
+    style.logarithmic(bar.ax.yaxis)
     return figure
 
 

@@ -20,6 +20,7 @@ FEW = MppiConfig(samples=6, horizon_seconds=0.5)
 # A new controller needs a line here, or these tests fail.
 BUILD: dict[str, Callable[[], Controller]] = {
     "hold": lambda: CONTROLLERS["hold"](ROBOT, DT),
+    "playback": lambda: CONTROLLERS["playback"](ROBOT, np.full((3, len(ROBOT.winches)), 0.05)),
     "random": lambda: CONTROLLERS["random"](ROBOT, DT),
     "gait": lambda: CONTROLLERS["gait"](ROBOT, "roll", DT),
     "mppi": lambda: CONTROLLERS["mppi"](PlantDynamics(PLANT), FEW),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
+from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import Terms
 
@@ -24,3 +26,13 @@ class Subject:
     dynamics: Dynamics
     dataset: int = 0
     terms: Terms = ()
+
+    @classmethod
+    def of_plant(cls, name: str, plant: Plant) -> Self:
+        """MuJoCo, started from what is seen of the past.
+
+        Args:
+          name: for people.
+          plant: with the effects that it is told of.
+        """
+        return cls(name, RestartedPlant.from_measurements(plant), terms=plant.terms)

@@ -11,7 +11,7 @@ from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import hasty, refined
-from flywheel.dynamics.plant.render import Shot, render_episode, render_frames
+from flywheel.dynamics.plant.render import Shot, render_episode, render_frames, write_video
 from flywheel.dynamics.plant.restarted import RestartedPlant
 from flywheel.dynamics.plant.resting import Settling, settling
 from flywheel.dynamics.plant.roll import unseen_axes
@@ -42,4 +42,5 @@ __all__ = [
     "turning",
     "unseen_axes",
     "with_effects",
+    "write_video",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,12 +89,29 @@ def render_episode(
     Raises:
       DataError: states, goal or ghosts do not fit, or the video cannot be written.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     shot = shot or usual_shot(scenery)
     frames = render_frames(robot, states, scenery, fps, ghosts, dt=dt, shot=shot, plans=plans)
+    return write_video(frames, path, shot.size, fps)
+
+
+def write_video(
+    frames: Iterable[np.ndarray], path: str | Path, size: tuple[int, int], fps: int
+) -> Path:
+    """Write frames as an mp4.
+
+    Args:
+      frames: (height, width, 3) uint8 each.
+      path: of the video; folders are made.
+      size: (width, height) [pixels]; multiples of 16.
+      fps: frames per second.
+
+    Raises:
+      DataError: it cannot be written.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
     writer = imageio_ffmpeg.write_frames(
-        str(path), shot.size, fps=fps, quality=8, ffmpeg_log_level="quiet"
+        str(path), size, fps=fps, quality=8, ffmpeg_log_level="quiet"
     )
     writer.send(None)
     with suppress(OSError), closing(writer):  # its message is ffmpeg's command line

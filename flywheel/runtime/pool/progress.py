@@ -43,6 +43,25 @@ class Progress(Protocol):
         ...
 
 
+TYPICAL_NOTES = 20  # of a piece of work whose number of steps is not known beforehand
+
+
+def notes_of(update: Callable[[float, str], None]) -> Callable[[str], None]:
+    """Takes notes of work whose number of steps nobody knows: each brings its share nearer to one.
+
+    Args:
+      update: told the share that is done, and the note.
+    """
+    taken = 0
+
+    def note(words: str) -> None:
+        nonlocal taken
+        taken += 1
+        update(taken / (taken + TYPICAL_NOTES), words)
+
+    return note
+
+
 class Quiet:
     """Shows nothing."""
 

@@ -10,9 +10,8 @@ from flywheel.effects import Effect
 from flywheel.records import Episode, Trajectory
 from flywheel.runtime.config.run_config import DiagnoseConfig
 from flywheel.runtime.pool.heartbeat import Heartbeat
+from flywheel.runtime.pool.progress import notes_of
 from flywheel.runtime.workers.episode_plan import Effects
-
-TYPICAL_NOTES = 20  # progress notes of a diagnosis, roughly; their total is not known beforehand
 
 
 def diagnose_plant(
@@ -37,21 +36,14 @@ def diagnose_plant(
     Raises:
       DataError: the recordings cannot be used.
     """
-    notes = 0
     has = {effect.effect for effect in effects}
-
-    def progress(note: str) -> None:
-        nonlocal notes
-        notes += 1
-        heartbeat.progress(notes / (notes + TYPICAL_NOTES), note)
-
     return diagnose(
         plant,
         excerpt(fit, config.seconds, config.episode_seconds),
         excerpt(held_out, config.seconds, config.episode_seconds),
         library,
         window_seconds=config.window_seconds,
-        progress=progress,
+        progress=notes_of(heartbeat.progress),
         unsure={name: share for name, share in config.unsure.items() if name not in has},
     )
 

@@ -28,6 +28,7 @@ COMMANDS = (
     "navigate config.yaml --model oracle --no-film --results OUT",
     "navigate config.yaml --model oracle --no-film --picture OUT",
     "navigate config.yaml --model oracle --no-film --logs OUT",
+    "demo --page OUT",
     "config copy smoke OUT",
     "recordings import log.csv --robot prism3 --store OUT",
     "run config.yaml --folder OUT",

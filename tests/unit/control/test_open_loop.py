@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from flywheel.control import Hold, RandomConfig, RandomControls
+from flywheel.control import Hold, Playback, RandomConfig, RandomControls
+from flywheel.errors import ConfigError
 from flywheel.records import Observation, Past
 from flywheel.robots import Robot
 from tests import draws
@@ -178,3 +179,20 @@ def test_a_configuration_at_its_limits_is_accepted() -> None:
     assert (highest.drive, highest.slowest) == (1.0, 1.0)
     with pytest.raises(ValidationError, match="frozen"):
         highest.drive = 0.5
+
+
+def test_a_script_is_played_once_and_then_held(robot: Robot, servo: Robot, past: Past) -> None:
+    script = np.random.default_rng(draws.seed()).uniform(-0.1, 0.1, (4, 6))
+    for kind, still in ((robot, np.zeros(6)), (servo, past.winch[0, -1])):
+        controller = Playback(kind, script, "mine")
+        for _ in range(2):
+            controller.reset(None, 0)
+            np.testing.assert_array_equal(controller.act(past).controls, script)
+            np.testing.assert_array_equal(controller.act(past).controls, [still])
+        assert controller.name == "playback:mine"
+
+
+@pytest.mark.parametrize("script", [np.zeros((4, 5)), np.zeros(6), np.full((4, 6), np.nan)])
+def test_what_is_no_script_for_the_robot_is_refused(robot: Robot, script: np.ndarray) -> None:
+    with pytest.raises(ConfigError, match="A script for prism3"):
+        Playback(robot, script)

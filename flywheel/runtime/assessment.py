@@ -1,0 +1,177 @@
+"""Whether a diagnosis was right about an effect that was hidden from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from flywheel.diagnosis import Verdict
+from flywheel.diagnosis.selection.score_test import Score
+from flywheel.effects import EFFECTS
+from flywheel.truth_simulator import EffectTruth
+
+# Effects that make the same motion exactly, so that naming either is right.
+EQUIVALENT = {"sensor_latency": "command_delay"}
+Named = tuple[str, str]  # an effect, and the cable or point that it is at, or ""
+
+
+class Outcome(StrEnum):
+    """What came of it, in a few words."""
+
+    NAMED = "named"
+    AMONG = "named among others that cannot be told apart"
+    BESIDE = "named with something wrong beside"
+    NOT_NAMED = "not named"
+    OUTSIDE = "rightly said to be none of the library's effects"
+    NOTHING = "nothing hidden, nothing named"
+    FALSE_ALARM = "nothing hidden, something named"
+
+
+RIGHT = (Outcome.NAMED, Outcome.AMONG, Outcome.OUTSIDE, Outcome.NOTHING)
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Whether the diagnosis was right.
+
+    Attributes:
+      outcome: in a few words.
+      sentence: what was hidden, and whether it was found.
+    """
+
+    outcome: Outcome
+    sentence: str
+
+
+def assess(
+    hidden: EffectTruth | None,
+    verdict: Verdict,
+    answers: Sequence[Sequence[Named]],
+    smallest: float = math.nan,
+) -> Assessment:
+    """Compare an answer with the truth.
+
+    Args:
+      hidden: the effect; None for nothing.
+      verdict: of the diagnosis.
+      answers: its alternatives, each of effects that act together.
+      smallest: size at which the recordings would have shown the effect, in multiples of its true one.
+    """
+    named = [tuple(answer) for answer in answers if answer]
+    if hidden is None:
+        return _of_nothing(verdict, named)
+    if hidden.name not in EFFECTS:
+        return _of_unknown(hidden, verdict, named)
+    return _of_known(hidden, verdict, named, smallest)
+
+
+def key_of(effect: str, location: str) -> Named:
+    """What has to agree for two to be the same: the effect, or the one that is equivalent, and its place."""
+    return (EQUIVALENT.get(effect, effect), location)
+
+
+def library_values(effect: EffectTruth) -> dict[str, float]:
+    """The values of a hidden effect by the names of the library's parameters."""
+    values = dict(effect.values)
+    if effect.name == "hysteresis":
+        values["force"] = values.pop("stiffness") * values["length"]
+    return values
+
+
+def smallest_shown(
+    ranking: Sequence[Score], effect: str, location: str, values: Mapping[str, float]
+) -> float:
+    """Size of an effect that recordings could have shown, over its true size; NaN if nobody asked for it.
+
+    Args:
+      ranking: every candidate of the diagnosis.
+      effect, location: what was hidden, and where.
+      values: true ones, by the names of the library's parameters.
+    """
+    for score in ranking:
+        candidate = score.candidate
+        if key_of(candidate.effect.name, candidate.location) == key_of(effect, location):
+            sizes = [values.get(parameter.name, 0.0) for parameter in candidate.effect.sizes]
+            true = np.linalg.norm(np.array(sizes) / np.array(candidate.typical))
+            return float(score.smallest / true) if true else math.inf
+    return math.nan
+
+
+def label_of(effect: str, location: str) -> str:
+    """Readable name: "weak_cable at long_03"."""
+    return f"{effect} at {location}" if location else effect
+
+
+def _of_nothing(verdict: Verdict, named: Sequence[Sequence[Named]]) -> Assessment:
+    if verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT):
+        words = "Nothing was hidden, and nothing was named."
+        return Assessment(Outcome.NOTHING, words)
+    words = f"{_either(named)} was named" if named else "something was said to be missing"
+    if verdict is Verdict.NOT_CONVERGED:
+        words = "no fit was found"
+    return Assessment(Outcome.FALSE_ALARM, f"Nothing was hidden, but {words}: a false alarm.")
+
+
+def _of_unknown(
+    hidden: EffectTruth, verdict: Verdict, named: Sequence[Sequence[Named]]
+) -> Assessment:
+    label = label_of(hidden.name, hidden.place)
+    begin = f"Hidden was {label}, which is none of the library's effects"
+    if verdict is Verdict.OUTSIDE_LIBRARY:
+        return Assessment(Outcome.OUTSIDE, f"{begin}, and that is what was said.")
+    if verdict is Verdict.PARTIAL:
+        words = f"that something else is missing was said, but {_either(named)} was named beside it"
+        return Assessment(Outcome.BESIDE, f"{begin}; {words}, which is not there.")
+    words = f"it was taken for {_either(named)}" if named else "nothing was found"
+    return Assessment(Outcome.NOT_NAMED, f"{begin}, but this was not said: {words}.")
+
+
+def _of_known(
+    hidden: EffectTruth, verdict: Verdict, named: Sequence[Sequence[Named]], smallest: float
+) -> Assessment:
+    truth, label = key_of(hidden.name, hidden.place), label_of(hidden.name, hidden.place)
+    found = [[key_of(*each) for each in answer] for answer in named]
+    if verdict is Verdict.OUTSIDE_LIBRARY or not named:
+        words = _unnamed(verdict, named, smallest)
+        return Assessment(Outcome.NOT_NAMED, f"Hidden was {label}; it was not named: {words}.")
+    if [truth] in found and verdict is Verdict.PARTIAL:
+        words = "something else was said to be missing besides, and nothing is"
+        return Assessment(Outcome.BESIDE, f"Hidden was {label}; it was named, but {words}.")
+    if [truth] in found and len(found) > 1:
+        words = "it was named among others that these recordings cannot tell apart"
+        return Assessment(Outcome.AMONG, f"Hidden was {label}; {words}: {_either(named)}.")
+    if [truth] in found:
+        same = named[0][0] == (hidden.name, hidden.place)
+        words = (
+            "it was named" if same else f"{_either(named)}, which makes the same motion, was named"
+        )
+        return Assessment(Outcome.NAMED, f"Hidden was {label}, and {words}.")
+    if with_truth := [answer for answer in found if truth in answer]:
+        wrong = ", ".join(label_of(*each) for each in with_truth[0] if each != truth)
+        words = f"it was named, but with {wrong} beside it, which is not there"
+        return Assessment(Outcome.BESIDE, f"Hidden was {label}; {words}.")
+    elsewhere = any(each[0] == truth[0] for answer in found for each in answer)
+    place = ", so that only the place is wrong" if elsewhere else ""
+    words = f"it was not named: {_either(named)} was named instead{place}"
+    return Assessment(Outcome.NOT_NAMED, f"Hidden was {label}; {words}.")
+
+
+def _unnamed(verdict: Verdict, named: Sequence[Sequence[Named]], smallest: float) -> str:
+    """Why an effect of the library has no name in the answer."""
+    if verdict is Verdict.NOT_CONVERGED:
+        return "no fit was found"
+    if verdict is Verdict.OUTSIDE_LIBRARY:
+        like = f", most like {_either(named[:1])}" if named else ""
+        return f"something was said to be missing that is none of the library's effects{like}"
+    if smallest > 1:
+        return f"these recordings would have shown it from {smallest:.2g} times its size on"
+    return "nothing beyond noise was found"
+
+
+def _either(named: Sequence[Sequence[Named]]) -> str:
+    """Alternatives in words: "creep; or payload at s2 with capstan"."""
+    return "; or ".join(" with ".join(label_of(*each) for each in answer) for answer in named)

@@ -1,0 +1,339 @@
+"""A robot that is not its model: recorded, compared, diagnosed, adopted, compared again, and revealed.
+
+The robot is a stand-in in a process of its own. What is hidden in it is told to that process, and here kept
+for the last line: everything between sees measurements and commands alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from flywheel import __version__
+from flywheel.control import Playback
+from flywheel.control.drive import drive
+from flywheel.diagnosis import Diagnosis, diagnose
+from flywheel.diagnosis.adoption import adoptable
+from flywheel.diagnosis.comparison import Comparison, Outcome, Subject, compare
+from flywheel.dynamics.plant import Plant, with_effects
+from flywheel.effects import EFFECTS, NAMED, Effect, WrittenTerm
+from flywheel.errors import DataError, LinkError
+from flywheel.quantities import (
+    Bounds,
+    ControlStep,
+    DemoSeconds,
+    HorizonSeconds,
+    Samples,
+    Threads,
+)
+from flywheel.records import Episode, Provenance, Split, Trajectory
+from flywheel.reports.comparison_page import sentence
+from flywheel.reports.diagnosis_page import sentence as diagnosed_words
+from flywheel.robot_link import RobotLink, StandInConfig
+from flywheel.robot_link.opening import SIMULATED, open_link
+from flywheel.robots import Robot
+from flywheel.runtime.assessment import Assessment, assess, library_values, smallest_shown
+from flywheel.runtime.pool.progress import Progress, Stage, notes_of
+from flywheel.truth_simulator import HIDDEN, EffectTruth, HiddenEffect
+from flywheel.truth_simulator.scripts import script
+from flywheel.truth_simulator.written import PLACE, SIZE, hidden_effects
+
+NOTHING = "none"  # in the place of an effect
+DRAWN = 2.0  # size of what is drawn, in typical ones: noise in the starts of predictions hides most of less
+GIVEN, ADOPTED = "the MJCF as given", "the MJCF with what was found"
+# Every winch by itself, and big strokes that load the motors; then all winches tight.
+SCRIPTS: tuple[tuple[str, Split], ...] = (
+    ("random_steps", "train"),
+    ("gait", "train"),
+    ("pretension", "test"),
+    ("random_steps", "test"),
+)
+PLACES = ("end cap", "cable")  # criteria of a comparison that are named in a sentence
+HELD_OUT: Split = "test"
+SEEDS = 2**31  # of single recordings
+COMMANDS = (
+    1  # beside a recording's seed: its commands have a stream of their own, apart from the noise
+)
+
+
+class DemoConfig(BaseModel):
+    """How much a demonstration records and computes.
+
+    Attributes:
+      seconds: of each recording [s].
+      held_out: recordings that answer and models are judged by.
+      horizon: of the predictions that are compared [s].
+      draws: of the noise, for what it makes of an error.
+      dt: control step [s].
+      threads: simulations at the same time.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    seconds: DemoSeconds = 3.0
+    held_out: Annotated[int, Bounds(1, 2)] = 2
+    horizon: HorizonSeconds = 1.0
+    draws: Samples = 100
+    dt: ControlStep = 0.01
+    threads: Threads = 2
+
+    @property
+    def scripts(self) -> tuple[tuple[str, Split], ...]:
+        """Name of each command script, and what the recording is for."""
+        return SCRIPTS[: 2 + self.held_out]
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """The whole story.
+
+    Attributes:
+      robot: of the MJCF.
+      seed: of all that was drawn.
+      config: how much was recorded and computed.
+      recordings: what the robot measured; those of the split "test" are held out.
+      before: the MJCF as given, beside the held-out recordings.
+      diagnosis: of the others.
+      adopted: effects that the plant was given; none where that was not justified.
+      why: they were adopted, or were not.
+      after: the plant with them, beside the same recordings; None where nothing was adopted.
+      hidden: what the robot had beyond its MJCF; None for nothing.
+      assessment: whether that was found.
+      seconds: it took.
+    """
+
+    robot: Robot
+    seed: int
+    config: DemoConfig
+    recordings: tuple[Episode, ...]
+    before: Comparison
+    diagnosis: Diagnosis
+    adopted: tuple[WrittenTerm, ...]
+    why: str
+    after: Comparison | None
+    hidden: EffectTruth | None
+    assessment: Assessment
+    seconds: float
+
+    @property
+    def beside(self) -> Comparison:
+        """Both models beside the held-out recordings, the one as given first."""
+        if self.after is None:
+            return self.before
+        return dataclasses.replace(
+            self.before,
+            models=(*self.before.models, *self.after.models),
+            seconds=self.before.seconds + self.after.seconds,
+        )
+
+
+def drawn_effect(robot: Robot, seed: int) -> str:
+    """An effect that the robot can have, with its place and its size, as `hidden_effects` reads it."""
+    rng = np.random.default_rng(seed)
+    able = [kind for kind in HIDDEN.values() if kind.applies(robot)]
+    return placed_effect(robot, able[int(rng.integers(len(able)))], rng)
+
+
+def placed_effect(robot: Robot, kind: type[HiddenEffect], rng: np.random.Generator) -> str:
+    """An effect of a kind, at a place that is drawn where it has one."""
+    truth = kind.typical(robot, rng).truth(robot)
+    place = f"{PLACE}{truth.place}" if truth.place else ""
+    return f"{truth.name}{place}{SIZE}{DRAWN:g}"
+
+
+def hidden_truth(effect: str, robot: Robot) -> EffectTruth | None:
+    """What an effect is in numbers; None for "none".
+
+    Args:
+      effect: NAME[@PLACE][:SIZE], or "none".
+      robot: that has it.
+
+    Raises:
+      UnknownNameError, ConfigError: see `hidden_effects`.
+    """
+    effects = hidden_effects(() if effect == NOTHING else (effect,), robot)
+    return effects[0].truth(robot) if effects else None
+
+
+def demonstrate(
+    robot: Robot,
+    effect: str,
+    seed: int,
+    config: DemoConfig,
+    progress: Progress,
+    library: Mapping[str, Effect] = EFFECTS,
+) -> Demonstration:
+    """Hide an effect in a stand-in, and see what is found of it.
+
+    Args:
+      robot: of the MJCF.
+      effect: that is hidden: NAME[@PLACE][:SIZE], or "none".
+      seed: of commands, noise and all else that is random.
+      config: how much is recorded and computed.
+      progress: is told what is being done, and each finding in a sentence.
+      library: effects that are considered.
+
+    Raises:
+      UnknownNameError, ConfigError: there is no such effect, or it cannot be hidden in this robot.
+      LinkError: the stand-in does not start, or is lost.
+      DataError, ModelError: recordings that are too short, or a simulation that diverges.
+    """
+    begun = time.perf_counter()
+    hidden = hidden_truth(effect, robot)
+    recordings = _recorded(robot, effect, seed, config, progress)
+    fit = [each.trajectory for each in recordings if each.split != HELD_OUT]
+    held_out = {
+        f"held-out recording {number}": each.trajectory
+        for number, each in enumerate(recordings)
+        if each.split == HELD_OUT
+    }
+    plant = Plant(robot, config.dt, threads=config.threads)
+    before = _compared(Subject.of_plant(GIVEN, plant), held_out, seed, config, progress)
+    with progress.stage("diagnose", 1.0) as stage:
+        others = list(held_out.values())
+        found = diagnose(plant, fit, others, library, progress=notes_of(stage.update))
+    progress.say(f"{found.verdict}: {diagnosed_words(found)}")
+    adopted, why = adopted_effects(found)
+    progress.say(why)
+    after = None
+    if adopted:
+        richer = with_effects(plant, tuple(each.term(robot, NAMED) for each in adopted))
+        after = _compared(Subject.of_plant(ADOPTED, richer), held_out, seed, config, progress)
+    return Demonstration(
+        robot=robot,
+        seed=seed,
+        config=config,
+        recordings=recordings,
+        before=before,
+        diagnosis=found,
+        adopted=adopted,
+        why=why,
+        after=after,
+        hidden=hidden,
+        assessment=_assessed(hidden, found),
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def compared_words(found: Comparison) -> str:
+    """How far off a model is, and where most, in sentences."""
+    (model,) = found.models
+    words = sentence(found, model)
+    if model.outcome is Outcome.NOISE_ONLY:
+        return words
+    worst = [bins.labels[bins.worst(1)[0]] for bins in model.bins if bins.by in PLACES]
+    return f"{words} It is off most at {' and '.join(worst)}."
+
+
+def _recorded(
+    robot: Robot, effect: str, seed: int, config: DemoConfig, progress: Progress
+) -> tuple[Episode, ...]:
+    """What a stand-in with an effect measures while command scripts are played to it."""
+    scripts = config.scripts
+    stand_in = StandInConfig(hidden=() if effect == NOTHING else (effect,))
+    with progress.stage("record", len(scripts)) as stage:
+        link = open_link(SIMULATED, robot, config.dt, stand_in)
+        try:
+            seeds = np.random.default_rng(seed).integers(SEEDS, size=len(scripts)).tolist()
+            recordings = tuple(
+                _recording(link, robot, number, scripts[number], own, config, stage)
+                for number, own in enumerate(seeds)
+            )
+        finally:
+            link.close()
+    progress.say(
+        f"The robot was recorded {len(scripts)} times for {config.seconds:g} s; {config.held_out} of these "
+        "recordings are held out: nothing is fitted to them."
+    )
+    return recordings
+
+
+def _recording(
+    link: RobotLink,
+    robot: Robot,
+    number: int,
+    plan: tuple[str, Split],
+    seed: int,
+    config: DemoConfig,
+    stage: Stage,
+) -> Episode:
+    """One recording; `number` counts those before it."""
+    name, split = plan
+    rng = np.random.default_rng((seed, COMMANDS))
+    controls = script(name, robot, config.seconds, config.dt, rng)
+    controller = Playback(robot, controls, name)
+    driven = drive(
+        link,
+        robot,
+        controller,
+        lambda points: None,
+        seconds=config.seconds,
+        seed=seed,
+        episode_id=f"demo-{number}",
+        provenance=Provenance(
+            robot=robot.digest,
+            source="recording",
+            dataset="recording",
+            controller=controller.name,
+            seed=seed,
+            code=__version__,
+        ),
+        split=split,
+        on_step=lambda done, sample: stage.update(number + done / len(controls), name),
+    )
+    if driven.ended == "stopped":
+        raise KeyboardInterrupt
+    if driven.ended != "time":
+        raise LinkError(driven.why)
+    return driven.episode
+
+
+def _compared(
+    subject: Subject,
+    recordings: Mapping[str, Trajectory],
+    seed: int,
+    config: DemoConfig,
+    progress: Progress,
+) -> Comparison:
+    with progress.stage("compare", 1.0):
+        found = compare(
+            [subject],
+            list(recordings.values()),
+            horizon=config.horizon,
+            draws=config.draws,
+            seed=seed,
+            names=list(recordings),
+        )
+    progress.say(f"{found.models[0].outcome}: {compared_words(found)}")
+    return found
+
+
+def adopted_effects(found: Diagnosis) -> tuple[tuple[WrittenTerm, ...], str]:
+    """Effects of an answer that a plant is given, and why; none where several would do, or none helps."""
+    try:
+        effects = adoptable(found.summary())
+    except DataError as error:
+        return (), f"Nothing is adopted. {error}"
+    errors = found.held_out
+    assert errors is not None, "a demonstration holds recordings out"
+    labels = ", ".join(effect.label for effect in effects)
+    return effects, (
+        f"{labels} is adopted: on the held-out recordings, where nothing but the starts is fitted, the error "
+        f"falls from {1000 * errors.baseline:.1f} to {1000 * errors.augmented:.1f} mm (noise: "
+        f"{1000 * errors.noise:.1f} mm)."
+    )
+
+
+def _assessed(hidden: EffectTruth | None, found: Diagnosis) -> Assessment:
+    smallest = float("nan")
+    if hidden is not None:
+        values = library_values(hidden)
+        smallest = smallest_shown(found.ranking, hidden.name, hidden.place, values)
+    answers = [[(each.effect, each.location) for each in answer] for answer in found.answers]
+    return assess(hidden, found.verdict, answers, smallest)
