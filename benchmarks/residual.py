@@ -25,7 +25,7 @@ import numpy as np
 
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.dynamics.gnn import LearnedDynamics, load_weights
-from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.dynamics.residual import ResidualWeights
 from flywheel.evaluation import ErrorTable, past_at

@@ -21,7 +21,7 @@ from flywheel.control.drive import drive
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.comparison import Comparison, Outcome, Subject, compare
-from flywheel.dynamics.plant import Plant, with_effects
+from flywheel.dynamics.plant import Plant, Reckoning, with_effects
 from flywheel.effects import EFFECTS, NAMED, Effect, WrittenTerm
 from flywheel.errors import DataError, LinkError
 from flywheel.quantities import (
@@ -285,6 +285,7 @@ def _recording(
             code=__version__,
         ),
         split=split,
+        reckoning=Reckoning(robot, config.dt),
         on_step=lambda done, sample: stage.update(number + done / len(controls), name),
     )
     if driven.ended == "stopped":
