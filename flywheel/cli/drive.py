@@ -51,7 +51,10 @@ RobotOption = Annotated[
 ]
 ModelOption = Annotated[
     str,
-    typer.Option(help="champion, an iteration's number, or plant (the MJCF and what was adopted)."),
+    typer.Option(
+        help="champion, an iteration's number, plant (the MJCF and what was adopted), residual (that, "
+        "corrected by a network), or a file of weights."
+    ),
 ]
 ArgumentsOption = Annotated[
     list[str] | None,
@@ -160,7 +163,7 @@ def _new_files(folder: Path, model: str, seeds: Iterable[int]) -> dict[int, Path
     from flywheel.errors import ConfigError
     from flywheel.files import file_name
 
-    files = {seed: folder / f"{file_name(model)}-{seed}.csv" for seed in seeds}
+    files = {seed: folder / f"{file_name(Path(model).stem)}-{seed}.csv" for seed in seeds}
     for path in files.values():
         if path.exists():
             raise ConfigError(f"{path} is there already; name another folder with --logs.")

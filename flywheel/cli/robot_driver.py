@@ -24,9 +24,10 @@ from flywheel.runtime.pool.progress import Stage
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.runtime.workers.model_weights import TrainedModel, dynamics_of
 from flywheel.runtime.workers.robot_recorder import RobotRecorder
 
-PLANT = "plant"
+PLANT, RESIDUAL = "plant", "residual"
 
 
 class RobotDriver:
@@ -35,7 +36,8 @@ class RobotDriver:
     Args:
       source: folder of a run, or file of a configuration.
       overrides: "key=value" on top of it.
-      model: "champion", an iteration of the run, or "plant": the MJCF with the effects that are known.
+      model: "champion", an iteration of the run, "plant" (the MJCF with the effects that are known),
+        "residual" (that plant with the network that corrects it), or a file of weights.
       where: the robot is, see `open_link`.
       stand_in: what it is, if it is simulated.
       arguments: of a link of one's own.
@@ -73,12 +75,29 @@ class RobotDriver:
         if self.model == PLANT:
             plant = EpisodeRecorder(self.config, self.robot).plant(0, self._effects)
             return RestartedPlant.from_measurements(plant), ""
+        if (path := self._file(source)) is not None:
+            weights = TrainedModel.read(self.model, path, self.robot).weights
+            threads, library = self.config.sim_threads, self.config.library()
+            return dynamics_of(weights, self.robot, threads, library), weights.digest
         network, digest = network_of(source, self.config, self.robot, self.model, PLANT)
         if network is None:
             raise ConfigError(
                 f"Nobody knows a robot's state, which --model {self.model} needs; take {PLANT}."
             )
         return network, digest
+
+    def _file(self, source: Path) -> Path | None:
+        """The file of weights that the model is, or the last residual model of the run."""
+        if self.model != RESIDUAL:
+            return path if (path := Path(self.model)).is_file() else None
+        folder = RunFolder(source)
+        paths = [folder.residual(i) for i in range(self.config.iterations, -1, -1)]
+        found = next((path for path in paths if path.exists()), None)
+        if found is None:
+            raise ConfigError(
+                f"{source} has no residual model: no run was made there with residual.on."
+            )
+        return found
 
     def drive(self, seed: int, stage: Stage) -> Drive:
         """Drive one episode; however it ends, what was measured is in the result.
@@ -97,7 +116,7 @@ class RobotDriver:
 
     def _plan(self, seed: int) -> EpisodePlan:
         return EpisodePlan(
-            id=f"drive-{self.model}-{seed}",
+            id=f"drive-{Path(self.model).stem}-{seed}",
             controller="mppi",
             iteration=-1,
             split="train",

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
+from typer.testing import CliRunner
 
+from flywheel.cli.main import app
 from flywheel.errors import ConfigError, LinkError, RunError
 from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
@@ -68,6 +70,12 @@ def test_the_transcripts_of_a_run_give_the_same_run_without_a_robot(
     (tmp_path / "run" / "iterations" / "i0001-mppi.json").unlink()
     (tmp_path / "run" / "result.json").unlink()
     assert outcome(bench.turn(resume=True)) == outcome(result), "no episode is driven again"
+
+    for logs, model in (("a", "residual"), ("b", str(bench.files.residual(0)))):
+        more = ["--model", model, "--logs", str(tmp_path / logs)]
+        done = CliRunner().invoke(app, ["drive", str(bench.files.path), *more])
+        assert done.exit_code == 0, done.output
+        assert (tmp_path / logs / "residual-0.csv").exists()
 
 
 @pytest.mark.slow
