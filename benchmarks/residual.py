@@ -18,7 +18,7 @@ import argparse
 import itertools
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,7 @@ from flywheel.evaluation import ErrorTable, past_at
 from flywheel.evaluation.intervals import Interval, rmse_ratio_interval
 from flywheel.evaluation.pasts import stacked
 from flywheel.outputs import write_output
-from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
+from flywheel.records import Episode, Floats, Observation, Provenance, Split, Trajectory
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
@@ -99,7 +99,7 @@ class ResidualStudy(ResultRecord):
       network: errors of a network that learned from the same recordings alone; None if it was not asked for.
       share: of the correction that is made.
       seconds: of one core, for the training of the correction.
-      network_seconds: that the training of the network took.
+      network_seconds: likewise, for that of the network.
     """
 
     hidden: str
@@ -175,11 +175,13 @@ class Bench:
       folder: of them.
       robot: that stands in for itself.
       progress: shows people how far it is.
+      training: of the correction.
     """
 
     folder: Path
     robot: Robot
     progress: Progress
+    training: ResidualTraining = field(default_factory=ResidualTraining)
 
     def learned(self, hidden: str, seed: int, minutes: float) -> list[Recorded]:
         """Episodes to learn from; more minutes begin with the same ones."""
@@ -271,9 +273,8 @@ def study(
     name = f"{hidden}-s{seed}-{minutes:g}min"
     begun = time.process_time()
     with bench.progress.stage(f"{name}: correct", 1.0) as stage:
-        found = train_residual(
-            plant, learned, training=ResidualTraining(seed=seed), say=stage.update
-        )
+        training = bench.training.model_copy(update={"seed": seed})
+        found = train_residual(plant, learned, training=training, say=stage.update)
     seconds = time.process_time() - begun
     ResidualWeights.of(found.model).write(bench.folder / f"{name}.model.npz", found.notes())
     network, network_seconds = None, 0.0
@@ -297,14 +298,14 @@ def study(
 def network_of(
     bench: Bench, name: str, tracks: Sequence[Trajectory], config: RunConfig
 ) -> tuple[LearnedDynamics, float]:
-    """The fully learned network, trained on the same recordings alone, and the seconds that took."""
+    """The fully learned network, trained on the same recordings alone, and the seconds of one core."""
     robot, store = bench.robot, TrajectoryStore(bench.folder / f"{name}-store")
     about = Provenance(robot.digest, source="recording", dataset="recording")
     ids, there = [], store.committed()
     for number, track in enumerate(tracks):
         ids.append(f"{name}-{number:03}".lower())
         if ids[-1] not in there:
-            split = "validation" if number % 5 == 4 or len(tracks) == 1 else "train"
+            split: Split = "validation" if number % 5 == 4 else "train"
             store.commit(ids[-1], [Episode(ids[-1], track, about, split)])
     if "data" not in store.snapshots():
         store.seal("data", ids, parent=None)
@@ -316,15 +317,14 @@ def network_of(
     )
     folder = bench.folder / f"{name}-network"
     trainer = Trainer(config.training, config.network, robot, train, validation, folder)
+    begun = time.process_time()
     with bench.progress.stage(f"{name}: network", 1.0) as stage:
 
         def shown(now: TrainingProgress) -> None:
-            nonlocal seconds
-            seconds = now.point.step / now.steps_per_second if now.steps_per_second else 0.0
             stage.update(now.point.step / now.steps, f"loss {now.point.loss:.3g}")
 
-        seconds = 0.0
         weights = trainer.run(shown).weights
+    seconds = time.process_time() - begun
     return LearnedDynamics(robot, load_weights(weights, robot)), seconds
 
 

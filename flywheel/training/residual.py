@@ -373,7 +373,7 @@ class _Fitting:
             if not math.isfinite(value := float(loss.detach())):
                 raise ModelError(f"The training diverged at step {self.step}: lower learning_rate.")
             optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            loss.backward()
             nn.utils.clip_grad_norm_(network.parameters(), training.clip)
             optimiser.step()
             self._average()

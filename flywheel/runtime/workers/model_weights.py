@@ -62,6 +62,19 @@ class Weights:
         return LearnedDynamics(robot, network, threads=threads)
 
 
+AnyWeights = Weights | ResidualWeights
+"""Weights of a network, or of a plant that a network corrects."""
+
+
+def read_weights(path: Path, robot: Robot) -> AnyWeights:
+    """Read a file of either kind.
+
+    Raises:
+      ModelError: the file is missing or damaged, or for another robot.
+    """
+    return ResidualWeights.read(path, robot) if is_residual(path) else Weights.read(path, robot)
+
+
 @dataclass(frozen=True)
 class TrainedModel:
     """A trained model that a diagnosis or comparison examines.
@@ -74,7 +87,7 @@ class TrainedModel:
     """
 
     name: str
-    weights: Weights | ResidualWeights
+    weights: AnyWeights
     dataset: int = 0
     effects: Effects = ()
 
@@ -85,10 +98,9 @@ class TrainedModel:
         Raises:
           ModelError: the file is missing or damaged, or for another robot.
         """
-        if not is_residual(path):
-            return cls(name, Weights.read(path, robot))
-        found = ResidualWeights.read(path, robot)
-        return cls(name, found, effects=found.corrected.effects)
+        found = read_weights(path, robot)
+        own = found.corrected.effects if isinstance(found, ResidualWeights) else ()
+        return cls(name, found, effects=own)
 
     def subject(self, robot: Robot, threads: int = 1) -> Subject:
         """The model as a subject of a diagnosis or comparison."""

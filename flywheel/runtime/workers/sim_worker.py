@@ -17,7 +17,6 @@ import numpy as np
 from flywheel.data import TrajectoryStore
 from flywheel.diagnosis import Diagnosis
 from flywheel.dynamics import Persistence
-from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import DataError, ModelError
@@ -38,7 +37,7 @@ from flywheel.runtime.results import Overlay, Walk
 from flywheel.runtime.workers.diagnosis_job import diagnose_plant
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.model_weights import Weights
+from flywheel.runtime.workers.model_weights import AnyWeights
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches, effects_of, overlay
 
 MODELS_KEPT = 4
@@ -115,14 +114,14 @@ class SimWorker:
         self._config = config
         self._store = TrajectoryStore(store)
         self._heartbeat = Heartbeat()
-        self._models: dict[str, LearnedDynamics] = {}
+        self._models: dict[str, Dynamics] = {}
 
     @property
     def beat(self) -> Beat:
         """The latest sign of progress."""
         return self._heartbeat.beat
 
-    def record(self, plan: EpisodePlan, weights: Weights | None = None) -> EpisodeNote:
+    def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
         """Record and commit an episode, unless the store has it already.
 
         An episode in which the plant or the model diverges is not stored; its note says why.
@@ -146,7 +145,7 @@ class SimWorker:
 
     def score_model(
         self,
-        weights: Weights,
+        weights: AnyWeights,
         episodes: Sequence[str],
         seed: int,
         full: bool,
@@ -198,7 +197,7 @@ class SimWorker:
             self._heartbeat,
         )
 
-    def overlay(self, weights: Weights, episode: str, effects: Effects = ()) -> Overlay | None:
+    def overlay(self, weights: AnyWeights, episode: str, effects: Effects = ()) -> Overlay | None:
         """One window of an episode, measured and predicted; None where the model cannot predict it.
 
         Args:
@@ -313,7 +312,7 @@ class SimWorker:
             return episode.trajectory.observations.points
         return self._recorder.plant(0, effects_of(episode)).observe(states).points
 
-    def _model(self, weights: Weights) -> LearnedDynamics:
+    def _model(self, weights: AnyWeights) -> Dynamics:
         if weights.digest not in self._models:
             while len(self._models) >= MODELS_KEPT:
                 del self._models[next(iter(self._models))]
