@@ -72,7 +72,10 @@ def evaluate(
 
 
 def _rows(
-    run: OpenRun, groups: dict[str, list[str]], subjects: dict[str, AnyWeights | Baseline], full: bool
+    run: OpenRun,
+    groups: dict[str, list[str]],
+    subjects: dict[str, AnyWeights | Baseline],
+    full: bool,
 ) -> list[tuple[object, ...]]:
     """One row per group of episodes and subject; the group is named unless it is the only one."""
     from flywheel.runtime.pool.progress import console_progress
