@@ -287,9 +287,11 @@ def windows_of(
     parts = []
     for first in range(0, len(found), _SIMULATED):
         some = found[first : first + _SIMULATED]
-        parts.append(_predicted(lookout, some, steps))
+        parts += _predictable(lookout, some, steps)
         done = first + len(some)
         say(done / len(found), f"the plant predicts window {done} of {len(found)}")
+    if not parts:
+        raise DataError("The plant can predict no window of the recordings: all of them diverge.")
     return _joined(parts)
 
 
@@ -314,6 +316,18 @@ def _presents(
             winch = reckoning.known(track)
             found += [(episode, int(start), winch) for start in at]
     return found[:: max(1, math.ceil(len(found) / training.windows))]
+
+
+def _predictable(lookout: Lookout, presents: Sequence[_Present], steps: int) -> list[Windows]:
+    """Windows as the plant predicts them, without those in which it diverges or a point is out of sight."""
+    try:
+        return [_predicted(lookout, presents, steps)]
+    except ModelError:
+        half = len(presents) // 2
+        if not half:
+            return []
+        parts = (presents[:half], presents[half:])
+        return [found for part in parts for found in _predictable(lookout, part, steps)]
 
 
 def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> Windows:

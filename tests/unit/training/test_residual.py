@@ -101,6 +101,19 @@ def test_what_is_missing_has_no_weight():
     assert (part.left[part.weight == 0.0] == 0.0).all()
 
 
+def test_windows_that_the_plant_cannot_predict_are_left_out():
+    (track,) = recordings(4, 1)
+    lookout, steps = Lookout(plant(), CONFIG), 66
+    whole = windows_of(lookout, [track], steps, QUICK)
+    points = track.observations.points.copy()
+    points[40:81, 2] = (
+        np.nan
+    )  # longer than the past that is looked at, and not than what is in sight
+    seen = Observation(points, track.observations.winch)
+    part = windows_of(lookout, [Trajectory(seen, track.controls, track.dt)], steps, QUICK)
+    assert 0 < len(part) < len(whole)
+
+
 def test_whole_recordings_are_held_out_if_there_are_enough_and_else_the_ends_of_all():
     tracks = recordings(5, 4)
     learned, judged = split(tracks, 0.25)
