@@ -18,7 +18,7 @@ import argparse
 import itertools
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +32,7 @@ from flywheel.evaluation import ErrorTable, past_at
 from flywheel.evaluation.intervals import Interval, rmse_ratio_interval
 from flywheel.evaluation.pasts import stacked
 from flywheel.outputs import write_output
-from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
+from flywheel.records import Episode, Floats, Observation, Provenance, Split, Trajectory
 from flywheel.registry import lookup
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
@@ -57,6 +57,7 @@ JUDGED = ("random_steps", "gait", "fast_sine", "pretension")  # and to judge by
 SECONDS = 10.0  # of an episode
 FURTHER = 12  # episodes to judge by
 APART, EARLIEST = 0.5, 1.2  # between presents, and the first one [s]
+NO_GAP = 0.02  # above the floor, as a share of it, below which nothing is there to be closed
 HORIZONS = (1.0, 2.0)  # of the predictions [s]
 NETWORK_NOISE = (  # what suits a network that learns from noisy points
     "training.noise=0.0",
@@ -64,8 +65,9 @@ NETWORK_NOISE = (  # what suits a network that learns from noisy points
     "network.smooth_present=true",
 )
 HEADER = (
-    "| hidden | minutes | seed | floor | plant | corrected | network | gap closed | RMSE over the plant's | "
-    "share | training [CPU s] |\n|---|---|---|---|---|---|---|---|---|---|---|"
+    "| hidden | minutes | seed | floor | plant | corrected | network | gap closed | over 1 s | RMSE over the "
+    "plant's | "
+    "share | training [CPU s] |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -98,7 +100,7 @@ class ResidualStudy(ResultRecord):
       network: errors of a network that learned from the same recordings alone; None if it was not asked for.
       share: of the correction that is made.
       seconds: of one core, for the training of the correction.
-      network_seconds: that the training of the network took.
+      network_seconds: likewise, for that of the network.
     """
 
     hidden: str
@@ -153,9 +155,13 @@ class ResidualRow:
 
     @property
     def closed(self) -> float:
-        """Share of what the plant leaves above the floor that is gone."""
-        gap = self.plant - self.floor
-        return (self.plant - self.corrected) / gap if gap > 0.0 else np.nan
+        """Share of what the plant leaves above the floor that is gone, over the second horizon."""
+        return closed(self.plant, self.corrected, self.floor)
+
+    @property
+    def closed_1s(self) -> float:
+        """The same over the first one."""
+        return closed(self.plant_1s, self.corrected_1s, self.floor_1s)
 
 
 @dataclass(frozen=True)
@@ -174,11 +180,13 @@ class Bench:
       folder: of them.
       robot: that stands in for itself.
       progress: shows people how far it is.
+      training: of the correction.
     """
 
     folder: Path
     robot: Robot
     progress: Progress
+    training: ResidualTraining = field(default_factory=ResidualTraining)
 
     def learned(self, hidden: str, seed: int, minutes: float) -> list[Recorded]:
         """Episodes to learn from; more minutes begin with the same ones."""
@@ -270,9 +278,8 @@ def study(
     name = f"{hidden}-s{seed}-{minutes:g}min"
     begun = time.process_time()
     with bench.progress.stage(f"{name}: correct", 1.0) as stage:
-        found = train_residual(
-            plant, learned, training=ResidualTraining(seed=seed), say=stage.update
-        )
+        training = bench.training.model_copy(update={"seed": seed})
+        found = train_residual(plant, learned, training=training, say=stage.update)
     seconds = time.process_time() - begun
     ResidualWeights.of(found.model).write(bench.folder / f"{name}.model.npz", found.notes())
     network, network_seconds = None, 0.0
@@ -296,14 +303,14 @@ def study(
 def network_of(
     bench: Bench, name: str, tracks: Sequence[Trajectory], config: RunConfig
 ) -> tuple[LearnedDynamics, float]:
-    """The fully learned network, trained on the same recordings alone, and the seconds that took."""
+    """The fully learned network, trained on the same recordings alone, and the seconds of one core."""
     robot, store = bench.robot, TrajectoryStore(bench.folder / f"{name}-store")
     about = Provenance(robot.digest, source="recording", dataset="recording")
     ids, there = [], store.committed()
     for number, track in enumerate(tracks):
         ids.append(f"{name}-{number:03}".lower())
         if ids[-1] not in there:
-            split = "validation" if number % 5 == 4 or len(tracks) == 1 else "train"
+            split: Split = "validation" if number % 5 == 4 else "train"
             store.commit(ids[-1], [Episode(ids[-1], track, about, split)])
     if "data" not in store.snapshots():
         store.seal("data", ids, parent=None)
@@ -315,16 +322,20 @@ def network_of(
     )
     folder = bench.folder / f"{name}-network"
     trainer = Trainer(config.training, config.network, robot, train, validation, folder)
+    begun = time.process_time()
     with bench.progress.stage(f"{name}: network", 1.0) as stage:
 
         def shown(now: TrainingProgress) -> None:
-            nonlocal seconds
-            seconds = now.point.step / now.steps_per_second if now.steps_per_second else 0.0
             stage.update(now.point.step / now.steps, f"loss {now.point.loss:.3g}")
 
-        seconds = 0.0
         weights = trainer.run(shown).weights
+    seconds = time.process_time() - begun
     return LearnedDynamics(robot, load_weights(weights, robot)), seconds
+
+
+def closed(plant: float, corrected: float, floor: float) -> float:
+    """Share of a gap above the floor that is gone; NaN where there is none."""
+    return (plant - corrected) / (plant - floor) if plant - floor > NO_GAP * floor else np.nan
 
 
 def row_of(found: ResidualStudy) -> ResidualRow:
@@ -366,12 +377,14 @@ def paired(found: ResidualStudy) -> Interval:
 
 def line(row: ResidualRow) -> str:
     """A row of the table in Markdown."""
-    closed = "no gap" if np.isnan(row.closed) else f"{row.closed:.0%}"
+    gone, gone_1s = (
+        "no gap" if np.isnan(share) else f"{share:.0%}" for share in (row.closed, row.closed_1s)
+    )
     network = "-" if np.isnan(row.network) else f"{row.network:.2f}"
     return (
         f"| {row.hidden} | {row.minutes:g} | {row.seed} | {row.floor:.2f} | {row.plant:.2f} | "
-        f"{row.corrected:.2f} | {network} | {closed} | {row.low:.0%} to {row.high:.0%} | {row.share:.0%} | "
-        f"{row.seconds:.0f} |"
+        f"{row.corrected:.2f} | {network} | {gone} | {gone_1s} | {row.low:.0%} to {row.high:.0%} | "
+        f"{row.share:.0%} | {row.seconds:.0f} |"
     )
 
 

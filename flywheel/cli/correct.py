@@ -73,8 +73,11 @@ def correct(
     config, training = settings_of(settings or [], horizon, seed)
     plant, shown = RestartedPlant.from_measurements(open_plant(robot, dt, threads)), console()
     tracks = [each.trajectory for each in read_logs(recordings, plant.robot, dt, shown)]
-    with console_progress().stage("correct", 1.0) as stage:
-        found = train_residual(plant, tracks, config, training, stage.update)
+    total = float(training.steps)
+    with console_progress().stage("correct", total) as stage:
+        found = train_residual(
+            plant, tracks, config, training, lambda done, note: stage.update(total * done, note)
+        )
     seconds = sum(t.steps for t in tracks) * dt
     digest = ResidualWeights.of(found.model).write(
         out, {**found.notes(), "recordings": [p.name for p in recordings], "seconds": seconds}

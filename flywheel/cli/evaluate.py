@@ -15,7 +15,7 @@ from flywheel.quantities import HORIZON_SECONDS, SAMPLES
 if TYPE_CHECKING:
     from flywheel.cli.runs import OpenRun
     from flywheel.runtime.results import ErrorNumbers
-    from flywheel.runtime.workers.model_weights import Weights
+    from flywheel.runtime.workers.model_weights import AnyWeights
     from flywheel.runtime.workers.sim_worker import Baseline, Scores
 
 ERRORS = ("e_pos MSE/L [%]", "e_pos RMSE/L [%]", "e_rot [deg]")
@@ -72,7 +72,10 @@ def evaluate(
 
 
 def _rows(
-    run: OpenRun, groups: dict[str, list[str]], subjects: dict[str, Weights | Baseline], full: bool
+    run: OpenRun,
+    groups: dict[str, list[str]],
+    subjects: dict[str, AnyWeights | Baseline],
+    full: bool,
 ) -> list[tuple[object, ...]]:
     """One row per group of episodes and subject; the group is named unless it is the only one."""
     from flywheel.runtime.pool.progress import console_progress
@@ -136,18 +139,18 @@ def _groups(run: OpenRun, episodes: list[str], by: str) -> dict[str, list[str]]:
     return dict(sorted(groups.items()))
 
 
-def _subjects(run: OpenRun, weights: Path | None) -> dict[str, Weights | Baseline]:
+def _subjects(run: OpenRun, weights: Path | None) -> dict[str, AnyWeights | Baseline]:
     """What is scored: one weights file, or the run's models, between persistence and the floors."""
     from flywheel.errors import DataError
     from flywheel.runtime.run.folder import name_of
-    from flywheel.runtime.workers.model_weights import Weights
+    from flywheel.runtime.workers.model_weights import read_weights
     from flywheel.runtime.workers.sim_worker import Baseline
 
-    models: dict[str, Weights | Baseline] = {}
+    models: dict[str, AnyWeights | Baseline] = {}
     if weights is not None:
         if not weights.exists():
             raise DataError(f"There is no weights file {weights}.")
-        models[weights.stem] = Weights.read(weights, run.robot)
+        models[weights.stem] = read_weights(weights, run.robot)
     else:
         models = {name_of(i.iteration, i.arm): run.weights(i) for i in run.result.iterations}
     still, *floors = Baseline

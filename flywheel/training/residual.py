@@ -182,7 +182,7 @@ def train_residual(
     lookout = Lookout(plant, config)
     check(plant, recordings)
     learned, judged = split(recordings, training.held_out)
-    steps = min(horizon_of(lookout, tracks, training) for tracks in (learned, judged))
+    steps = min(horizon_of(lookout, parts, training) for parts in (learned, judged))
     train = windows_of(lookout, learned, steps, training, _part(say, 0.0, 0.2))
     held_out = windows_of(lookout, judged, steps, training, _part(say, 0.2, 0.25))
     with one_thread_per_operation(), torch.random.fork_rng(devices=[]):
@@ -227,48 +227,53 @@ def check(plant: RestartedPlant, recordings: Sequence[Trajectory]) -> None:
             )
 
 
-def split(
-    recordings: Sequence[Trajectory], share: float
-) -> tuple[list[Trajectory], list[Trajectory]]:
-    """Recordings to learn from, and to hold out: whole ones if there are enough, else the end of each."""
+@dataclass(frozen=True)
+class Part:
+    """Steps of a recording in which windows lie; what was before them is known.
+
+    Attributes:
+      track: the whole recording.
+      begin, end: first and last step.
+    """
+
+    track: Trajectory
+    begin: int
+    end: int
+
+
+def split(recordings: Sequence[Trajectory], share: float) -> tuple[list[Part], list[Part]]:
+    """What to learn from, and to hold out: whole recordings if there are enough, else the end of each."""
     count, period = len(recordings), max(2, round(1 / share))
     if count >= period:
         held = range(period - 1, count, period)
-        return (
-            [t for i, t in enumerate(recordings) if i not in held],
-            [recordings[i] for i in held],
-        )
-    cuts = [round((1 - share) * t.steps) for t in recordings]
-    pairs = list(zip(recordings, cuts, strict=True))
-    return [_cut(t, 0, cut) for t, cut in pairs], [_cut(t, cut, t.steps) for t, cut in pairs]
+        whole = [Part(track, 0, track.steps) for track in recordings]
+        return [p for i, p in enumerate(whole) if i not in held], [whole[i] for i in held]
+    pairs = [(track, round((1 - share) * track.steps)) for track in recordings]
+    return (
+        [Part(track, 0, cut) for track, cut in pairs],
+        [Part(track, cut, track.steps) for track, cut in pairs],
+    )
 
 
-def _cut(track: Trajectory, begin: int, end: int) -> Trajectory:
-    seen = track.observations[begin : end + 1]
-    return Trajectory(seen, track.controls[begin:end], track.dt)
-
-
-def horizon_of(
-    lookout: Lookout, recordings: Sequence[Trajectory], training: ResidualTraining
-) -> int:
-    """Control steps of the longest windows that the recordings hold, up to the horizon."""
+def horizon_of(lookout: Lookout, parts: Sequence[Part], training: ResidualTraining) -> int:
+    """Control steps of the longest windows that parts hold, up to the horizon."""
     plant, every = lookout.plant, lookout.every
-    longest = max(t.steps for t in recordings) - plant.history
+    longest = max(p.end - max(p.begin, plant.history) for p in parts)
     return max(0, min(round(training.horizon / plant.dt), longest)) // every * every
 
 
 def windows_of(
     lookout: Lookout,
-    recordings: Sequence[Trajectory],
+    parts: Sequence[Part],
     steps: int,
     training: ResidualTraining,
     say: Say = lambda done, note: None,
 ) -> Windows:
-    """Let the plant predict windows of recordings.
+    """Let the plant predict windows of parts of recordings.
 
     Args:
       lookout: of the plant.
-      recordings: unbatched.
+      parts: of recordings.
       steps: control steps of a window.
       training: spacing, and how many windows at most.
       say: is told how far it is.
@@ -277,20 +282,22 @@ def windows_of(
       DataError: no recording is long enough.
     """
     plant = lookout.plant
-    found = _presents(plant, recordings, steps, training) if steps else []
+    found = _presents(plant, parts, steps, training) if steps else []
     if not found:
         least = (plant.history + lookout.every) * plant.dt
         raise DataError(
             f"The recordings are too short, or points are missing too often: it takes {least:g} s in which "
             "all points are in sight to learn from, and as much to judge by."
         )
-    parts = []
+    windows: list[Windows] = []
     for first in range(0, len(found), _SIMULATED):
         some = found[first : first + _SIMULATED]
-        parts.append(_predicted(lookout, some, steps))
+        windows += _predictable(lookout, some, steps)
         done = first + len(some)
         say(done / len(found), f"the plant predicts window {done} of {len(found)}")
-    return _joined(parts)
+    if not windows:
+        raise DataError("The plant can predict no window of the recordings: all of them diverge.")
+    return _joined(windows)
 
 
 _Present = tuple[Episode, int, Floats]
@@ -299,7 +306,7 @@ _Present = tuple[Episode, int, Floats]
 
 def _presents(
     plant: RestartedPlant,
-    recordings: Sequence[Trajectory],
+    parts: Sequence[Part],
     steps: int,
     training: ResidualTraining,
 ) -> list[_Present]:
@@ -308,12 +315,26 @@ def _presents(
     reckoning = Reckoning(plant.robot, plant.dt, plant.plant.terms)
     stride = max(1, round(training.spacing / plant.dt))
     found: list[_Present] = []
-    for number, track in enumerate(recordings):
-        episode = Episode(f"recording-{number}", track, about, "train")
-        if len(at := places(episode, steps, plant.history)[::stride]):
-            winch = reckoning.known(track)
+    for number, part in enumerate(parts):
+        episode = Episode(f"recording-{number}", part.track, about, "train")
+        at = places(episode, steps, max(part.begin, plant.history))
+        at = at[(at >= part.begin) & (at + steps <= part.end)][::stride]
+        if len(at):
+            winch = reckoning.known(part.track)
             found += [(episode, int(start), winch) for start in at]
     return found[:: max(1, math.ceil(len(found) / training.windows))]
+
+
+def _predictable(lookout: Lookout, presents: Sequence[_Present], steps: int) -> list[Windows]:
+    """Windows as the plant predicts them, without those in which it diverges or a point is out of sight."""
+    try:
+        return [_predicted(lookout, presents, steps)]
+    except ModelError:
+        half = len(presents) // 2
+        if not half:
+            return []
+        parts = (presents[:half], presents[half:])
+        return [found for part in parts for found in _predictable(lookout, part, steps)]
 
 
 def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> Windows:
@@ -373,7 +394,7 @@ class _Fitting:
             if not math.isfinite(value := float(loss.detach())):
                 raise ModelError(f"The training diverged at step {self.step}: lower learning_rate.")
             optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            loss.backward()
             nn.utils.clip_grad_norm_(network.parameters(), training.clip)
             optimiser.step()
             self._average()

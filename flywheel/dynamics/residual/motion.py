@@ -135,7 +135,7 @@ def mean_offsets(points: Floats, measured: Floats | None, every: int) -> tuple[F
     if measured is None:
         return np.zeros_like(knots), np.zeros(knots.shape[:3])
     before, after = every // 2, (every - 1) // 2
-    there = np.isfinite(measured).all(axis=-1)
+    there = np.asarray(np.isfinite(measured).all(axis=-1))
     off = np.where(there[..., None], measured - points, 0.0)
     total, count = np.zeros_like(knots), np.zeros(knots.shape[:3])
     at = np.arange(0, points.shape[1], every)

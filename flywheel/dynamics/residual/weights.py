@@ -34,7 +34,13 @@ from flywheel.validation import first_problem
 
 KIND = "residual"
 _FORMAT = 1
-_ABOUT = {"digest": str, "robot": str, "corrected": dict, "config": dict, "share": (int, float)}
+_ABOUT: dict[str, type | tuple[type, ...]] = {
+    "digest": str,
+    "robot": str,
+    "corrected": dict,
+    "config": dict,
+    "share": (int, float),
+}
 
 
 class CorrectedPlant(BaseModel):
@@ -58,14 +64,10 @@ class CorrectedPlant(BaseModel):
     @classmethod
     def of(cls, plant: RestartedPlant) -> Self:
         """What is written down of a plant."""
-        inner = plant.plant
+        names = ("dt", "window", "degree", "roll", "seed")
         return cls(
-            dt=plant.dt,
-            window=plant.window,
-            degree=plant.degree,
-            roll=plant.roll,
-            seed=plant.seed,
-            effects=tuple(WrittenTerm.of(term, plant.robot) for term in inner.terms),
+            **{name: getattr(plant, name) for name in names},
+            effects=tuple(WrittenTerm.of(term, plant.robot) for term in plant.plant.terms),
         )
 
     def terms(self, robot: Robot, library: Mapping[str, Effect] = NAMED) -> Terms:

@@ -23,7 +23,7 @@ from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluation
-from flywheel.runtime.workers.model_weights import Weights
+from flywheel.runtime.workers.model_weights import AnyWeights, Weights
 from flywheel.runtime.workers.robot_plan import drives, first_recordings
 
 # Roughly how long a core is busy with one second of an episode [s]; for the remaining time that is shown.
@@ -107,7 +107,7 @@ class Run:
             self._shared[model.digest] = self.pool.share(self._weights(model))
         return self._shared[model.digest]
 
-    def _weights(self, model: Model) -> Weights | ResidualWeights:
+    def _weights(self, model: Model) -> AnyWeights:
         if is_residual(model.path):
             return ResidualWeights.read(model.path, self.robot, library=self.config.library())
         return Weights.read(model.path, self.robot, model.digest)

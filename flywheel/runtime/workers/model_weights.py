@@ -15,7 +15,8 @@ from flywheel.dynamics.gnn.weights import (
     weights_arrays,
     weights_digest,
 )
-from flywheel.dynamics.residual import ResidualDynamics, ResidualWeights, is_residual
+from flywheel.dynamics.protocol import Dynamics
+from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.effects import NAMED, Effect
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
@@ -63,12 +64,25 @@ class Weights:
         return LearnedDynamics(robot, network, threads=threads)
 
 
+AnyWeights = Weights | ResidualWeights
+"""Weights of a network, or of a plant that a network corrects."""
+
+
+def read_weights(path: Path, robot: Robot) -> AnyWeights:
+    """Read a file of either kind.
+
+    Raises:
+      ModelError: the file is missing or damaged, or for another robot.
+    """
+    return ResidualWeights.read(path, robot) if is_residual(path) else Weights.read(path, robot)
+
+
 def dynamics_of(
-    weights: Weights | ResidualWeights,
+    weights: AnyWeights,
     robot: Robot,
     threads: int = 1,
     library: Mapping[str, Effect] = NAMED,
-) -> LearnedDynamics | ResidualDynamics:
+) -> Dynamics:
     """The dynamics model of either kind of weights.
 
     Args:
@@ -95,7 +109,7 @@ class TrainedModel:
     """
 
     name: str
-    weights: Weights | ResidualWeights
+    weights: AnyWeights
     dataset: int = 0
     effects: Effects = ()
     library: Mapping[str, Effect] = field(default_factory=lambda: NAMED)
@@ -107,10 +121,9 @@ class TrainedModel:
         Raises:
           ModelError: the file is missing or damaged, or for another robot.
         """
-        if not is_residual(path):
-            return cls(name, Weights.read(path, robot))
-        found = ResidualWeights.read(path, robot)
-        return cls(name, found, effects=found.corrected.effects)
+        found = read_weights(path, robot)
+        own = found.corrected.effects if isinstance(found, ResidualWeights) else ()
+        return cls(name, found, effects=own)
 
     def subject(self, robot: Robot, threads: int = 1) -> Subject:
         """The model as a subject of a diagnosis or comparison."""

@@ -9,7 +9,6 @@ from flywheel.data import TrajectoryStore
 from flywheel.data.recordings import write_recording
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.dynamics.residual import ResidualWeights
 from flywheel.errors import ModelError, RunError
 from flywheel.records import Episode
 from flywheel.robot_link import RobotLink, Sample, StandInConfig
@@ -23,7 +22,7 @@ from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.model_weights import Weights, dynamics_of
+from flywheel.runtime.workers.model_weights import AnyWeights, dynamics_of
 from flywheel.runtime.workers.robot_recorder import RobotRecorder
 from flywheel.runtime.workers.stored_episodes import committed
 
@@ -56,9 +55,7 @@ class RobotWorker:
         """The latest sign of progress."""
         return self._heartbeat.beat
 
-    def record(
-        self, plan: EpisodePlan, weights: Weights | ResidualWeights | None = None
-    ) -> EpisodeNote:
+    def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
         """Record and commit an episode on the robot, unless the store has it already.
 
         Args:
@@ -88,9 +85,7 @@ class RobotWorker:
         self._store.commit(plan.id, [driven.episode])
         return self._note(plan, driven.episode)
 
-    def _dynamics(
-        self, plan: EpisodePlan, weights: Weights | ResidualWeights | None
-    ) -> Dynamics | None:
+    def _dynamics(self, plan: EpisodePlan, weights: AnyWeights | None) -> Dynamics | None:
         if plan.controller != "mppi":
             return None
         if weights is not None:

@@ -18,10 +18,8 @@ from flywheel.data import TrajectoryStore
 from flywheel.diagnosis import Diagnosis
 from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.dynamics import Persistence
-from flywheel.dynamics.gnn import LearnedDynamics
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.dynamics.residual import ResidualDynamics, ResidualWeights
 from flywheel.effects import EFFECTS
 from flywheel.errors import ModelError
 from flywheel.evaluation import (
@@ -42,7 +40,7 @@ from flywheel.runtime.workers.diagnosis_job import diagnose_plant
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.model_weights import Weights, dynamics_of
+from flywheel.runtime.workers.model_weights import AnyWeights, dynamics_of
 from flywheel.runtime.workers.stored_episodes import (
     EpisodeWinches,
     committed,
@@ -107,7 +105,7 @@ class SimWorker:
         self._config = config
         self._store = TrajectoryStore(store)
         self._heartbeat = Heartbeat()
-        self._models: dict[str, LearnedDynamics | ResidualDynamics] = {}
+        self._models: dict[str, Dynamics] = {}
         self._library = config.library()
 
     @property
@@ -115,7 +113,7 @@ class SimWorker:
         """The latest sign of progress."""
         return self._heartbeat.beat
 
-    def record(self, plan: EpisodePlan, weights: Weights | None = None) -> EpisodeNote:
+    def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
         """Record and commit an episode, unless the store has it already.
 
         An episode in which the plant or the model diverges is not stored; its note says why.
@@ -139,7 +137,7 @@ class SimWorker:
 
     def score_model(
         self,
-        weights: Weights | ResidualWeights,
+        weights: AnyWeights,
         episodes: Sequence[str],
         seed: int,
         full: bool,
@@ -209,7 +207,7 @@ class SimWorker:
             {name: self._library[name] for name in named or asked},
         )
 
-    def overlay(self, weights: Weights, episode: str, effects: Effects = ()) -> Overlay | None:
+    def overlay(self, weights: AnyWeights, episode: str, effects: Effects = ()) -> Overlay | None:
         """One window of an episode, measured and predicted; None where the model cannot predict it.
 
         Args:
@@ -303,7 +301,7 @@ class SimWorker:
             return episode.trajectory.observations.points
         return self._recorder.plant(0, effects_of(episode)).observe(states).points
 
-    def _model(self, weights: Weights | ResidualWeights) -> LearnedDynamics | ResidualDynamics:
+    def _model(self, weights: AnyWeights) -> Dynamics:
         if weights.digest not in self._models:
             while len(self._models) >= MODELS_KEPT:
                 del self._models[next(iter(self._models))]

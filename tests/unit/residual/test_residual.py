@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from flywheel.control import Mppi, MppiConfig
 from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
 from flywheel.dynamics.residual import (
     Knots,
@@ -28,6 +29,7 @@ from flywheel.errors import ModelError
 from flywheel.records import Observation, State
 from flywheel.robots import load_robot
 from flywheel.rotations import about_axis, rotate
+from flywheel.tasks import TaskConfig, sample_task
 from tests.unit.residual.cases import SMALL, model_of, moving, network_of, plant_of
 
 PRISM = load_robot("prism3")
@@ -217,3 +219,14 @@ def test_a_file_that_is_cut_off_or_missing_is_refused(tmp_path):
         ResidualWeights.read(path, PRISM)
     with pytest.raises(ModelError, match="npz"):
         ResidualWeights.of(model_of(PRISM)).write(tmp_path / "m.json")
+
+
+def test_mppi_plans_with_it():
+    _, past, _ = moving(PRISM, 6, 1)
+    start = past.observations.points[0, -1]
+    rng = np.random.default_rng(0)
+    task = sample_task("reach", PRISM, start, rng, TaskConfig(goal=(6.0, 0.0)))
+    mppi = Mppi(model_of(PRISM), MppiConfig(samples=6, horizon_seconds=1.0))
+    mppi.reset(task, 0)
+    plan = mppi.act(past)
+    assert plan.controls.shape[1] == len(PRISM.winches) and np.isfinite(plan.controls).all()

@@ -13,9 +13,9 @@ from flywheel.evaluation import ErrorTable
 from flywheel.records import Observation, Past, Trajectory
 from flywheel.robots import load_robot
 from flywheel.training.residual import (
+    Part,
     ResidualTraining,
     chosen_share,
-    horizon_of,
     split,
     train_residual,
     windows_of,
@@ -67,9 +67,8 @@ def error(model, tracks: list[Trajectory]) -> float:
 
 @pytest.mark.slow
 def test_trained_on_short_recordings_it_beats_the_plant_on_others():
-    found = train_residual(
-        plant(), recordings(0, 8), CONFIG, QUICK.model_copy(update={"steps": 60})
-    )
+    longer = QUICK.model_copy(update={"steps": 60, "batch": 16})
+    found = train_residual(plant(), recordings(0, 8), CONFIG, longer)
     assert found.model.share > 0.5
     assert found.error < 0.9 * found.plant_error
     others = recordings(1, 16)
@@ -94,7 +93,7 @@ def test_what_is_missing_has_no_weight():
     seen = Observation(points, track.observations.winch)
     lookout = Lookout(plant(), CONFIG)
     whole, part = (
-        windows_of(lookout, [t], horizon_of(lookout, [t], QUICK), QUICK)
+        windows_of(lookout, [Part(t, 0, t.steps)], 66, QUICK)
         for t in (track, Trajectory(seen, track.controls, track.dt))
     )
     assert whole.weight.min() > 0.0
@@ -102,14 +101,37 @@ def test_what_is_missing_has_no_weight():
     assert (part.left[part.weight == 0.0] == 0.0).all()
 
 
+def test_windows_that_the_plant_cannot_predict_are_left_out():
+    (track,) = recordings(4, 1)
+    lookout, steps = Lookout(plant(), CONFIG), 66
+    whole = windows_of(lookout, [Part(track, 0, track.steps)], steps, QUICK)
+    points = track.observations.points.copy()
+    points[40:81, 2] = (
+        np.nan
+    )  # longer than the past that is looked at, and not than what is in sight
+    seen = Observation(points, track.observations.winch)
+    spoilt = Trajectory(seen, track.controls, track.dt)
+    part = windows_of(lookout, [Part(spoilt, 0, track.steps)], steps, QUICK)
+    assert 0 < len(part) < len(whole)
+
+
 def test_whole_recordings_are_held_out_if_there_are_enough_and_else_the_ends_of_all():
     tracks = recordings(5, 4)
     learned, judged = split(tracks, 0.25)
-    assert [id(t) for t in learned] == [id(t) for t in tracks[:3]]
-    assert judged[0] is tracks[3]
+    assert [id(p.track) for p in learned] == [id(t) for t in tracks[:3]]
+    assert [id(p.track) for p in judged] == [id(tracks[3])]
+    assert all((p.begin, p.end) == (0, 300) for p in (*learned, *judged))
     learned, judged = split(tracks[:2], 0.25)
-    assert [t.steps for t in learned] == [225, 225] and [t.steps for t in judged] == [75, 75]
-    assert np.array_equal(learned[0].observations.points[-1], judged[0].observations.points[0])
+    assert [(p.begin, p.end) for p in learned] == [(0, 225)] * 2
+    assert [(p.begin, p.end) for p in judged] == [(225, 300)] * 2
+    lookout = Lookout(plant(), CONFIG)
+    ends = windows_of(lookout, judged[:1], 55, QUICK)
+    winch = PRISM.known_winch(
+        tracks[0].observations.winch, tracks[0].controls, 0.01
+    )  # the beginning of the recording is still known
+    np.testing.assert_allclose(
+        PRISM.length * ends.sight.ahead.winch[0, 0].numpy(), winch[225], atol=1e-5
+    )
 
 
 def test_a_correction_that_may_be_luck_is_not_made():
