@@ -14,7 +14,7 @@ from flywheel.runtime.results import RunResult
 NAMES = {
     "given": "MJCF as given",
     "plant": "MJCF with found effects",
-    "residual": "that, corrected by a network",
+    "residual": "residual model (plant and network)",
     "network": "network",
 }
 COLOURS = {

@@ -81,8 +81,13 @@ def verdicts(run: RunResult) -> list[Verdict]:
     results = run.of_arm("mppi")
     if len(results) < 2:
         return []
-    found = [_error_verdict(run, results), _success_verdict(results)]
-    if (on_robot := _robot_verdict(run)) is not None:
+    found = [_error_verdict(run, results)]
+    on_robot = _robot_verdict(run)
+    if (
+        on_robot is None or results[-1].navigation is not None
+    ):  # a robot may be driven by plants alone
+        found.append(_success_verdict(results))
+    if on_robot is not None:
         found.insert(0, on_robot)
     if "control" in run.arms:
         found.append(_control_verdict(run, results[-1]))

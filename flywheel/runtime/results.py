@@ -496,6 +496,8 @@ class RunResult(ResultRecord):
           model: as in `RobotResult`. "given" is the same in every iteration.
         """
         scored = {s.iteration: s.errors for s in self.on_robot if s.model == model}
+        if scored and model == "given":
+            return {t.iteration: scored[min(scored)] for t in self.of_arm("mppi")}
         if scored:
             return scored
         had = {t.iteration: t.robot for t in self.of_arm("mppi") if t.robot is not None}

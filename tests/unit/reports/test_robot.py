@@ -46,6 +46,7 @@ def test_every_model_has_a_row_in_every_iteration(run: RunResult) -> None:
     ]
     assert rows[0].success == "" and "/8" in rows[1].success
     assert float(rows[1].short) > float(rows[4].short) > float(rows[7].short)
+    assert rows[0].short == rows[3].short == rows[6].short, "on the same recordings"
     assert robot_rows(fake_run(3)) == [] and robot_time(fake_run(3)) == []
 
 
