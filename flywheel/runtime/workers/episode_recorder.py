@@ -35,6 +35,33 @@ SETTLE_SECONDS = 2.0
 GROUND = 1  # added to a seed, so that the ground has random numbers of its own
 
 
+def controller_of(
+    plan: EpisodePlan, config: RunConfig, robot: Robot, dynamics: Dynamics | None, model: str
+) -> Controller:
+    """What chooses the commands of a planned episode, on a plant or on a robot.
+
+    Args:
+      plan: of the episode.
+      config: of the run.
+      robot: of the run.
+      dynamics: that MPPI plans with; None if nothing is planned.
+      model: digest of its weights, or "".
+    """
+    kind, _, gait = plan.controller.partition(":")
+    dt = config.network.dt
+    if kind == "gait":
+        return Gait(robot, gait, dt, variation=config.collect.gait_variation)
+    if kind == "random":
+        return RandomControls(robot, dt)
+    if kind == "drop":
+        return Hold(robot, dt)
+    assert dynamics is not None, "MPPI plans with a model"
+    search = config.mppi
+    if plan.samples is not None:
+        search = search.model_copy(update={"samples": plan.samples})
+    return Mppi(dynamics, search, plan.controller, model)
+
+
 class EpisodeRecorder:
     """Records planned episodes; the same plan and weights give the same episode on any worker.
 
@@ -133,7 +160,7 @@ class EpisodeRecorder:
         return record_episode(
             plant,
             self.config.measurement,
-            self._controller(plan, dynamics, model),
+            controller_of(plan, self.config, self.robot, dynamics, model),
             task,
             start=self._start(plan, plant, task),
             seconds=plan.seconds,
@@ -171,21 +198,6 @@ class EpisodeRecorder:
 
     def _terms(self, effects: Effects) -> Terms:
         return tuple(effect.term(self.robot, self.library) for effect in effects)
-
-    def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
-        kind, _, gait = plan.controller.partition(":")
-        dt = self.config.network.dt
-        if kind == "gait":
-            return Gait(self.robot, gait, dt, variation=self.config.collect.gait_variation)
-        if kind == "random":
-            return RandomControls(self.robot, dt)
-        if kind == "drop":
-            return Hold(self.robot, dt)
-        assert dynamics is not None, "MPPI plans with a model"
-        search = self.config.mppi
-        if plan.samples is not None:
-            search = search.model_copy(update={"samples": plan.samples})
-        return Mppi(dynamics, search, plan.controller, model)
 
     def _start(self, plan: EpisodePlan, plant: Plant, task: Task | None) -> State:
         kind, _, _ = plan.controller.partition(":")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel import __version__
-from flywheel.control import Controller, Mppi, RandomControls
 from flywheel.control.drive import Drive, OnStep, drive, without_gaps
-from flywheel.control.gaits import Gait
 from flywheel.dynamics.plant import Reckoning
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Episode, Floats, Provenance
@@ -16,6 +14,7 @@ from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.results import Walk
 from flywheel.runtime.workers.episode_plan import EpisodePlan
+from flywheel.runtime.workers.episode_recorder import controller_of
 from flywheel.runtime.workers.walks import walk_of
 from flywheel.tasks import Task, sample_task
 
@@ -63,7 +62,7 @@ class RobotRecorder:
         return drive(
             link,
             self.robot,
-            self._controller(plan, dynamics, model),
+            controller_of(plan, self.config, self.robot, dynamics, model),
             lambda points: self.task(plan, points),
             seconds=plan.seconds,
             seed=plan.seed,
@@ -91,16 +90,6 @@ class RobotRecorder:
             return None
         seen = points[np.isfinite(points).all(axis=(1, 2))]
         return walk_of(task, episode, seen, plan.seed)
-
-    def _controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
-        kind, _, gait = plan.controller.partition(":")
-        dt = self.config.network.dt
-        if kind == "gait":
-            return Gait(self.robot, gait, dt, variation=self.config.collect.gait_variation)
-        if kind == "random":
-            return RandomControls(self.robot, dt)
-        assert dynamics is not None, "MPPI plans with a model"
-        return Mppi(dynamics, self.config.mppi, plan.controller, model)
 
     def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
         return Provenance(
