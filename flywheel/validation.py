@@ -75,7 +75,7 @@ def _fields_at(schema: type[BaseModel], location: Sequence[str | int]) -> set[st
     for part in location:
         fields = [m.model_fields[str(part)].annotation for m in found if part in m.model_fields]
         found = {model for field in fields for model in _models_in(field)} or found
-    return {name for model in found for name in model.model_fields}
+    return {field.alias or name for model in found for name, field in model.model_fields.items()}
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -53,7 +53,7 @@ ModelOption = Annotated[
     str,
     typer.Option(
         help="champion, an iteration's number, plant (the MJCF and what was adopted), residual (that, "
-        "corrected by a network), or a file of weights."
+        "corrected by a network), shipped (the network that comes with Flywheel), or a file of weights."
     ),
 ]
 ArgumentsOption = Annotated[
@@ -93,6 +93,8 @@ def drive(
     robot is told to hold still, and its log is whole up to there.
 
     [bold]Examples[/bold]
+
+    flywheel drive prism3 --model shipped
 
     flywheel drive runs/prism3 --hidden torque_speed --hidden payload
 

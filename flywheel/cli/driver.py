@@ -15,6 +15,7 @@ from flywheel.cli.hidden_effects import hidden_effects
 from flywheel.cli.options import CHAMPION
 from flywheel.cli.runs import open_run
 from flywheel.control.protocol import OnPiece, Piece
+from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import LiveView
 from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
@@ -35,6 +36,7 @@ from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.stages.video import scenery_of
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.runtime.workers.model_weights import Weights
 
 
 class Driver:
@@ -43,7 +45,7 @@ class Driver:
     Args:
       source: folder of a run, or file of a configuration.
       overrides: "key=value" on top of it.
-      model: "champion", "oracle", or an iteration of the run.
+      model: "champion", "oracle", "shipped", or an iteration of the run.
       hidden: what the plant has in place of what everybody is told, see `hidden_effects`; it is then
         simulated in shorter steps, too.
 
@@ -191,10 +193,13 @@ def network_of(
     """The network to plan with and its digest; none for the oracle, which the recorder makes itself."""
     if model == ORACLE:
         return None, ""
+    if model == SHIPPED:
+        shipped = Weights.read(shipped_weights(robot), robot)
+        return shipped.dynamics(robot, config.sim_threads), shipped.digest
     if not source.is_dir():
         raise ConfigError(
             f"{source} is a configuration, which has no models. Give a run's folder, or --model "
-            f"{instead}."
+            f"{instead} or {SHIPPED}."
         )
     run = open_run(source)
     iteration = run.champion() if model == CHAMPION else run.iteration(model)

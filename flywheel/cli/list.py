@@ -94,6 +94,7 @@ def models() -> Table:
     """What can predict: networks to be trained, and what they are compared with."""
     from flywheel.dynamics import Persistence, PlantDynamics
     from flywheel.dynamics.gnn import NetworkConfig
+    from flywheel.dynamics.gnn.shipped import ModelCard, shipped_networks
     from flywheel.dynamics.plant import RestartedPlant
 
     rows = [
@@ -102,6 +103,10 @@ def models() -> Table:
         ("persistence", "baseline", first_line(Persistence)),
         ("floor", "MuJoCo", first_line(RestartedPlant)),
         ("oracle", "MuJoCo", first_line(PlantDynamics)),
+        *(
+            (f"shipped for {robot}", "network", str(ModelCard.read(path)))
+            for robot, path in shipped_networks().items()
+        ),
     ]
     return table("Dynamics models", ["model", "kind", "what"], rows)
 

@@ -14,6 +14,7 @@ from typing import Any, Self
 
 from flywheel.cli.runs import open_run
 from flywheel.diagnosis.comparison import Subject
+from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.dynamics.plant.law_checks import check_laws
 from flywheel.effects import EFFECTS, NAMED, AdoptedPlant, Effect
@@ -28,8 +29,9 @@ from flywheel.runtime.workers.model_weights import TrainedModel
 
 PLANT = "plant"
 ALLOWED = (
-    f"{PLANT!r}, the folder of an adopted plant, a run's folder (its champion), RUN:NAME (another of "
-    "its models), or a file of weights; each may have LABEL= in front"
+    f"{PLANT!r}, {SHIPPED!r} (the network that comes with Flywheel for the robot), the folder of an adopted "
+    "plant, a run's folder (its champion), RUN:NAME (another of its models), or a file of weights; each may "
+    "have LABEL= in front"
 )
 
 
@@ -175,6 +177,8 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
         raise ConfigError(
             f"{what} is a plant, which is tested by --robot alone; a trained model is wanted here."
         )
+    if what == SHIPPED:
+        return TrainedModel.read(name, shipped_weights(robot), robot)
     if (path / "config.yaml").exists():
         return _of_run(name, path, "")
     if path.is_file():

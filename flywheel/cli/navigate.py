@@ -22,12 +22,16 @@ SourceArgument = Annotated[
     str,
     typer.Argument(
         metavar="RUN|CONFIG",
-        help="A run's folder, or a configuration by name or file (with --model oracle).",
+        help="A run's folder, or a configuration by name or file (with --model shipped, plant or oracle).",
         show_default=False,
     ),
 ]
 ModelOption = Annotated[
-    str, typer.Option(help="champion, oracle (the plant itself), or an iteration's number.")
+    str,
+    typer.Option(
+        help="champion, an iteration's number, shipped (the network that comes with Flywheel), or oracle "
+        "(the plant itself)."
+    ),
 ]
 SeedOption = Annotated[
     int, typer.Option(help="Seed of the task and of the planner.", callback=within(SEED))

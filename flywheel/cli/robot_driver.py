@@ -37,7 +37,7 @@ class RobotDriver:
       source: folder of a run, or file of a configuration.
       overrides: "key=value" on top of it.
       model: "champion", an iteration of the run, "plant" (the MJCF with the effects that are known),
-        "residual" (that plant with the network that corrects it), or a file of weights.
+        "residual" (that plant with the network that corrects it), "shipped", or a file of weights.
       where: the robot is, see `open_link`.
       stand_in: what it is, if it is simulated.
       arguments: of a link of one's own.

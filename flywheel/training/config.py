@@ -13,6 +13,7 @@ from flywheel.quantities import (
     Name,
     OptimiserSteps,
     PartialShare,
+    Place,
     Samples,
     Seed,
     Share,
@@ -104,7 +105,11 @@ class TrainingConfig(_Frozen):
         each: threads within single operations gain little on arrays of this size, and lose much
         where something else runs. Part of the result: sums are rounded differently.
       seed: of the weights, the order of the data and the augmentation.
+      start_from: (`from` in files) weights that a run begins with, by the fine-tuning schedule: "shipped" for
+        the network that comes with Flywheel for the run's robot, or a file of weights; "" for random ones.
     """
+
+    model_config = ConfigDict(serialize_by_alias=True, validate_by_name=True)
 
     initial: Schedule = Schedule(
         steps=1100,
@@ -140,6 +145,7 @@ class TrainingConfig(_Frozen):
     device: Literal["cpu", "cuda"] = "cpu"
     threads: Threads = 1
     seed: Seed = 0
+    start_from: Place | Literal[""] = Field("", alias="from")
 
     @model_validator(mode="before")
     @classmethod

@@ -3,6 +3,7 @@
     config.yaml               resolved configuration
     run.json                  identity of the run
     my_laws.py                copies of the law files that the configuration names
+    initial.npz, .json        copy of the weights that the first training begins with, if it names any
     run.lock                  held by its one driver
     store/                    trajectory store (unless the configuration names another)
     cache/<snapshot>/         training windows made from a snapshot; may be deleted
@@ -49,6 +50,7 @@ from flywheel.runtime.results import (
     save,
 )
 from flywheel.runtime.run.identity import HOW, RUN_FILE, Begun, Identity, read_begun, write_identity
+from flywheel.runtime.run.initial_weights import INITIAL_WEIGHTS, SIDE_FILE, initial_weights
 from flywheel.runtime.tracking.pyfunc_model import WEIGHTS
 from flywheel.seals import Seal, file_sha256
 from flywheel.validation import lines
@@ -94,17 +96,23 @@ class RunFolder:
         """The configuration that the run was begun with.
 
         Raises:
-          Unsound: the file, a law file or run.json was changed since then.
+          Unsound: the file, a copy of what it names or run.json was changed since then.
           ConfigError: it is not a configuration.
         """
         begun = read_begun(self.path)
-        for name in (self.config_file.name, *self.law_files(begun)):
+        for name in (self.config_file.name, *self.copies(begun)):
             begun.check(self.path, name)
         return load_stored_config(self.config_file)
 
-    def law_files(self, begun: Begun) -> list[str]:
-        """Names of the law files that the run was begun with, of which there are copies here."""
+    def copies(self, begun: Begun) -> list[str]:
+        """Names of the copies of what the configuration names: law files, weights to begin with."""
         return sorted(begun.files.keys() - {self.config_file.name, self.robot_file.name})
+
+    @property
+    def initial_weights(self) -> Path | None:
+        """The copy of the weights that the first training begins with; None for random ones."""
+        path = (self.path / INITIAL_WEIGHTS).absolute()
+        return path if path.exists() else None
 
     def robot(self, config: RunConfig) -> Robot:
         """The robot that the run was begun with, wherever its MJCF is now.
@@ -299,7 +307,11 @@ class RunFolder:
             config_digest=config_digest(config),
             begun=time.strftime("%F %T"),
         )
-        self.robot_file.write_text(load_robot(config.model).xml)
+        robot = load_robot(config.model)
+        self.robot_file.write_text(robot.xml)
+        if (weights := initial_weights(config, robot)) is not None:
+            shutil.copyfile(weights, self.path / INITIAL_WEIGHTS)
+            shutil.copyfile(weights.with_suffix(".json"), self.path / SIDE_FILE)
         if config.robot is not None and config.robot.link == SIMULATED:
             write_stand_in(config.robot.stand_in, self.robot_folder)
         temporary = self.config_file.with_suffix(".tmp")
@@ -310,6 +322,11 @@ class RunFolder:
             self.config_file.name: file_sha256(temporary, "configuration"),
             self.robot_file.name: file_sha256(self.robot_file, "MJCF"),
             **{law.file: law.sha256 for law in config.effects_from},
+            **{
+                name: file_sha256(self.path / name, "weights")
+                for name in (INITIAL_WEIGHTS, SIDE_FILE)
+                if config.training.start_from
+            },
         }
         write_identity(self.path, identity, digests)
         temporary.replace(self.config_file)  # last: with it, the run has begun

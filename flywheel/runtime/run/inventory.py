@@ -2,7 +2,7 @@
 
 Every file that a later step needs has a seal, or is named with its digest on the seal of another file:
 
-    run.json                         config.yaml, robot.xml, copies of law files
+    run.json                         config.yaml, robot.xml, copies of law files and of weights to begin with
     iterations/i0001-mppi.json       its snapshot, the episodes it recorded, its model's files, its video
     iterations/i0001-diagnosis.json  its page
     result.json, of a finished run   the episodes and videos of its end
@@ -122,7 +122,7 @@ class Inventory:
         """Names in the folder that are of no run; they do no harm."""
         names = {path.name for path in self.folder.path.iterdir()}
         with suppress(DataError):
-            names -= set(self.folder.law_files(self.folder.begun()))
+            names -= set(self.folder.copies(self.folder.begun()))
         return sorted(n for n in names if not OURS.fullmatch(n) and not UNFINISHED.fullmatch(n))
 
     @property
@@ -150,7 +150,7 @@ class Inventory:
             yield self._fault(error, RUN_FILE)
             return
         faulty = []
-        for name in (*self.folder.law_files(begun), self.folder.robot_file.name):
+        for name in (*self.folder.copies(begun), self.folder.robot_file.name):
             try:
                 begun.check(self.folder.path, name)
             except FlywheelError as error:

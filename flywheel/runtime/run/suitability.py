@@ -22,6 +22,7 @@ from flywheel.robot_link.opening import SIMULATED, TCP, open_link
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.run.initial_weights import initial_weights
 from flywheel.runtime.workers.episode_plan import GAITS, collection, evaluation, unseen
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.robot_plan import first_recordings
@@ -49,10 +50,11 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
 
     Raises:
       ConfigError: it asks for something that the robot cannot do, and the message has the overrides that
-        leave it out; iteration 0 would record too little; or a law file cannot be used.
+        leave it out; iteration 0 would record too little; or a law file, or the weights to begin with, cannot
+        be used.
       UnknownNameError: an effect has a place that the robot does not have, or is in no library.
       DataError: one cannot be unsure of an effect.
-      ModelError: the robot does not even come to rest.
+      ModelError: the robot does not even come to rest, or there are no such weights to begin with.
     """
     if config.effects_from:
         config.diagnose.check_names(config.library())
@@ -66,6 +68,7 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
             f"Without it: {overrides_without(found)}"
         )
     collection(config, 0, "mppi")
+    initial_weights(config, robot)
     if config.robot is not None:
         _check_robot(config, config.robot, robot)
 

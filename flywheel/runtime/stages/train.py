@@ -17,7 +17,7 @@ SECONDS_PER_STEP = 0.15  # of the optimiser, roughly; for the remaining time tha
 
 
 def train(run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally) -> list[ArmOutcome]:
-    """Train from each arm's latest weights if there are any, else from new ones.
+    """Train each arm from its latest weights, else from those of `training.from`, else from random ones.
 
     While the very first model trains, idle cores record the ceiling's episodes, if the plant for these is
     known already.
@@ -70,13 +70,15 @@ def _residual_jobs(run: Run, iteration: int) -> list[Job]:
 
 def _job(run: Run, iteration: int, outcome: ArmOutcome) -> Job:
     before, snapshot = run.latest_model(outcome.arm), outcome.snapshot.name
+    initial = run.folder.initial_weights if before is None else before.path
     order = TrainingOrder(
         snapshot=snapshot,
         folder=run.folder.model(iteration, outcome.arm),
         cache=run.folder.cache / snapshot,
-        initial=None if before is None else before.path,
+        initial=initial,
         seed=derive_seed(run.config.seed, "train", iteration),
         effects=run.effects(iteration),
     )
-    schedule = run.config.training.fine_tuning if before else run.config.training.initial
+    training = run.config.training
+    schedule = training.initial if initial is None else training.fine_tuning
     return Job(f"train-{snapshot}", "trainer", "train", (order,), SECONDS_PER_STEP * schedule.steps)

@@ -1,0 +1,112 @@
+"""Trained networks that come with Flywheel, each with a card: how it was made, and how well it predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from flywheel.dynamics.gnn.weights import read_about
+from flywheel.errors import ModelError
+from flywheel.files import read_yaml
+from flywheel.robots import Robot
+from flywheel.validation import validated
+
+SHIPPED = "shipped"  # where a model is named: the network that comes with Flywheel for the robot
+MJCF, NETWORK = "the MJCF's", "network"  # names of plants and of a model in a card
+FOLDER = Path(__file__).parent / "networks"
+
+
+class PredictionError(BaseModel):
+    """The errors of a model over a horizon, on plants of one group.
+
+    Attributes:
+      plants: `MJCF`, or which others.
+      model: `NETWORK`, or what it is compared with.
+      e_pos: RMSE of the centres of mass [% of the robot's length].
+      e_rot: mean angle between predicted and true bodies [deg].
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    plants: str
+    model: str
+    e_pos: float
+    e_rot: float
+
+
+class ModelCard(BaseModel):
+    """What a shipped network is.
+
+    Attributes:
+      robot: its name.
+      digest: of the weights.
+      configuration: of the run that made it.
+      seed: of that run.
+      code: version of Flywheel that made it.
+      plants: that it was trained on.
+      minutes: of simulated motion that it was trained on [min].
+      steps: of the optimiser.
+      noise: of the points, in training and here [share of the robot's length].
+      horizon: of the errors [s].
+      episodes: with random controls for each plant; each lasts `seconds`, and there are `starts` predictions.
+      seconds, starts: see `episodes`.
+      errors: on episodes that it was not trained on.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    robot: str
+    digest: str
+    configuration: str
+    seed: int
+    code: str
+    plants: int
+    minutes: float
+    steps: int
+    noise: float
+    horizon: float
+    episodes: int
+    seconds: float
+    starts: int
+    errors: tuple[PredictionError, ...]
+
+    def __str__(self) -> str:
+        of = {error.model: error for error in self.errors if error.plants == MJCF}
+        return (
+            f"Trained on {self.minutes:.0f} min of {self.plants} plants; over {self.horizon:g} s e_pos "
+            f"{of[NETWORK].e_pos:.1f} %, e_rot {of[NETWORK].e_rot:.1f} deg."
+        )
+
+    @classmethod
+    def read(cls, weights: Path) -> ModelCard:
+        """The card beside a file of weights.
+
+        Raises:
+          ModelError: there is none, or it is no card.
+        """
+        path = weights.with_suffix(".yaml")
+        values = read_yaml(path, "model card", ModelError)
+        return validated(cls, values, f"{path} is not a model card", ModelError)
+
+
+def shipped_networks() -> Mapping[str, Path]:
+    """Robot's name -> weights, for all shipped networks."""
+    return {path.stem: path for path in sorted(FOLDER.glob("*.npz"))}
+
+
+def shipped_weights(robot: Robot) -> Path:
+    """The weights of the network that comes with Flywheel for a robot.
+
+    Raises:
+      ModelError: there is none for it.
+    """
+    networks = shipped_networks()
+    for path in networks.values():
+        if read_about(path)["robot"] == robot.digest:
+            return path
+    raise ModelError(
+        f"No network for {robot.name} ({robot.digest[:12]}) comes with Flywheel, only for the shipped robots "
+        f"{', '.join(networks)}. Train one: `flywheel run prism3 model=MY_ROBOT.xml iterations=0`."
+    )

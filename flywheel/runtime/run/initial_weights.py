@@ -1,0 +1,41 @@
+"""The weights that a run's first training begins with, if it does not begin with random ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from flywheel.dynamics.gnn import NetworkConfig, load_weights
+from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
+from flywheel.errors import ConfigError
+from flywheel.robots import Robot
+from flywheel.runtime.config.run_config import RunConfig
+
+INITIAL_WEIGHTS = "initial.npz"  # the run's own copy
+SIDE_FILE = "initial.json"
+
+
+def initial_weights(config: RunConfig, robot: Robot) -> Path | None:
+    """The file that `training.from` names; None for random weights.
+
+    Raises:
+      ModelError: there are no such weights, or they are of another robot.
+      ConfigError: they are of another network than the run's; the message says how to make it theirs.
+    """
+    source = config.training.start_from
+    if not source:
+        return None
+    path = shipped_weights(robot) if source == SHIPPED else Path(source)
+    theirs = load_weights(path, robot).config
+    if wanted := _overrides(config.network, theirs):
+        raise ConfigError(
+            f"training.from={source} is another network than the run's. It needs {' '.join(wanted)}."
+        )
+    return path
+
+
+def _overrides(own: NetworkConfig, theirs: NetworkConfig) -> list[str]:
+    """What one types to turn one network into the other."""
+    before, after = own.model_dump(mode="json"), theirs.model_dump(mode="json")
+    changed = {key: value for key, value in after.items() if value != before[key]}
+    return [f"network.{key}={json.dumps(value)}" for key, value in changed.items()]
