@@ -21,7 +21,14 @@ from scipy.stats import qmc
 from flywheel.cli.runs import OpenRun, open_run
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics, load_weights, weights_digest
-from flywheel.dynamics.gnn.shipped import FOLDER, MJCF, NETWORK, ModelCard, PredictionError
+from flywheel.dynamics.gnn.shipped import (
+    FOLDER,
+    MJCF,
+    NETWORK,
+    ModelCard,
+    PredictionError,
+    shipped_networks,
+)
 from flywheel.dynamics.plant import PlantParameters, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.evaluation import ErrorTable, score
@@ -178,6 +185,21 @@ def card(opened: OpenRun, weights: Path) -> ModelCard:
             error for group in measured.groups for error in measured.errors(weights, group)
         ),
     )
+
+
+def table() -> list[str]:
+    """Lines of Markdown about all shipped networks: a row for each model, a column for each group."""
+    lines = []
+    for name, weights in shipped_networks().items():
+        made = ModelCard.read(weights)
+        groups = list(dict.fromkeys(error.plants for error in made.errors))
+        lines += [f"| {name}: plant | {' | '.join(groups)} |", "|---|" + "---|" * len(groups)]
+        for model in dict.fromkeys(error.model for error in made.errors):
+            of = {error.plants: error for error in made.errors if error.model == model}
+            cells = [f"{of[group].e_pos:.1f} %, {of[group].e_rot:.1f} deg" for group in groups]
+            lines.append(f"| {model} | {' | '.join(cells)} |")
+        lines.append("")
+    return lines[:-1]
 
 
 def main() -> None:

@@ -6,6 +6,7 @@
     python -m benchmarks.tables collect sysid FOLDER         ... of `python -m benchmarks.sysid`
     python -m benchmarks.tables collect residual FOLDER      ... of `python -m benchmarks.residual`
     python -m benchmarks.tables collect demo FOLDER          ... of `python -m benchmarks.demo`
+    python -m benchmarks.tables collect robot FOLDER         ... of `python -m benchmarks.robot`
     python -m benchmarks.tables collect navigation NAME RUN  a run, or a file of `flywheel navigate --results`
 
 A table stands in a page between `<!-- table: NAME -->` and `<!-- end -->`.
@@ -16,9 +17,13 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from benchmarks import adoption, demo, navigation, residual
+from pydantic import BaseModel
+
+from benchmarks import adoption, demo, navigation, networks, residual, robot
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
@@ -26,6 +31,7 @@ from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.residual import ResidualRow, ResidualStudy
+from benchmarks.robot import DriveRow, ErrorRow
 from benchmarks.rows import RESULTS, read_rows, write_rows
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
@@ -43,6 +49,8 @@ ADOPTION = RESULTS / "adoption.csv"
 SYSID = RESULTS / "sysid.csv"
 RESIDUAL = RESULTS / "residual.csv"
 DEMO = RESULTS / "demo.csv"
+ROBOT_ERRORS = RESULTS / "robot_errors.csv"
+ROBOT_DRIVES = RESULTS / "robot_drives.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
 
@@ -77,6 +85,9 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "adoption": lambda: adoption.table(read_rows(AdoptionRow, ADOPTION)),
     "residual": lambda: residual.table(read_rows(ResidualRow, RESIDUAL)),
     "demo": lambda: demo.table(read_rows(DemoRow, DEMO)),
+    "robot-errors": lambda: robot.errors_table(read_rows(ErrorRow, ROBOT_ERRORS), "library"),
+    "robot-drives": lambda: robot.drives_table(read_rows(DriveRow, ROBOT_DRIVES), "library"),
+    "networks": networks.table,
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
     "navigation": lambda: navigation.run_table(
         "s_course_from_little",
@@ -102,32 +113,58 @@ def with_tables(page: str) -> str:
     return BLOCK.sub(made, page)
 
 
-def collect(kind: str, folder: Path, of_set: str = "main") -> Path:
-    """Take the results of a benchmark's folder over; of the diagnosis, those of one set of cases."""
+@dataclass(frozen=True)
+class Collected:
+    """How the results of a benchmark become a table.
+
+    Attributes:
+      file: the CSV file.
+      kind: what a JSON file in the benchmark's folder holds.
+      rows: of one of these.
+    """
+
+    file: Path
+    kind: type[BaseModel]
+    rows: Callable[[Any], Iterable[Any]]
+
+
+COLLECTED = {
+    "adoption": Collected(ADOPTION, AdoptionStudy, lambda each: [adoption.row_of(each)]),
+    "residual": Collected(RESIDUAL, ResidualStudy, lambda each: [residual.row_of(each)]),
+    "demo": Collected(DEMO, DemoResult, lambda each: [demo.row_of(each)]),
+    "sysid": Collected(SYSID, CaseStudy, sysid.rows_of),
+}
+
+
+def collect(kind: str, folder: Path) -> None:
+    """Take the results of a benchmark's folder over."""
+    to = COLLECTED[kind]
+    texts = _texts(folder)
+    write_rows(
+        to.file, [row for text in texts for row in to.rows(to.kind.model_validate_json(text))]
+    )
+
+
+def collect_diagnosis(folder: Path, of_set: str) -> None:
+    """Take the cases of a folder over, as those of one set."""
+    there = read_rows(CaseRow, DIAGNOSIS) if DIAGNOSIS.exists() else []
+    cases = [CaseResult.model_validate_json(text) for text in _texts(folder)]
+    new = [CaseRow.of(case, of_set) for case in cases]
+    write_rows(DIAGNOSIS, [*(row for row in there if row.set != of_set), *new])
+
+
+def collect_robot(folder: Path) -> None:
+    """Take the finished studies of a folder over."""
+    studies = robot.found_studies(folder)
+    write_rows(ROBOT_ERRORS, [row for study in studies for row in study.errors()])
+    write_rows(ROBOT_DRIVES, [row for study in studies for row in study.driven()])
+
+
+def _texts(folder: Path) -> list[str]:
     files = (file for file in sorted(folder.glob("*.json")) if ".model." not in file.name)
-    texts = [file.read_text(encoding="utf-8") for file in files]
-    if not texts:
+    if not (texts := [file.read_text(encoding="utf-8") for file in files]):
         raise ConfigError(f"There is no result in {folder}.")
-    if kind == "diagnosis":
-        there = read_rows(CaseRow, DIAGNOSIS) if DIAGNOSIS.exists() else []
-        new = [CaseRow.of(CaseResult.model_validate_json(text), of_set) for text in texts]
-        write_rows(DIAGNOSIS, [*(row for row in there if row.set != of_set), *new])
-        return DIAGNOSIS
-    if kind == "adoption":
-        write_rows(
-            ADOPTION, [adoption.row_of(AdoptionStudy.model_validate_json(text)) for text in texts]
-        )
-        return ADOPTION
-    if kind == "residual":
-        studies = (ResidualStudy.model_validate_json(text) for text in texts)
-        write_rows(RESIDUAL, [residual.row_of(each) for each in studies])
-        return RESIDUAL
-    if kind == "demo":
-        write_rows(DEMO, [demo.row_of(DemoResult.model_validate_json(text)) for text in texts])
-        return DEMO
-    cases = [CaseStudy.model_validate_json(text) for text in texts]
-    write_rows(SYSID, [row for case in cases for row in sysid.rows_of(case)])
-    return SYSID
+    return texts
 
 
 def collect_navigation(name: str, source: Path, seed: int) -> None:
@@ -154,7 +191,7 @@ def main() -> None:
     verbs = parser.add_subparsers(dest="verb")
     verb = verbs.add_parser("collect", help="take results over as CSV")
     kinds = verb.add_subparsers(dest="kind", required=True)
-    for kind in ("diagnosis", "adoption", "residual", "sysid", "demo"):
+    for kind in ("diagnosis", "robot", *COLLECTED):
         kinds.add_parser(kind).add_argument("folder", type=Path)
     kinds.choices["diagnosis"].add_argument("--set", default="main", help="of the cases")
     driven = kinds.add_parser("navigation")
@@ -174,8 +211,12 @@ def _do(given: argparse.Namespace) -> None:
             write_output(page, with_tables(page.read_text(encoding="utf-8")))
     elif given.kind == "navigation":
         collect_navigation(given.name, given.run, given.seed)
+    elif given.kind == "diagnosis":
+        collect_diagnosis(given.folder, given.set)
+    elif given.kind == "robot":
+        collect_robot(given.folder)
     else:
-        collect(given.kind, given.folder, getattr(given, "set", "main"))
+        collect(given.kind, given.folder)
 
 
 if __name__ == "__main__":

@@ -100,10 +100,10 @@ class Library:
         check_laws(with_laws(self.files, {}).values(), plant)
 
 
-SHIPPED = Library()
+BUILT_IN = Library()
 
 
-def open_plant(name: str, dt: float, threads: int = 1, library: Library = SHIPPED) -> Plant:
+def open_plant(name: str, dt: float, threads: int = 1, library: Library = BUILT_IN) -> Plant:
     """The plant that a name means.
 
     Args:
@@ -137,7 +137,7 @@ def about_plant(plant: Plant) -> dict[str, str]:
 
 
 def open_model(
-    spec: str, robot: Robot, robot_name: str, dt: float, threads: int, library: Library = SHIPPED
+    spec: str, robot: Robot, robot_name: str, dt: float, threads: int, library: Library = BUILT_IN
 ) -> Subject:
     """The model that `[LABEL=]SPEC` means.
 

@@ -14,6 +14,7 @@ from flywheel.cli.driver import config_of, known_effects, network_of
 from flywheel.cli.drives import Drive as DriveLine
 from flywheel.cli.drives import Setting
 from flywheel.control.drive import Drive, without_gaps
+from flywheel.dynamics.gnn.shipped import SHIPPED
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError
@@ -64,7 +65,9 @@ class RobotDriver:
                 f"{self.config.task.name}."
             )
         self.robot = RunFolder(source).robot(self.config)
-        self._recorder = RobotRecorder(self.config, self.robot)
+        # A shipped network knows no recordings; the plant of the MJCF is its first data set.
+        dataset = 0 if model == SHIPPED else None
+        self._recorder = RobotRecorder(self.config, self.robot, dataset)
         self._effects = known_effects(source, self.config, overrides)
         self._dynamics, self._digest = self._model(source)
         self.link: RobotLink = open_link(

@@ -145,7 +145,7 @@ class TrainingConfig(_Frozen):
     device: Literal["cpu", "cuda"] = "cpu"
     threads: Threads = 1
     seed: Seed = 0
-    start_from: Place | Literal[""] = Field("", alias="from")
+    start_from: Place = Field(default="", alias="from")
 
     @model_validator(mode="before")
     @classmethod

@@ -27,13 +27,16 @@ class RobotRecorder:
     Args:
       config: of the run.
       robot: of its MJCF.
+      dataset: index of the data set that a network takes the robot for; by default that of recordings, if the
+        run has any.
     """
 
-    def __init__(self, config: RunConfig, robot: Robot) -> None:
+    def __init__(self, config: RunConfig, robot: Robot, dataset: int | None = None) -> None:
         self.config, self.robot, self._library = config, robot, config.library()
         recorded = config.robot is not None or bool(config.collect.recordings)
         # A network that was trained without recordings has no data set of theirs.
-        self._dataset = config.dataset_numbers()[RECORDING] if recorded else 0
+        usual = config.dataset_numbers()[RECORDING] if recorded else 0
+        self._dataset = usual if dataset is None else dataset
 
     def record(
         self,
