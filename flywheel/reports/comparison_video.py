@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from flywheel.diagnosis.comparison import Comparison, Judgement
-from flywheel.dynamics.plant import Plant, RestartedPlant, Shot, render_episode
-from flywheel.records import Floats, Observation, Past, State
-from flywheel.robots import Robot
+from flywheel.dynamics.plant import Shot, render_episode, states_of
 
 SLOWER = 4  # than it was
 FPS = 15
@@ -36,20 +32,3 @@ def film_window(found: Comparison, model: Judgement, window: int, path: Path) ->
     return render_episode(
         windows.robot, states, path, fps=FPS, ghosts=ghosts, dt=SLOWER * windows.dt, shot=SHOT
     )
-
-
-def states_of(robot: Robot, dt: float, points: Floats, winch: Floats) -> State:
-    """States (T,) that show a robot where its points are.
-
-    Args:
-      robot: to be drawn.
-      dt: control step [s].
-      points: (T, P, 3) of its tracked points [m].
-      winch: (T, W) positions of its winches [m].
-    """
-    past = Past(
-        Observation(points[:, None], winch[:, None]),
-        np.zeros((len(points), 0, winch.shape[-1])),
-        winch[:, None],
-    )
-    return RestartedPlant(Plant(robot, dt), roll="relaxed").estimate(past)

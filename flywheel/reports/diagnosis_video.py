@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.diagnosis import Diagnosis
-from flywheel.dynamics.plant import Reckoning, Shot, render_frames, write_video
+from flywheel.dynamics.plant import Reckoning, Shot, render_frames, states_of, write_video
 from flywheel.effects import Scales
 from flywheel.records import Floats, Trajectory
-from flywheel.reports.comparison_video import FPS, SLOWER, states_of
+from flywheel.reports.comparison_video import FPS, SLOWER
 from flywheel.robots import Robot
 from flywheel.smoothing import savitzky_golay
 

@@ -16,6 +16,7 @@ from flywheel.reports.verdicts import headline, verdicts
 from flywheel.runtime.results import Errors, IterationResult, Navigation, RunResult
 
 PAGE_FILE = "report.html"
+PATHS = "on the ground the planner's predicted paths"
 LARGEST_VIDEO = 16 * 2**20  # bytes; a page has to be mailed around
 
 LIMITS = (
@@ -230,16 +231,24 @@ def _videos(run: RunResult, folder: Path) -> list[Shown]:
         if result.video and (folder / result.video).is_file()
     ]
     chosen = results if len(results) < 2 else [results[0], results[-1]]
-    films = [
-        (f"Iteration {result.iteration}", result.video, "MPPI on this iteration's model")
-        for result in chosen
-    ]
+    films = [(f"Iteration {result.iteration}", result.video, _who(result)) for result in chosen]
     films += [
-        (f"{unseen.course}, never seen", unseen.video, "MPPI on the last champion's model")
+        (
+            f"{unseen.course}, never seen",
+            unseen.video,
+            f"MPPI on the last champion's model; {PATHS}",
+        )
         for unseen in run.unseen
         if unseen.video and (folder / unseen.video).is_file()
     ]
     return [_video(folder, *film) for film in films]
+
+
+def _who(result: IterationResult) -> str:
+    """Who drives in the video of an iteration."""
+    if result.robot is not None:
+        return f"The robot as it was measured, MPPI on model {result.robot.filmed}"
+    return f"MPPI on this iteration's model; {PATHS}"
 
 
 def _video(folder: Path, title: str, name: str, who: str) -> Shown:
@@ -248,8 +257,7 @@ def _video(folder: Path, title: str, name: str, who: str) -> Shown:
         return Shown(title, title, f"Not shown: {name} lies outside the run's folder.", "")
     if path.stat().st_size > LARGEST_VIDEO:
         return Shown(title, title, f"Too large for this page: see {name}.", "")
-    words = f"{who} ({path.name}); on the ground the planner's predicted paths."
-    return Shown(title, title, words, data_uri(path.read_bytes(), "video/mp4"))
+    return Shown(title, title, f"{who} ({path.name}).", data_uri(path.read_bytes(), "video/mp4"))
 
 
 def _missing(run: RunResult) -> list[str]:

@@ -316,6 +316,7 @@ class RobotResult(ResultRecord):
         a network that corrects it.
       noise: what a perfect model would have on them.
       drives: name of the model that MPPI planned with -> its episodes.
+      filmed: name of the model whose drive the iteration's video shows; "" without one.
     """
 
     minutes: float = 0.0
@@ -323,6 +324,7 @@ class RobotResult(ResultRecord):
     errors: dict[str, Errors] = Field(default_factory=dict)
     noise: ErrorNumbers | None = None
     drives: dict[str, Navigation] = Field(default_factory=dict)
+    filmed: str = ""
 
 
 class IterationResult(ResultRecord):

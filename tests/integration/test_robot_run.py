@@ -25,7 +25,7 @@ CONFIG = {
         "validation": 0.34,
         "test": 0.34,
     },
-    "evaluate": {**TINY["evaluate"], "floor": False},
+    "evaluate": {**TINY["evaluate"], "floor": False, "video": True},
     "diagnose": {"on": True, "effects": ["torque_speed"], "seconds": 1.2, "episode_seconds": 1.2},
 }
 
@@ -57,6 +57,14 @@ def test_what_the_robot_has_is_found_and_the_plant_predicts_it_better(folder: Pa
     assert {(score.iteration, score.model) for score in result.on_robot} == {
         (0, "given"), (0, "plant"), (0, "network"), (1, "plant"), (1, "network"),
     }  # fmt: skip
+
+
+@pytest.mark.renders
+def test_each_iteration_has_a_video_of_the_robot_as_it_was_measured(folder: Path) -> None:
+    for iteration in RunResult.load(folder).iterations:
+        assert (folder / iteration.video).stat().st_size > 10_000
+        assert iteration.robot is not None and iteration.robot.filmed in iteration.robot.drives
+    assert "as it was measured, MPPI on model" in (folder / "report.html").read_text()
 
 
 def test_what_the_robot_measured_are_recordings_that_the_next_network_learns_from(

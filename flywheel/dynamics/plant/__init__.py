@@ -12,7 +12,7 @@ from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import hasty, refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames, write_video
-from flywheel.dynamics.plant.restarted import RestartedPlant
+from flywheel.dynamics.plant.restarted import RestartedPlant, states_of
 from flywheel.dynamics.plant.resting import Settling, settling
 from flywheel.dynamics.plant.roll import unseen_axes
 from flywheel.dynamics.plant.tangent import between, moved, turning
@@ -39,6 +39,7 @@ __all__ = [
     "render_episode",
     "render_frames",
     "settling",
+    "states_of",
     "turning",
     "unseen_axes",
     "with_effects",

@@ -18,7 +18,7 @@ from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.poses import seen_poses
 from flywheel.dynamics.plant.roll import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
-from flywheel.records import Floats, Past, Rollout, State, Trajectory
+from flywheel.records import Floats, Observation, Past, Rollout, State, Trajectory
 from flywheel.robots import GRAVITY, Body, Robot
 from flywheel.rotations import about_axis, conjugate, multiply, rotate
 from flywheel.smoothing import causal_polynomial
@@ -143,6 +143,23 @@ class RestartedPlant:
         rate = (np.linalg.pinv(moment, rcond=ON_A_LINE, hermitian=True) @ spread[..., None])[..., 0]
         linear = mean + np.cross(rate, pose[:, :3] - points.mean(axis=1))
         return np.concatenate([linear, rotate(conjugate(turn), rate)], axis=1)
+
+
+def states_of(robot: Robot, dt: float, points: Floats, winch: Floats) -> State:
+    """States (T,) that show a robot where its points are.
+
+    Args:
+      robot: to be drawn.
+      dt: control step [s].
+      points: (T, P, 3) of its tracked points [m].
+      winch: (T, W) positions of its winches [m].
+    """
+    past = Past(
+        Observation(points[:, None], winch[:, None]),
+        np.zeros((len(points), 0, winch.shape[-1])),
+        winch[:, None],
+    )
+    return RestartedPlant(Plant(robot, dt), roll="relaxed").estimate(past)
 
 
 def _angles(seed: int, points: Floats, bodies: int) -> Floats:

@@ -1,25 +1,30 @@
-"""Videos of episodes, sped up, filmed from their stored states."""
+"""Videos of episodes, sped up: from their stored states, or from what was measured on a robot."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from flywheel.dynamics.plant import Scenery
+from flywheel.control.drive import without_gaps
+from flywheel.dynamics.plant import Scenery, states_of
 from flywheel.dynamics.plant.render import render_episode, usual_shot
 from flywheel.files import file_name
-from flywheel.records import Plans
-from flywheel.runtime.results import IterationResult
+from flywheel.records import Plans, State
+from flywheel.runtime.results import IterationResult, RobotResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import name_of
 from flywheel.runtime.workers.episode_plan import EpisodePlan, evaluation
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.runtime.workers.robot_plan import drives
+from flywheel.runtime.workers.robot_recorder import RobotRecorder
+from flywheel.smoothing import savitzky_golay
 from flywheel.tasks import Task
 from flywheel.terrain import Terrain
 
 FPS = 20
 SPEED = 4  # times real time
 SIZE = (640, 368)
+SMOOTHED = 0.1  # length of the parabolas that take noise out of measured points [s]
 
 
 def scenery_of(task: Task, terrain: Terrain | None) -> Scenery:
@@ -33,11 +38,15 @@ def _hastened(plans: Plans | None, times: float) -> Plans | None:
 
 
 def filmed(run: Run, result: IterationResult) -> IterationResult:
-    """The result with a video of its first evaluation episode, if the configuration asks for one."""
+    """The result with a video of one of its episodes to a goal, if the configuration asks for one."""
+    name = name_of(result.iteration, result.arm)
+    if result.robot is not None:
+        planner, video = _film_robot(run, result, result.robot, name)
+        robot = result.robot.model_copy(update={"filmed": planner})
+        return result.model_copy(update={"video": video, "robot": robot})
     if result.navigation is None:
         return result
     plans = evaluation(run.config, result.iteration, result.arm)
-    name = name_of(result.iteration, result.arm)
     return result.model_copy(update={"video": film(run, plans, name)})
 
 
@@ -49,27 +58,69 @@ def film(run: Run, plans: Sequence[EpisodePlan], name: str) -> str:
     Returns:
       Path in the run folder; "" without a video.
     """
-    there = run.store.committed() if run.config.evaluate.video else ()
-    plan = next((plan for plan in plans if plan.id in there), None)
-    if plan is None:
+    if (plan := _first(run, plans)) is None:
         return ""
-    path = f"videos/{file_name(name)}.mp4"
     task, episode = EpisodeRecorder(run.config, run.robot).task(plan), run.store.read(plan.id)
     trajectory = episode.trajectory
     if task is None or trajectory.states is None:
         return ""
+    stride = _stride(trajectory.dt)
+    hastened = _hastened(episode.plans, stride * trajectory.dt * FPS)
     scenery = scenery_of(task, episode.terrain)
-    stride = max(1, round(SPEED / FPS / trajectory.dt))
+    return _rendered(run, trajectory.states[::stride], scenery, name, hastened)
+
+
+def _film_robot(
+    run: Run, result: IterationResult, robot: RobotResult, name: str
+) -> tuple[str, str]:
+    """Make a video of a drive with the planner that reached most goals, from what was measured.
+
+    Returns:
+      The planner, and the path in the run folder; both "" without a video.
+    """
+    if not robot.drives:
+        return "", ""
+    planner = max(robot.drives, key=lambda name: robot.drives[name].success.reached)
+    effects = run.effects(result.iteration)
+    plan = _first(run, drives(run.config, result.iteration, planner, effects))
+    if plan is None:
+        return "", ""
+    trajectory = run.store.read(plan.id).trajectory
+    observed, dt = trajectory.observations, trajectory.dt
+    task = RobotRecorder(run.config, run.robot).task(plan, without_gaps(observed.points[0]))
+    if task is None:
+        return "", ""
+    points, _ = savitzky_golay(observed.points, dt, SMOOTHED)
+    winch = run.robot.known_winch(observed.winch, trajectory.controls, dt)
+    stride = _stride(dt)
+    states = states_of(run.robot, dt, points[::stride], winch[::stride])
+    video = _rendered(run, states, scenery_of(task, None), name, None)
+    return (planner, video) if video else ("", "")
+
+
+def _first(run: Run, plans: Sequence[EpisodePlan]) -> EpisodePlan | None:
+    """The first of these episodes that is in the store; None if no video is asked for."""
+    there = run.store.committed() if run.config.evaluate.video else ()
+    return next((plan for plan in plans if plan.id in there), None)
+
+
+def _stride(dt: float) -> int:
+    """Control steps from one picture to the next."""
+    return max(1, round(SPEED / FPS / dt))
+
+
+def _rendered(run: Run, states: State, scenery: Scenery, name: str, plans: Plans | None) -> str:
+    path = f"videos/{file_name(name)}.mp4"
     try:
         render_episode(
             run.robot,
-            trajectory.states[::stride],
+            states,
             run.folder.path / path,
             scenery,
             FPS,
             dt=1.0 / FPS,
             shot=replace(usual_shot(scenery), size=SIZE),
-            plans=_hastened(episode.plans, stride * trajectory.dt * FPS),
+            plans=plans,
         )
     except Exception as error:  # whatever a graphics driver throws
         run.progress.say(f"No video {path}: {error}")

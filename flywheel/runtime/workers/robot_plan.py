@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.config.robot_config import Planner, RobotConfig
+from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_plan import (
     GAITS,
@@ -48,7 +48,7 @@ def first_recordings(config: RunConfig, effects: Effects = ()) -> list[EpisodePl
 
 
 def drives(
-    config: RunConfig, iteration: int, planner: Planner, effects: Effects = ()
+    config: RunConfig, iteration: int, planner: str, effects: Effects = ()
 ) -> list[EpisodePlan]:
     """The episodes to goals that a planner drives in an iteration; every planner has the same goals.
 
