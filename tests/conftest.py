@@ -104,7 +104,7 @@ class Stranger:
 
     def run(self, command: str, seconds: float = 300, code: int = 0) -> tuple[str, str]:
         """Run a command of the README at smoke size; its two outputs, if it ends with the code."""
-        small = command.replace(".venv/bin/", f"{BIN}/").replace("prism3", "smoke")
+        small = f"{BIN}/{command.removeprefix('.venv/bin/')}".replace("prism3", "smoke")
         done = subprocess.run(
             shlex.split(small), cwd=self.folder, capture_output=True, text=True, timeout=seconds
         )
@@ -133,3 +133,9 @@ def stranger(tmp_path_factory: pytest.TempPathFactory) -> Stranger:
 def first_run(stranger: Stranger) -> tuple[str, str]:
     """What the README's first command prints, without the installation, at smoke size."""
     return stranger.run(the_two_commands()[0].split("&&")[-1].strip(), 900)
+
+
+@pytest.fixture(scope="session")
+def plain_run(stranger: Stranger) -> tuple[str, str]:
+    """What the README's run without a robot prints, at smoke size."""
+    return stranger.run("flywheel run configs/prism3.yaml", 900)

@@ -35,7 +35,7 @@ def test_the_first_command_installs_what_ci_installs_and_runs_the_default() -> N
     assert environment == "python3 -m venv .venv"
     arguments = install.removeprefix(".venv/bin/pip install -q ")
     assert arguments in (ROOT / ".ci" / "run").read_text()
-    assert start == ".venv/bin/flywheel run configs/prism3.yaml"
+    assert start == ".venv/bin/flywheel run configs/prism3_robot.yaml"
     assert second == ".venv/bin/pytest"
 
 
@@ -45,16 +45,15 @@ def test_the_first_command_runs_and_shows_what_came_of_it(
     first_run: tuple[str, str], stranger: Stranger
 ) -> None:
     printed, progress = first_run
-    assert (stranger.folder / "runs" / "smoke" / "result.json").exists()
-    for shown in (
-        "i0000-mppi",
-        "i0001-mppi",
-        "persistence",
-        "runs/smoke/report.html",
-        "flywheel ui runs/smoke",
-    ):
+    assert (stranger.folder / "runs" / "smoke_robot" / "result.json").exists()
+    for shown in ("i0000-mppi", "runs/smoke_robot/report.html", "flywheel ui runs/smoke_robot"):
         assert shown in printed
-    for stage in ("collect", "train", "navigate"):  # as plain lines: there is no terminal
+    for stage in (
+        "collect",
+        "train",
+        "drive the robot",
+        "diagnose",
+    ):  # as plain lines: there is no terminal
         assert stage in progress
 
 
@@ -66,6 +65,18 @@ def test_the_page_of_the_run_is_made(command: str, stranger: Stranger) -> None:
     printed, _ = stranger.run(command)
     page = Path(re.findall(r"\S+\.html", printed)[0])
     assert (stranger.folder / page).stat().st_size > 10_000
+
+
+@pytest.mark.ray
+@pytest.mark.slow
+@pytest.mark.usefixtures("first_run")
+@pytest.mark.parametrize("command", lines_with(".venv/bin/flywheel robot reveal"))
+def test_at_last_it_is_said_what_was_hidden(command: str, stranger: Stranger) -> None:
+    assert "torque_speed" in stranger.run(command)[0]
+
+
+def test_the_run_without_a_robot_is_the_one_that_the_tests_make() -> None:
+    assert ".venv/bin/flywheel run configs/prism3.yaml" in lines_with(".venv/bin/flywheel run")
 
 
 @pytest.fixture
@@ -105,7 +116,7 @@ def test_the_dashboard_of_the_run_is_served(dashboard: tuple[subprocess.Popen, s
             time.sleep(0.5)
 
 
-@pytest.mark.parametrize("command", lines_with(".venv/bin/flywheel robot"))
+@pytest.mark.parametrize("command", lines_with(".venv/bin/flywheel robot check"))
 @pytest.mark.slow
 def test_a_robot_of_one_s_own_is_checked(command: str, stranger: Stranger) -> None:
     mjcf = code_blocks((ROOT / "docs" / "robots.md").read_text(), "xml")[0]

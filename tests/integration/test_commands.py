@@ -11,7 +11,7 @@ import pytest
 
 from tests.conftest import Stranger
 
-pytestmark = [pytest.mark.ray, pytest.mark.slow, pytest.mark.usefixtures("first_run")]
+pytestmark = [pytest.mark.ray, pytest.mark.slow, pytest.mark.usefixtures("plain_run")]
 RUN = "runs/smoke"
 
 

@@ -33,8 +33,8 @@ def words_of(folder: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def peaceful(first_run, stranger):
-    """What the README's first command came to."""
+def peaceful(plain_run, stranger):
+    """What the README's run without a robot came to."""
     return stranger.folder / "runs" / "smoke"
 
 

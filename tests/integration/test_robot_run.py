@@ -8,33 +8,19 @@ import pytest
 from mlflow import MlflowClient
 
 from flywheel.data import TrajectoryStore
-from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.loop import run
 from flywheel.runtime.results import RunResult
 from flywheel.runtime.tracking.dashboard import DATABASE
-from tests.unit.runtime.tiny_run import TINY
+from tests.conftest import ROOT, Stranger
 
 pytestmark = [pytest.mark.ray, pytest.mark.slow]
-CONFIG = {
-    **TINY,
-    "robot": {
-        "hidden": ["torque_speed:3"],
-        "first": 3,
-        "first_seconds": 1.6,
-        "drives": 1,
-        "validation": 0.34,
-        "test": 0.34,
-    },
-    "evaluate": {**TINY["evaluate"], "floor": False, "video": True},
-    "diagnose": {"on": True, "effects": ["torque_speed"], "seconds": 1.2, "episode_seconds": 1.2},
-}
 
 
 @pytest.fixture(scope="module")
-def folder(local_ray: object, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    there = tmp_path_factory.mktemp("robot") / "run"
-    run(RunConfig.model_validate(CONFIG), there)
-    return there
+def folder(first_run: object, stranger: Stranger) -> Path:
+    """What the README's first command came to."""
+    return stranger.folder / "runs" / "smoke_robot"
 
 
 def test_what_the_robot_has_is_found_and_the_plant_predicts_it_better(folder: Path) -> None:
@@ -111,6 +97,6 @@ def test_nothing_is_driven_again_when_the_run_is_resumed(folder: Path, local_ray
     models = [iteration.model for iteration in RunResult.load(folder).iterations]
     (folder / "iterations" / "i0001-mppi.json").unlink()
     (folder / "result.json").unlink()
-    again = run(RunConfig.model_validate(CONFIG), folder, resume=True)
+    again = run(load_config(ROOT / "configs" / "smoke_robot.yaml"), folder, resume=True)
     assert [iteration.model for iteration in again.iterations] == models
     assert {path: path.stat().st_mtime_ns for path in (folder / "robot").glob("*.jsonl")} == before
