@@ -20,6 +20,9 @@ from flywheel.validation import validated
 
 FORMAT = 2  # of the JSON that is written
 CLEAR = (Verdict.EFFECT, Verdict.PARTIAL)
+# Of the held-out error beyond noise, as mean squares: effects that take away so much are worth having in the
+# plant although something else is left that no effect explains.
+WORTH_HAVING = 0.5
 EVIDENCE = ("verdict", "error", "held_out", "residual", "recordings", "held_out_recordings")
 MOST_ANSWERS = 1000  # also of the effects of one
 MOST_NAMED = 20  # alternatives, in a message
@@ -72,10 +75,19 @@ Together = Annotated[tuple[FoundEffect, ...], Field(max_length=MOST_ANSWERS)]
 
 
 class HeldOut(_Part):
-    """Root mean squares on held-out recordings, before and after [m]. May be NaN."""
+    """Root mean squares on held-out recordings, before and after, and that of noise [m]. May be NaN."""
 
     baseline: StrictFloat
     augmented: StrictFloat
+    noise: StrictFloat = math.nan
+
+    @property
+    def explained(self) -> float:
+        """Share of the mean square beyond noise that is gone; NaN where it is not known."""
+        if not self.baseline > self.noise:
+            return math.nan
+        beyond = (self.baseline - self.noise) * (self.baseline + self.noise)
+        return (self.baseline - self.augmented) * (self.baseline + self.augmented) / beyond
 
 
 class AboutRobot(_Part):
@@ -121,29 +133,58 @@ class Answer(_Part):
             )
         return answer
 
+    @property
+    def alternatives(self) -> tuple[Together, ...]:
+        """Those with an effect."""
+        return tuple(each for each in self.answer_set if each)
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the first alternative may be adopted without naming it.
+
+        It may where the verdict is clear; and where something else is left beside it, but it is the only one and
+        explains most of what held-out recordings have beyond noise.
+        """
+        if self.verdict in CLEAR:
+            return True
+        alone = self.verdict == Verdict.OUTSIDE_LIBRARY and len(self.alternatives) == 1
+        return alone and self.held_out is not None and self.held_out.explained >= WORTH_HAVING
+
     def chosen(self, number: int | None) -> tuple[FoundEffect, ...]:
-        """The effects of an alternative, from 1, or of the first of a clear verdict.
+        """The effects of an alternative, from 1, or of the first where that is clear.
 
         Raises:
           DataError: there is none, or it is not clear which.
         """
-        alternatives = [each for each in self.answer_set if each]
+        alternatives = self.alternatives
         if not alternatives and self.verdict == Verdict.NOISE_ONLY and self.calibration:
             return ()
         if not alternatives:
             raise DataError(f"The verdict is {self.verdict}: there is no effect to adopt.")
-        if number is None and self.verdict not in set(CLEAR):
+        if number is None and not self.is_clear:
             named = "; ".join(
                 f"{number}: {' with '.join(each.effect for each in alternative)}"
                 for number, alternative in enumerate(alternatives[:MOST_NAMED], 1)
             )
             raise DataError(
                 f"The verdict is {self.verdict}: say which answer to adopt. There are {named}."
+                f"{self._too_little()}"
             )
         number = 1 if number is None else number
         if not 1 <= number <= len(alternatives):
             raise DataError(f"There are answers 1 to {len(alternatives)}, got {number}.")
         return alternatives[number - 1]
+
+    def _too_little(self) -> str:
+        """How far the only answer is from being adopted unnamed, beside something that no effect explains."""
+        if self.verdict != Verdict.OUTSIDE_LIBRARY or len(self.alternatives) != 1:
+            return ""
+        if self.held_out is None or math.isnan(self.held_out.explained):
+            return " Held-out recordings would say whether it is worth having."
+        return (
+            f" It takes away {self.held_out.explained:.0%} of the error beyond noise on held-out recordings; "
+            f"from {WORTH_HAVING:.0%} on it is adopted unnamed."
+        )
 
     def check_held_out(self) -> None:
         """Refuse effects that held-out recordings speak against.

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from flywheel.diagnosis import Diagnosis
+from flywheel.diagnosis import Diagnosis, Verdict
 from flywheel.diagnosis.adoption import adoptable
+from flywheel.diagnosis.results.answer import Answer
 from flywheel.errors import DataError
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.runtime.pool.jobs import Job
@@ -74,5 +75,7 @@ def _next_effects(answer: Mapping[str, Any], before: Effects) -> tuple[Effects, 
         after = adoptable(answer)
     except DataError as error:
         return before, str(error)
-    labels = ", ".join(effect.label for effect in after)
-    return after, f"{answer['verdict']}: the plant now has {labels}."
+    labels, said = ", ".join(effect.label for effect in after), Answer.of(answer)
+    share = "" if said.held_out is None else f"{said.held_out.explained:.0%} of what was held out, "
+    beside = f" ({share}something else is left)" if said.verdict == Verdict.OUTSIDE_LIBRARY else ""
+    return after, f"{said.verdict}: the plant now has {labels}{beside}."

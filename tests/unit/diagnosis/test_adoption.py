@@ -72,7 +72,17 @@ def test_the_plant_gets_the_value_that_fits_its_own_time_step(tmp_path: Path) ->
         (answer("NOISE_ONLY"), None, "verdict is NOISE_ONLY: there is no effect to adopt"),
         (answer("NOISE_ONLY"), 1, "there is no effect to adopt"),
         (answer("AMBIGUOUS", [GAIN], [FRICTION]), None, "1: winch_gain; 2: cable_friction"),
-        (answer("OUTSIDE_LIBRARY", [GAIN]), None, "say which answer"),
+        (
+            answer("OUTSIDE_LIBRARY", [GAIN], after=0.0111),
+            None,
+            "which answer.* 33% of .* from 50%",
+        ),
+        (answer("OUTSIDE_LIBRARY", [GAIN], [FRICTION]), None, "say which answer"),
+        (
+            {**answer("OUTSIDE_LIBRARY", [GAIN]), "held_out": None},
+            None,
+            "Held-out recordings would",
+        ),
         (answer("EFFECT", [GAIN]), 2, "answers 1 to 1, got 2"),
         (answer("EFFECT", [GAIN], after=0.013), None, "13 mm with these effects and 12 mm without"),
         (answer("EFFECT", [GAIN], after=float("nan")), None, "do not carry over"),
@@ -85,6 +95,14 @@ def test_what_is_not_clear_is_not_adopted(
     with pytest.raises(FlywheelError, match=message):
         adopt(summary, PRISM, tmp_path / "plants", number)
     assert not (tmp_path / "plants").exists()
+
+
+def test_an_effect_that_explains_most_of_what_is_held_out_is_adopted_beside_what_nobody_explains() -> (
+    None
+):
+    assert [e.effect for e in adoptable(answer("OUTSIDE_LIBRARY", [GAIN], after=0.0105))] == [
+        "winch_gain"
+    ]
 
 
 def test_naming_an_answer_overrules_doubts() -> None:
