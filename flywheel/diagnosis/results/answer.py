@@ -142,8 +142,8 @@ class Answer(_Part):
     def is_clear(self) -> bool:
         """Whether the first alternative may be adopted without naming it.
 
-        It may where the verdict is clear; and where something else is left beside it, but it is the only one and
-        explains most of what held-out recordings have beyond noise.
+        It may where the verdict is clear; and where something else is left beside it, but it is the only one
+        and explains most of what held-out recordings have beyond noise.
         """
         if self.verdict in CLEAR:
             return True
