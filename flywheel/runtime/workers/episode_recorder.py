@@ -89,6 +89,7 @@ class EpisodeRecorder:
         task: Task | None = None,
         terrain: Terrain | None = None,
         fineness: int = 1,
+        threads: int | None = None,
     ) -> Plant:
         """The plant of a data set.
 
@@ -98,13 +99,14 @@ class EpisodeRecorder:
           task: whose obstacles are added.
           terrain: ground; None for a level one.
           fineness: how many times shorter MuJoCo's steps are than in the MJCF.
+          threads: of the plant; None for `sim_threads`. They change no number.
         """
         plant = Plant(
             self.robot,
             self.config.network.dt,
             parameters=self.config.datasets[dataset].plant,
             obstacles=() if task is None else task.obstacles,
-            threads=self.config.sim_threads,
+            threads=threads or self.config.sim_threads,
             terrain=terrain,
         )
         return with_effects(refined(plant, fineness), self._terms(effects))

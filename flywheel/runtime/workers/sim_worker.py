@@ -5,6 +5,7 @@ Episodes go to the store; the driver gets ids, numbers and the answer of a diagn
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -188,6 +189,8 @@ class SimWorker:
     def diagnose(self, effects: Effects, fit: Sequence[str], held_out: Sequence[str]) -> Diagnosis:
         """Find what the plant with these effects lacks to explain recordings.
 
+        Nothing else of a run computes meanwhile, so that it takes all cores of its machine.
+
         Args:
           effects: of the plant.
           fit, held_out: ids of recordings.
@@ -199,7 +202,7 @@ class SimWorker:
         named, asked = self._config.diagnose.effects, self._config.library(EFFECTS)
         return diagnose_plant(
             self._config.diagnose,
-            self._recorder.plant(0, effects),
+            self._recorder.plant(0, effects, threads=len(os.sched_getaffinity(0))),
             effects,
             (self._store.read(name) for name in fit),
             (self._store.read(name) for name in held_out),
