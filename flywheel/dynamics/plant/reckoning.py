@@ -32,16 +32,18 @@ class Reckoning:
       robot: whose winches they are.
       dt: control step [s].
       terms: what is known of its plant, beyond the MJCF.
+      speed: how many times faster than commanded rate winches are known to turn (`PlantParameters`).
     """
 
     robot: Robot
     dt: float
     terms: Terms = ()
+    speed: float = 1.0
 
     @cached_property
     def nominal(self) -> bool:
-        """Whether no effect of the winches is known."""
-        return not any(
+        """Whether winches are not known to do anything but what the MJCF says."""
+        return self.speed == 1.0 and not any(
             isinstance(term.effect, CommandEffect | WinchEffect) and not term.absent
             for term in self.terms
         )
@@ -80,7 +82,7 @@ class Reckoning:
         groups = grouped([self.terms], CommandEffect, len(self.robot.winches))  # type: ignore[type-abstract]
         for effect, _, values in sorted(groups, key=lambda group: group[0].stage):
             told = effect.command(told, values, self.robot, self.dt)
-        return np.asarray(told[0])
+        return np.asarray(told[0]) * np.where(self.robot.rate_driven, self.speed, 1.0)
 
     def wound(
         self,

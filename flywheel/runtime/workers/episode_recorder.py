@@ -170,7 +170,12 @@ class EpisodeRecorder:
             episode_id=plan.id,
             provenance=self._provenance(plan, model),
             split=plan.split,
-            reckoning=Reckoning(self.robot, plant.dt, self._terms(plan.effects)),
+            reckoning=Reckoning(
+                self.robot,
+                plant.dt,
+                self._terms(plan.effects),
+                self.config.datasets[plan.dataset].plant.winch_speed,
+            ),
             on_piece=told,
         )
 

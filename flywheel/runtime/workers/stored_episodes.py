@@ -26,7 +26,8 @@ KEPT = 32  # episodes whose winch positions are kept, because scoring asks for t
 class EpisodeWinches:
     """Winch positions of episodes, by dead-reckoning (`Reckoning`).
 
-    A simulated episode names the effects of its plant. Recordings are assumed to have the adopted effects.
+    A simulated episode names the effects and the numbers of its plant. Recordings are assumed to have the adopted
+    effects.
 
     Attributes:
       robot: of the episodes.
@@ -51,7 +52,8 @@ class EpisodeWinches:
         simulated = episode.provenance.source == "sim"
         effects = effects_of(episode) if simulated else self.effects
         terms = tuple(effect.term(self.robot, self.library) for effect in effects)
-        return Reckoning(self.robot, episode.trajectory.dt, terms).known(episode.trajectory)
+        speed = episode.provenance.plant.get("winch_speed", 1.0)
+        return Reckoning(self.robot, episode.trajectory.dt, terms, speed).known(episode.trajectory)
 
     @property
     def effects_digest(self) -> str:
