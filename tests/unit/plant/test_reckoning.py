@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from flywheel.control import RandomControls
-from flywheel.dynamics.plant import EffectivePlant, MeasurementModel, Plant, Reckoning
+from flywheel.dynamics.plant import (
+    EffectivePlant,
+    MeasurementModel,
+    Plant,
+    PlantParameters,
+    Reckoning,
+)
 from flywheel.effects import NAMED, Scales, Term, Terms
 from flywheel.errors import RobotError
 from flywheel.records import Floats, Observation, Trajectory
@@ -25,10 +31,13 @@ def typical(name: str, robot: Robot, size: float = 1.0) -> Terms:
     return (Term(effect, None, (*sizes, *(p.typical(scales) for p in effect.shapes))),)
 
 
-def driven(robot: Robot, terms: Terms, noise: float = 0.0) -> tuple[Trajectory, Floats]:
+def driven(
+    robot: Robot, terms: Terms, noise: float = 0.0, speed: float = 1.0
+) -> tuple[Trajectory, Floats]:
     """What is seen of a robot under random controls, without its winches; and where these were."""
     rng = np.random.default_rng(draws.seed())
-    plant = EffectivePlant(robot, terms) if terms else Plant(robot)
+    numbers = PlantParameters(winch_speed=speed)
+    plant = EffectivePlant(robot, terms) if terms else Plant(robot, parameters=numbers)
     start = Plant(robot).settle(1.0)
     controls = RandomControls(robot, 0.01).sequence(
         plant.winch(start)[0], round(SECONDS / 0.01), int(rng.integers(2**31))
@@ -58,6 +67,13 @@ def test_what_happens_to_commands_is_reckoned_with(robot, name) -> None:
     nominal = Reckoning(robot, 0.01).known(track)
     assert off(nominal, truth) > 0.003 * robot.length
     assert off(known, truth) < 0.1 * off(nominal, truth)
+
+
+@pytest.mark.parametrize("speed", [0.9, 1.1])
+def test_winches_that_are_known_to_turn_at_another_speed_are_reckoned_with_it(robot, speed) -> None:
+    track, truth = driven(robot, (), speed=speed)
+    assert off(Reckoning(robot, 0.01).known(track), truth) > 0.003 * robot.length
+    assert off(Reckoning(robot, 0.01, speed=speed).known(track), truth) < 1e-6
 
 
 def test_a_marker_that_is_lost_takes_only_its_bodys_cables_with_it(robot) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flywheel.control import MppiConfig
-from flywheel.dynamics.plant import PlantDynamics
+from flywheel.dynamics.plant import PlantDynamics, PlantParameters
 from flywheel.effects import WrittenTerm
 from flywheel.errors import DataError
 from flywheel.records import Floats, Past, Rollout
@@ -68,6 +68,17 @@ def test_winches_of_episodes_are_where_what_is_known_of_their_plant_says() -> No
     assert nothing.effects_digest == "" and adopted.effects_digest
     weaker = WrittenTerm(effect="winch_gain", parameters={"share": 0.1})
     assert adopted.effects_digest != EpisodeWinches(robot, (weaker,)).effects_digest
+
+
+def test_winches_of_a_data_set_turn_as_fast_as_its_plant_says() -> None:
+    slow = DataSet(name="slow", plant=PlantParameters(winch_speed=0.9))
+    collect = CollectConfig(gaits=0, random=6, random_seconds=2.0, validation=0.2, test=0.2)
+    config = RunConfig(collect=collect, datasets=(DataSet(), slow))
+    recorder = EpisodeRecorder(config, load_robot(config.model))
+    for plan in collection(config, 0, "mppi")[:2]:
+        episode = recorder.record(plan, None, "", NobodyWatches())
+        truth = recorder.robot.winch_of(episode.trajectory.states)
+        assert np.allclose(EpisodeWinches(recorder.robot)(episode), truth, atol=1e-6), plan.dataset
 
 
 class Told(PlantDynamics):
