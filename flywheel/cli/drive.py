@@ -102,6 +102,7 @@ def drive(
 
     flywheel drive prism3 --model plant --robot my_lab:MyRobot --argument port=/dev/ttyUSB0
     """
+    from flywheel.cli.drives import read_drives
     from flywheel.cli.robot_driver import RobotDriver
     from flywheel.outputs import check_folder, check_outputs
     from flywheel.runtime.config.shipped import config_file
@@ -110,15 +111,20 @@ def drive(
     place = Path(source) if Path(source).is_dir() else config_file(source)
     check_outputs({"results": results, "picture": picture}, inputs=[place])
     check_folder(logs, "folder of the logs")
-    files = _new_files(logs, model, range(seed, seed + episodes))
+    there = read_drives(results) if results else []
     stand_in = stand_in_config(hidden, noise, rate, latency, latency_told, dropout, encoders)
     way = _arguments(arguments or [])
     driver = RobotDriver(place, tuple(overrides or ()), model, robot, stand_in, way)
     try:
+        driven = {drive.seed for drive in there if drive.setting == driver.setting}
+        seeds = [each for each in range(seed, seed + episodes) if each not in driven]
+        if len(seeds) < episodes:
+            out.say(f"{episodes - len(seeds)} of {episodes} episodes are in {results} already.")
+        files = _new_files(logs, model, seeds)
         lines, ended = _drive_all(out, driver, files, results)
     finally:
         driver.link.close()
-    show_drives(out, lines, picture)
+    show_drives(out, [*there, *lines], picture)
     if ended in CODES:
         raise typer.Exit(CODES[ended])
 

@@ -36,7 +36,7 @@ class Setting(ResultRecord):
       samples, horizon_seconds: of the planner.
       threads: that planned.
       config: digest of the configuration.
-      link: to the robot, where one was driven; "" for a plant.
+      link: to the robot, where one was driven, with the sensors of a stand-in; "" for a plant.
     """
 
     robot: str

@@ -59,6 +59,7 @@ class RobotDriver:
     ) -> None:
         threads = f"sim_threads={len(os.sched_getaffinity(0))}"  # nothing else runs beside it
         self.config, self.model, self.where = config_of(source, [threads, *overrides]), model, where
+        self._stand_in = stand_in if where == SIMULATED else None
         if where == SIMULATED and self.config.task.name != "reach":
             raise ConfigError(
                 "A stand-in has no obstacles around it: task.name must be reach, got "
@@ -164,9 +165,18 @@ class RobotDriver:
             model=self.model,
             digest=self._digest,
             effects=tuple(effect.label for effect in self._effects),
+            hidden=() if self._stand_in is None else self._stand_in.hidden,
             samples=config.mppi.samples,
             horizon_seconds=config.mppi.horizon_seconds,
             threads=config.sim_threads,
             config=config_digest(config),
-            link=self.where,
+            link=self.where if self._stand_in is None else _sensors(self._stand_in),
         )
+
+
+def _sensors(stand_in: StandInConfig) -> str:
+    """A stand-in and its sensors: "simulated, noise 0.003"."""
+    values = stand_in.model_dump(exclude={"hidden"})
+    usual = StandInConfig().model_dump()
+    changed = [f"{name} {value}" for name, value in values.items() if value != usual[name]]
+    return ", ".join([SIMULATED, *changed])

@@ -26,8 +26,8 @@ KEPT = 32  # episodes whose winch positions are kept, because scoring asks for t
 class EpisodeWinches:
     """Winch positions of episodes, by dead-reckoning (`Reckoning`).
 
-    A simulated episode names the effects and the numbers of its plant. Recordings are assumed to have the adopted
-    effects.
+    A simulated episode names the effects and the numbers of its plant. Recordings are assumed to have the
+    adopted effects.
 
     Attributes:
       robot: of the episodes.

@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from flywheel.cli.drives import (
     Drive,
@@ -14,6 +15,7 @@ from flywheel.cli.drives import (
     drive_table,
     read_drives,
 )
+from flywheel.cli.main import app
 from flywheel.errors import DataError
 from flywheel.runtime.results import Walk
 from tests import draws
@@ -65,3 +67,24 @@ def test_the_picture_has_a_part_for_each_setting(tmp_path):
     without = drive(0).model_copy(update={"walk": drive(0).walk.model_copy(update={"path": ()})})
     with pytest.raises(DataError, match="path to draw"):
         drive_picture([without], path)
+
+
+@pytest.mark.slow
+def test_a_drive_that_the_results_have_is_not_driven_again(tmp_path):
+    results = tmp_path / "results.jsonl"
+    small = ["task.seconds=0.3", "mppi.samples=2", "mppi.horizon_seconds=0.5", "mppi.elites=1"]
+
+    def ask(logs: str, *more: str) -> str:
+        kept = ["--results", str(results), "--logs", str(tmp_path / logs)]
+        done = CliRunner().invoke(app, ["drive", "smoke", *small, "--model", "plant", *kept, *more])
+        assert done.exit_code == 0, done.output
+        return done.output
+
+    ask("a")
+    assert "1 of 2 episodes are in" in ask("b", "--episodes", "2").replace("\n", " ")
+    ask("c", "--noise", "0.01")  # other sensors, and another robot, are something else
+    ask("d", "--hidden", "payload")
+    settings = [each.setting for each in read_drives(results)]
+    assert [each.seed for each in read_drives(results)] == [0, 1, 0, 0]
+    assert settings[0] == settings[1] and len({s.link for s in settings}) == 2
+    assert settings[3].hidden == ("payload",)
