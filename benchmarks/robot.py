@@ -187,7 +187,7 @@ class Study:
             with progress.stage(f"{self.path.name}: {planner} drives", float(len(left))) as stage:
                 for done, seed in enumerate(left):
                     begun = time.process_time()
-                    driven = driver.drive(seed, stage)
+                    driven = driver.drive(seed, stage, file.with_suffix(".transcript"))
                     append_drive(file, driver.line(seed, driven, begun))
                     stage.update(done + 1.0)
         finally:

@@ -90,7 +90,8 @@ def drive(
     """Drive a robot to goals with MPPI, and keep what it measured.
 
     Success is judged by measurements alone. However an episode ends, with Ctrl-C or by a lost link too, the
-    robot is told to hold still, and its log is whole up to there.
+    robot is told to hold still, and its log is whole up to there. While it goes on, everything is also in a
+    transcript beside the log; `flywheel robot log` makes a log of that of a driver that was killed.
 
     [bold]Examples[/bold]
 
@@ -140,10 +141,12 @@ def _drive_all(
     lines, ended, progress = [], "", console_progress()
     for number, (seed, file) in enumerate(files.items(), 1):
         begun = time.process_time()
-        with progress.stage(f"drive {number}/{len(files)}", 1.0) as stage:
-            driven = driver.drive(seed, stage)
         file.parent.mkdir(parents=True, exist_ok=True)
+        transcript = file.with_suffix(".jsonl")
+        with progress.stage(f"drive {number}/{len(files)}", 1.0) as stage:
+            driven = driver.drive(seed, stage, transcript)
         write_recording(driven.episode, file, driver.robot)
+        transcript.unlink()
         lines.append(driver.line(seed, driven, begun))
         if results:
             append_drive(results, lines[-1])

@@ -13,6 +13,7 @@ import typer
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import FAILED
 from flywheel.cli.reveal import reveal
+from flywheel.cli.robot_log import log
 from flywheel.cli.serve import serve
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
 app.command()(serve)
 app.command()(reveal)
+app.command()(log)
 
 EDGES = ("body", "cable", "contact")
 DT = 0.01  # between commands, unless it is given: what all commands take [s]

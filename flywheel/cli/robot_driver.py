@@ -18,7 +18,7 @@ from flywheel.dynamics.gnn.shipped import SHIPPED
 from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ConfigError
-from flywheel.robot_link import RobotLink, Sample, StandInConfig
+from flywheel.robot_link import RobotLink, Sample, StandInConfig, TranscribedLink
 from flywheel.robot_link.opening import SIMULATED, open_link
 from flywheel.runtime.config.run_config import config_digest
 from flywheel.runtime.pool.progress import Stage
@@ -103,12 +103,13 @@ class RobotDriver:
             )
         return found
 
-    def drive(self, seed: int, stage: Stage) -> Drive:
+    def drive(self, seed: int, stage: Stage, transcript: Path) -> Drive:
         """Drive one episode; however it ends, what was measured is in the result.
 
         Args:
           seed: of task, planner and, where simulated, of the sensors.
           stage: shows how far it is.
+          transcript: file for what goes over the link, which stays if this process is killed.
         """
         plan = self._plan(seed)
         steps = max(1, round(plan.seconds / self.config.network.dt))
@@ -116,7 +117,11 @@ class RobotDriver:
         def on_step(done: int, sample: Sample) -> None:
             stage.update(min(1.0, done / steps))
 
-        return self._recorder.record(self.link, plan, self._dynamics, self._digest, on_step)
+        link = TranscribedLink(self.link, transcript)
+        try:
+            return self._recorder.record(link, plan, self._dynamics, self._digest, on_step)
+        finally:
+            link.end()
 
     def _plan(self, seed: int) -> EpisodePlan:
         return EpisodePlan(

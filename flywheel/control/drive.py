@@ -22,6 +22,8 @@ from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError, ModelError
 from flywheel.records import Episode, Floats, Observation, Outcome, Provenance, Split
 from flywheel.robot_link.protocol import RobotLink, Sample
+from flywheel.robot_link.transcript import ReplayedLink
+from flywheel.robot_link.wire import Reset, Send
 from flywheel.robots import Robot
 from flywheel.tasks import Task
 
@@ -57,7 +59,7 @@ class _Going:
     """A drive that is under way."""
 
     log: EpisodeLog
-    planner: Planner
+    planner: Planner | _Repeated
     task: Task | None
     last_seen: Floats
     skipped: int = 0
@@ -121,6 +123,41 @@ def drive(
         going.planner.close()
     episode = _episode(going, episode_id, provenance, split, why)
     return Drive(episode, ended, why, going.planner.late, going.skipped)
+
+
+def replayed(
+    link: ReplayedLink,
+    robot: Robot,
+    *,
+    episode_id: str,
+    provenance: Provenance,
+    reckoning: Reckoning,
+) -> Drive:
+    """The drive that a transcript tells of, up to where it ends: that of a driver that was killed, say.
+
+    Args:
+      link: the transcript, from its beginning.
+      robot: of its MJCF.
+      episode_id, provenance: of the episode.
+      reckoning: of winches that are not measured.
+
+    Raises:
+      LinkError: it is of another robot, or ends before the first step.
+    """
+    link.info.check_is(robot)
+    link.reset(link.coming(Reset).seed)
+    first = link.info.check(link.observe())
+    steps = steps_of(max(link.seconds - first.time, link.info.period), link.info.period)
+    log = EpisodeLog(robot, link.info.period, steps, reckoning)
+    log.see(_observation(first), 0)
+    going = _Going(log, _Repeated(link), None, without_gaps(first.points))
+    ended: Ending = "time"
+    try:
+        ended = _go(link, going, first, steps, None)
+    except LinkError:
+        if not log.done:
+            raise
+    return Drive(_episode(going, episode_id, provenance, "train", ""), ended, "", 0, going.skipped)
 
 
 def _begun(
@@ -251,6 +288,30 @@ class Planner:
         self._begin, self._next = begin, begin + len(controls)
         tail = controls[:0] if command.tail is None else command.tail
         self._plan = _Plan(np.concatenate([controls, tail]))
+
+
+class _Repeated:
+    """In the place of a planner: gives the commands that a transcript has."""
+
+    late = 0
+
+    def __init__(self, link: ReplayedLink) -> None:
+        self._link = link
+        self.commands: dict[float, Command] = {}
+
+    def command(self) -> Floats:
+        """The command (W,) that was sent next.
+
+        Raises:
+          LinkError: there is none.
+        """
+        return np.array(self._link.coming(Send).controls)
+
+    def begin(self, task: Task) -> None:
+        """Nothing: what was planned was planned."""
+
+    def close(self) -> None:
+        """Nothing is left to do."""
 
 
 @dataclass(frozen=True)

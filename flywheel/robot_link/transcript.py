@@ -5,6 +5,8 @@ A transcript has the lines of the wire format (`wire`): what was asked, each fol
 
 from __future__ import annotations
 
+from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, TypeVar
 
@@ -40,7 +42,7 @@ class TranscribedLink:
     def __init__(self, link: RobotLink, path: Path) -> None:
         self._link, self.info = link, link.info
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._file: IO[bytes] = path.open("wb")
+        self._file: IO[bytes] = path.open("wb", buffering=0)  # whole lines, also if this is killed
         self._write(Hello(), About.of(self.info))
 
     def reset(self, seed: int = 0) -> None:
@@ -90,11 +92,31 @@ class ReplayedLink:
 
     def __init__(self, path: Path) -> None:
         try:
-            self._lines = iter(path.read_bytes().splitlines())
+            self._lines = deque(path.read_bytes().splitlines())
         except OSError as error:
             raise LinkError(f"The transcript {path} cannot be read: {error.strerror}.") from None
         self._path = path
         self.info: RobotInfo = self._ask(Hello(), About).info
+
+    @property
+    def seconds(self) -> float:
+        """Time of the last measurement, by the robot's clock [s]; 0 without one."""
+        for line in reversed(self._lines):
+            with suppress(LinkError):  # a request, or a line that was cut
+                if isinstance(message := answer_of(line), Measured):
+                    return message.time
+        return 0.0
+
+    def coming(self, kind: type[Expected]) -> Expected:
+        """The driver's next message, which stays the next one.
+
+        Raises:
+          LinkError: it is another one, or the transcript ends.
+        """
+        message = request_of(self._lines[0]) if self._lines else None
+        if not isinstance(message, kind):
+            raise LinkError(f"{self._path} ends here.")
+        return message
 
     def reset(self, seed: int = 0) -> None:
         """As it was."""
@@ -131,7 +153,6 @@ class ReplayedLink:
         return answer
 
     def _next(self) -> bytes:
-        line = next(self._lines, None)
-        if line is None:
+        if not self._lines:
             raise LinkError(f"{self._path} ends before the episode does.")
-        return line
+        return self._lines.popleft()

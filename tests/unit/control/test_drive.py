@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flywheel.control import Command, RandomControls
-from flywheel.control.drive import Drive, drive
+from flywheel.control.drive import Drive, drive, replayed
 from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError, ModelError
 from flywheel.records import Floats, Past, Provenance
-from flywheel.robot_link import RobotInfo, RobotLink, Sample, StandIn, StandInConfig
+from flywheel.robot_link import (
+    ReplayedLink,
+    RobotInfo,
+    RobotLink,
+    Sample,
+    StandIn,
+    StandInConfig,
+    TranscribedLink,
+)
 from flywheel.robots import Robot, load_robot
 from flywheel.tasks import Task
 
@@ -157,6 +166,41 @@ def test_a_lost_link_ends_the_drive_and_what_was_measured_is_whole(robot: Robot)
     assert np.isfinite(done.episode.trajectory.observations.points).all()
     with pytest.raises(LinkError, match="it broke"):
         driven(Clockwork(robot, breaks=2), robot, Planner())
+
+
+def test_what_a_driver_that_was_killed_had_measured_is_in_its_transcript_to_the_bit(
+    robot: Robot, tmp_path: Path
+) -> None:
+    path = tmp_path / "drive.jsonl"
+    link = TranscribedLink(Clockwork(robot, skips={6: 12}), path)
+    whole = driven(link, robot, Planner(steps=30), seconds=0.4).episode.trajectory
+    link.end()
+    lines = path.read_bytes().splitlines(keepends=True)
+    kept = len(lines) * 2 // 3
+    path.write_bytes(b"".join(lines[:kept]) + lines[kept][:20])
+    about = Provenance(robot=robot.digest, source="recording", dataset="recording")
+    again = replayed(
+        ReplayedLink(path),
+        robot,
+        episode_id="again",
+        provenance=about,
+        reckoning=Reckoning(robot, PERIOD),
+    )
+    track = again.episode.trajectory
+    assert 17 < track.steps < whole.steps and again.skipped == 12
+    for name in ("points", "winch"):
+        then = getattr(whole.observations, name)[: track.steps + 1]
+        np.testing.assert_array_equal(getattr(track.observations, name), then)
+    np.testing.assert_array_equal(track.controls, whole.controls[: track.steps])
+    path.write_bytes(b"".join(lines[:4]))
+    with pytest.raises(LinkError):
+        replayed(
+            ReplayedLink(path),
+            robot,
+            episode_id="again",
+            provenance=about,
+            reckoning=Reckoning(robot, PERIOD),
+        )
 
 
 class Diverging(Planner):
