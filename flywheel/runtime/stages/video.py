@@ -75,14 +75,17 @@ def _film_robot(
 ) -> tuple[str, str]:
     """Make a video of a drive with the planner that reached most goals, from what was measured.
 
+    It is the first that reached its goal, if one did.
+
     Returns:
       The planner, and the path in the run folder; both "" without a video.
     """
     if not robot.drives:
         return "", ""
     planner = max(robot.drives, key=lambda name: robot.drives[name].success.reached)
-    effects = run.effects(result.iteration)
-    plan = _first(run, drives(run.config, result.iteration, planner, effects))
+    reached = {walk.seed for walk in robot.drives[planner].walks if walk.reached}
+    plans = drives(run.config, result.iteration, planner, run.effects(result.iteration))
+    plan = _first(run, sorted(plans, key=lambda plan: plan.seed not in reached))
     if plan is None:
         return "", ""
     trajectory = run.store.read(plan.id).trajectory
