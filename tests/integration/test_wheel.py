@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from flywheel.dynamics.gnn.shipped import shipped_networks
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -52,12 +54,15 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_the_wheel_holds_the_package_and_its_configurations(wheel: Path) -> None:
+def test_the_wheel_holds_the_package_its_configurations_and_its_networks(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"flywheel"}
     shipped = {name for name in names if name.startswith("flywheel/configs/")}
     here = {file.relative_to(ROOT).as_posix() for file in (ROOT / "configs").rglob("*.yaml")}
     assert shipped == {f"flywheel/{name}" for name in here}
+    for path in shipped_networks().values():
+        for file in (path, path.with_suffix(".json"), path.with_suffix(".yaml")):
+            assert file.relative_to(ROOT).as_posix() in names
 
 
 @pytest.mark.ray
