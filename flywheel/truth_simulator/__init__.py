@@ -5,10 +5,11 @@ shares no code with the plant or the library of effects: a diagnosis that names 
 to a mistake that both make. A test checks what it imports.
 
 `HIDDEN` are the effects that a diagnosis is expected to name, `OUTSIDE` those it should say it has no
-name for.
+name for. `AsBuilt` is neither: a robot whose every number is a little off, as every real one's is.
 """
 
 from flywheel.registry import lookup
+from flywheel.truth_simulator.as_built import AsBuilt, Spread
 from flywheel.truth_simulator.body_effects import AirDrag, Payload
 from flywheel.truth_simulator.cable_effects import (
     CableDamping,
@@ -78,21 +79,23 @@ OUTSIDE: dict[str, type[HiddenEffect]] = {
 
 
 def hidden_effect(name: str) -> type[HiddenEffect]:
-    """The effect of this name, from either list.
+    """The effect of this name, from either list, or "as_built".
 
     Raises:
       UnknownNameError: no such effect.
     """
-    return lookup(HIDDEN | OUTSIDE, name, "hidden effect")
+    return lookup(HIDDEN | OUTSIDE | {"as_built": AsBuilt}, name, "hidden effect")
 
 
 __all__ = [
     "HIDDEN",
     "OUTSIDE",
+    "AsBuilt",
     "EffectTruth",
     "HiddenEffect",
     "HiddenMotion",
     "Simulation",
+    "Spread",
     "TruthSimulator",
     "hidden_effect",
 ]

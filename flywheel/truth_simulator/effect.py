@@ -12,7 +12,7 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import mujoco
 import numpy as np
@@ -20,6 +20,9 @@ import numpy as np
 from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.truth_simulator.scales import Scales
+
+if TYPE_CHECKING:
+    from flywheel.truth_simulator.cable_law import CableLaw
 
 
 @dataclass(frozen=True)
@@ -201,10 +204,23 @@ class SensingEffect(HiddenEffect):
         return np.zeros((len(robot.points), 3))
 
 
+class BuildEffect(HiddenEffect):
+    """One that changes what the cables of a robot are, and where they are attached."""
+
+    @abstractmethod
+    def law(self, law: CableLaw) -> CableLaw:
+        """The cables' numbers."""
+
+    @abstractmethod
+    def ends(self, offsets: Floats) -> Floats:
+        """(2C, 3) where the cables end, in the frames of their bodies [m]."""
+
+
 @dataclass(frozen=True)
 class Families:
     """Effects, sorted by where they take hold."""
 
+    build: tuple[BuildEffect, ...]
     model: tuple[ModelEffect, ...]
     cable: tuple[CableEffect, ...]
     winch: tuple[WinchEffect, ...]
@@ -216,6 +232,7 @@ class Families:
     @classmethod
     def of(cls, effects: Sequence[HiddenEffect]) -> Families:
         return cls(
+            build=tuple(e for e in effects if isinstance(e, BuildEffect)),
             model=tuple(e for e in effects if isinstance(e, ModelEffect)),
             cable=tuple(e for e in effects if isinstance(e, CableEffect)),
             winch=tuple(e for e in effects if isinstance(e, WinchEffect)),

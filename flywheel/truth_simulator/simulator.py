@@ -84,6 +84,8 @@ class TruthSimulator:
         self.robot, self.effects, self.contact, self.step = robot, tuple(effects), contact, step
         self.families = Families.of(self.effects)
         self.law = CableLaw.of(robot)
+        for effect in self.families.build:
+            self.law = effect.law(self.law)
         self.model = self._compile()
 
     def _compile(self) -> mujoco.MjModel:
@@ -164,6 +166,8 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:], self.data.qvel[:] = start.qpos, start.qvel
         self.skeleton = Skeleton(robot, self.model)
+        for built in sim.families.build:
+            self.skeleton.end_offset = built.ends(self.skeleton.end_offset)
         springs = sim.contact == "penalty"
         self.ground = PenaltyGround(robot, self.model, self.skeleton) if springs else None
         self.effects = effects = sim.families
