@@ -4,8 +4,9 @@ It moves a robot with effects that the model under test is not told of, in a loo
 shares no code with the plant or the library of effects: a diagnosis that names the effect does not owe that
 to a mistake that both make. A test checks what it imports.
 
-`HIDDEN` are the effects that a diagnosis is expected to name, `OUTSIDE` those it should say it has no
-name for. `AsBuilt` is neither: a robot whose every number is a little off, as every real one's is.
+`HIDDEN` are the effects that a diagnosis is expected to name, `OUTSIDE` and `UNKNOWN_LAWS` those it should
+say it has no name for, and `OTHER_FORMS` those that it has a name for, but another law. `AsBuilt` is a robot
+whose every number is a little off, as every real one's is.
 """
 
 from flywheel.registry import lookup
@@ -21,6 +22,7 @@ from flywheel.truth_simulator.cable_effects import (
     WeakCable,
 )
 from flywheel.truth_simulator.effect import EffectTruth, HiddenEffect
+from flywheel.truth_simulator.forms import OTHER_FORMS, UNKNOWN_LAWS
 from flywheel.truth_simulator.ground_effects import (
     ContactSoftness,
     GroundFriction,
@@ -79,17 +81,20 @@ OUTSIDE: dict[str, type[HiddenEffect]] = {
 
 
 def hidden_effect(name: str) -> type[HiddenEffect]:
-    """The effect of this name, from either list, or "as_built".
+    """The effect of this name, from any of the lists, or "as_built".
 
     Raises:
       UnknownNameError: no such effect.
     """
-    return lookup(HIDDEN | OUTSIDE | {"as_built": AsBuilt}, name, "hidden effect")
+    kinds: dict[str, type[HiddenEffect]] = {AsBuilt.name: AsBuilt, **OTHER_FORMS, **UNKNOWN_LAWS}
+    return lookup({**HIDDEN, **OUTSIDE, **kinds}, name, "hidden effect")
 
 
 __all__ = [
     "HIDDEN",
+    "OTHER_FORMS",
     "OUTSIDE",
+    "UNKNOWN_LAWS",
     "AsBuilt",
     "EffectTruth",
     "HiddenEffect",
