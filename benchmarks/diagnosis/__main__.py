@@ -18,7 +18,7 @@ from benchmarks.diagnosis.bench import examine, listed
 from flywheel.cli.diagnose import TrainedOption
 from flywheel.cli.exits import CODES, OneCommand
 from flywheel.cli.options import within
-from flywheel.quantities import SAMPLES
+from flywheel.quantities import SAMPLES, Bounds
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -28,13 +28,23 @@ def diagnosis(
     folder: Annotated[Path, typer.Argument(help="One result file per case.")],
     robot: Annotated[str, typer.Option(help="prism3, icosa6 or platform4.")] = "prism3",
     groups: Annotated[
-        str, typer.Option(help="none, single, pairs, triples, outside, hard.")
+        str,
+        typer.Option(
+            help="none, single, pairs, triples, outside, hard; and of robots that are a little off in every "
+            "number messy-none, messy-single, messy-pairs; and forms, laws that the library does not have."
+        ),
     ] = "none,single,pairs,triples,outside,hard",
     sizes: Annotated[
         str, typer.Option(help="Sizes of single effects, in typical sizes.")
     ] = "0.5,1,2",
     seeds: Annotated[int, typer.Option(help="Cases of each kind.", callback=within(SAMPLES))] = 5,
     only: Annotated[str, typer.Option(help="Part of the names of the cases wanted.")] = "",
+    spread: Annotated[
+        float,
+        typer.Option(
+            help="How far messy robots are off: 2 for twice as far.", callback=within(Bounds(0, 10))
+        ),
+    ] = 1.0,
     model: TrainedOption = None,
     address: Annotated[str | None, typer.Option(help="An existing Ray cluster.")] = None,
 ) -> None:
@@ -42,7 +52,9 @@ def diagnosis(
 
     Cases that have a result in the folder are not done again, so that it can be stopped at any time.
     """
-    examine(folder, robot, groups.split(","), listed(sizes), range(seeds), only, model, address)
+    examine(
+        folder, robot, groups.split(","), listed(sizes), range(seeds), only, model, address, spread
+    )
 
 
 if __name__ == "__main__":

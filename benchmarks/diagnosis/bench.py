@@ -31,7 +31,7 @@ from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.workers.model_weights import TrainedModel
-from flywheel.truth_simulator.cases import GROUPS, Case, cases
+from flywheel.truth_simulator.cases import GROUPS, MESSY_GROUPS, Case, cases
 from flywheel.truth_simulator.cases import Group as CaseGroup
 from flywheel.validation import validated
 
@@ -47,6 +47,7 @@ def examine(
     only: str,
     model: str | None,
     address: str | None,
+    spread: float = 1.0,
 ) -> None:
     """Examine the cases that the folder has no result of yet, and show the table of all.
 
@@ -54,13 +55,14 @@ def examine(
 
     Args:
       folder: one JSON file per case.
-      robot, groups, sizes, seeds: which cases; see `flywheel.truth_simulator.cases`.
+      robot, groups, sizes, seeds, spread: which cases; see `flywheel.truth_simulator.cases`.
       only: part of the names of the cases wanted.
       model: to be tested in the plant's stead; see `flywheel.cli.models`.
       address: of an existing Ray cluster.
     """
     lookup(ROBOTS, robot, "robot")  # workers load it by its name
-    wanted = [c for c in cases(load_robot(robot), _checked(groups), sizes, seeds) if only in c.name]
+    made = cases(load_robot(robot), _checked(groups), sizes, seeds, spread=spread)
+    wanted = [case for case in made if only in case.name]
     if not wanted:
         raise ConfigError(f"No case of {robot} has {only!r} in its name.")
     check_folder(folder, "folder of the results")
@@ -137,10 +139,10 @@ def _file(folder: Path, name: str) -> Path:
 
 
 def _checked(names: Sequence[str]) -> list[CaseGroup]:
-    unknown = [name for name in names if name not in GROUPS]
-    if unknown:
-        raise ConfigError(f"There is no group {unknown[0]!r}. Known: {', '.join(GROUPS)}.")
-    return [group for group in GROUPS if group in names]
+    known = (*GROUPS, *MESSY_GROUPS)
+    if unknown := [name for name in names if name not in known]:
+        raise ConfigError(f"There is no group {unknown[0]!r}. Known: {', '.join(known)}.")
+    return [group for group in known if group in names]
 
 
 COLUMNS = (

@@ -12,15 +12,20 @@ import numpy as np
 from flywheel.errors import ConfigError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
-from flywheel.truth_simulator import HIDDEN, OUTSIDE
+from flywheel.truth_simulator import HIDDEN, OTHER_FORMS, OUTSIDE, UNKNOWN_LAWS, AsBuilt
 from flywheel.truth_simulator.contact import Contact
 from flywheel.truth_simulator.effect import HiddenEffect
 from flywheel.truth_simulator.measurement import Measurement
 from flywheel.truth_simulator.recording import HiddenRecording, record
 from flywheel.truth_simulator.scripts import SCRIPTS
 
-Group = Literal["none", "single", "pairs", "triples", "outside", "hard"]
+Group = Literal[
+    "none", "single", "pairs", "triples", "outside", "hard",
+    "messy-none", "messy-single", "messy-pairs", "forms",
+]  # fmt: skip
 GROUPS: tuple[Group, ...] = ("none", "single", "pairs", "triples", "outside", "hard")
+# Robots whose every number is a little off, and laws that the library does not have.
+MESSY_GROUPS: tuple[Group, ...] = ("messy-none", "messy-single", "messy-pairs", "forms")
 SIZES = (0.5, 1.0, 2.0)
 SECONDS = 3.0
 PLAIN = Measurement()
@@ -99,6 +104,7 @@ class Case:
       robot: name of the robot.
       group: what kind of question it is.
       effects: hidden in all of its recordings, with the same values.
+      built: how the robot differs from its MJCF beside them, in all its numbers; None where it does not.
       fit: recordings to look at.
       held_out: recording to be judged by; another script, other seeds.
       measurement: how all are measured.
@@ -116,6 +122,7 @@ class Case:
     measurement: Measurement = PLAIN
     contact: Contact = "elliptic"
     told: Mapping[str, float] = field(default_factory=dict)
+    built: AsBuilt | None = None
 
     def record(self, robot: Robot) -> Recorded:
         """Simulate and measure its recordings.
@@ -128,7 +135,7 @@ class Case:
         made = [
             record(
                 robot,
-                self.effects,
+                (*self.effects, *((self.built,) if self.built else ())),
                 script_name=plan.script,
                 seconds=plan.seconds,
                 seed=plan.seed,
@@ -146,6 +153,7 @@ def cases(
     sizes: Sequence[float] = SIZES,
     seeds: Sequence[int] = (0, 1, 2),
     contact: Contact = "elliptic",
+    spread: float = 1.0,
 ) -> list[Case]:
     """All cases of the groups for a robot, in a fixed order.
 
@@ -154,16 +162,21 @@ def cases(
     robot are left out.
 
     Args:
-      sizes: multiples of the typical size, for the group "single".
+      sizes: multiples of the typical size, for the groups "single" and "messy-single".
+      spread: how many times as far off the numbers of messy robots are as in `Spread`.
 
     Raises:
       UnknownNameError: no such group.
     """
-    return [
+    made = [
         replace(case, contact=contact)
         for group in groups
         for seed in seeds
         for case in lookup(_MAKERS, group, "group of cases")(robot, seed, tuple(sizes))
+    ]
+    return [
+        case if case.built is None else replace(case, built=case.built.scaled(spread))
+        for case in made
     ]
 
 
@@ -213,6 +226,35 @@ def _hard(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
     yield replace(case, told={number: float(np.exp(rng.normal(0.0, UNSURE))) for number in TOLD})
 
 
+def _messy_none(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
+    yield _messy(_case(robot, "messy-none", "nothing", seed, ()), robot)
+
+
+def _messy_single(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
+    for name, kind in HIDDEN.items():
+        if kind.applies(robot):
+            for size in sizes:
+                yield _messy(_case(robot, "messy-single", name, seed, (kind,), size), robot)
+
+
+def _messy_pairs(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
+    for case in _together(robot, "messy-pairs", PAIRS, seed):
+        yield _messy(case, robot)
+
+
+def _forms(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
+    for name, kind in {**OTHER_FORMS, **UNKNOWN_LAWS}.items():
+        if kind.applies(robot):
+            yield _case(robot, "forms", name, seed, (kind,))
+
+
+def _messy(case: Case, robot: Robot) -> Case:
+    """The same question about a robot whose numbers are all a little off; its size changes none of them."""
+    name = ".".join(part for part in case.name.split(".") if not part.startswith("x"))
+    rng = np.random.default_rng(_digest(f"built {name}"))
+    return replace(case, built=AsBuilt.typical(robot, rng))
+
+
 _MAKERS = {
     "none": _none,
     "single": _single,
@@ -220,6 +262,10 @@ _MAKERS = {
     "triples": _triples,
     "outside": _outside,
     "hard": _hard,
+    "messy-none": _messy_none,
+    "messy-single": _messy_single,
+    "messy-pairs": _messy_pairs,
+    "forms": _forms,
 }
 
 

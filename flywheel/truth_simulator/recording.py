@@ -34,7 +34,7 @@ class HiddenRecording:
       true_points: (T + 1, P, 3) where the tracked points were [m].
       winch_true: (T + 1, W) where the motors were, as length paid out [m].
       rest_true: (T + 1, C) rest lengths of the cables [m].
-      effects: the answers.
+      effects: the answers; how the robot was built is none.
       script: name of the command script.
       seed: of commands and noise.
       contact: kind of ground contact it was simulated with.
@@ -132,7 +132,7 @@ def record(
         true_points=motion.points,
         winch_true=motion.motor,
         rest_true=motion.rest,
-        effects=tuple(effect.truth(robot) for effect in effects),
+        effects=tuple(effect.truth(robot) for effect in effects if effect.units),
         script=script_name,
         seed=seed,
         contact=contact,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,18 @@ def test_cases_that_differ_in_size_share_places_and_plans(prism3: Robot) -> None
     assert (small.fit, small.held_out) == (large.fit, large.held_out)
 
 
+def test_a_messy_robot_is_the_same_at_each_size_of_what_is_hidden(prism3: Robot) -> None:
+    small, large = cases(prism3, ("messy-single",), (1.0, 2.0), (0,))[:2]
+    twice = cases(prism3, ("messy-single",), (1.0,), (0,), spread=2.0)[0]
+    (plain,) = cases(prism3, ("messy-none",), seeds=(0,))
+    assert small.built and large.built and twice.built and plain.built
+    np.testing.assert_array_equal(small.built.moved, large.built.moved)
+    np.testing.assert_array_equal(2 * small.built.moved, twice.built.moved)
+    assert np.abs(small.built.moved - plain.built.moved).max() > 0
+    made = replace(plain, fit=(replace(plain.held_out, seconds=0.1),)).record(prism3)
+    assert made.fit[0].effects == (), "how a robot was built is no answer"
+
+
 def test_no_case_is_about_an_effect_that_cannot_be_felt() -> None:
     named = " ".join(case.name for case in cases(load_robot("platform4")))
     assert "ground_friction" not in named and "slope" in named
@@ -161,5 +174,5 @@ def test_a_case_makes_three_recordings_with_one_truth(prism3: Robot) -> None:
 def test_a_case_of_another_robot_and_an_unknown_group_are_refused(prism3: Robot) -> None:
     with pytest.raises(ConfigError, match="is about prism3, got platform4"):
         cases(prism3, ("none",))[0].record(load_robot("platform4"))
-    with pytest.raises(UnknownNameError, match="Known: hard, none, outside"):
+    with pytest.raises(UnknownNameError, match="Known: forms, hard, messy-none"):
         cases(prism3, ("easy",))  # type: ignore[arg-type]
