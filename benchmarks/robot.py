@@ -88,11 +88,11 @@ class ErrorRow:
 
 @dataclass(frozen=True)
 class DriveRow:
-    """The drives of one planner after the last iteration.
+    """The drives of one planner.
 
     Attributes:
       set, seed: which study.
-      planner: name of its model.
+      planner: name of its model, with the iteration where it drove in the run itself.
       drives, reached: how many, and how many reached the goal.
       median: time to the goal of those that did [s].
       limit: time that a drive has [s].
@@ -249,7 +249,18 @@ class Study:
             )
 
     def driven(self) -> Iterator[DriveRow]:
-        """The drives of all planners."""
+        """The drives of all planners: those in the run, and those after it."""
+        for result in self.opened.result.of_arm("mppi"):
+            for planner, each in ({} if result.robot is None else result.robot.drives).items():
+                yield DriveRow(
+                    set=self.set,
+                    seed=self.seed,
+                    planner=f"{planner}, iteration {result.iteration}",
+                    drives=each.success.total,
+                    reached=each.success.reached,
+                    median=each.median_seconds,
+                    limit=each.seconds_allowed,
+                )
         for planner in (GIVEN, PLANT, NETWORK, RESIDUAL, KNOWS):
             if drives := read_drives(self.file(planner)):
                 yield self._driven(planner, drives)
