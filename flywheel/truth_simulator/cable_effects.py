@@ -11,7 +11,8 @@ import numpy as np
 from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.truth_simulator.cable_law import CableLaw
-from flywheel.truth_simulator.effect import CableEffect, CableMotion
+from flywheel.truth_simulator.cable_motion import CableMotion
+from flywheel.truth_simulator.effect import CableEffect
 from flywheel.truth_simulator.scales import Scales
 from flywheel.truth_simulator.skeleton import Skeleton, bare_spec
 

@@ -10,7 +10,7 @@ import numpy as np
 from flywheel.errors import ModelError
 from flywheel.records import Floats
 from flywheel.robots import Robot
-from flywheel.truth_simulator.effect import CableMotion
+from flywheel.truth_simulator.cable_motion import CableMotion
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,16 @@ import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import mujoco
 import numpy as np
 
 from flywheel.records import Floats
 from flywheel.robots import Robot
+from flywheel.truth_simulator.cable_law import CableLaw
+from flywheel.truth_simulator.cable_motion import CableMotion
 from flywheel.truth_simulator.scales import Scales
-
-if TYPE_CHECKING:
-    from flywheel.truth_simulator.cable_law import CableLaw
 
 
 @dataclass(frozen=True)
@@ -95,42 +94,6 @@ class ModelEffect(HiddenEffect):
     @abstractmethod
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         """Write it into the MJCF."""
-
-
-@dataclass(frozen=True)
-class CableMotion:
-    """All C cables at one moment.
-
-    Attributes:
-      time: since the recording's start, negative while the robot settles [s].
-      step: the simulator's time step [s].
-      length, rate: (C,) [m] and [m/s].
-      rest, rest_rate: (C,) rest length [m] and how fast it changes [m/s].
-      stiffness: (C,) [N/m].
-    """
-
-    time: float
-    step: float
-    length: Floats
-    rate: Floats
-    rest: Floats
-    rest_rate: Floats
-    stiffness: Floats
-
-    @property
-    def extension(self) -> Floats:
-        """(C,) length beyond the rest length [m], negative when slack."""
-        return self.length - self.rest
-
-    @property
-    def taut(self) -> np.ndarray:
-        """(C,) bool."""
-        return self.length > self.rest
-
-    @property
-    def tension(self) -> Floats:
-        """(C,) elastic tension [N]."""
-        return self.stiffness * np.maximum(self.length - self.rest, 0.0)
 
 
 class CableEffect(HiddenEffect):

@@ -16,10 +16,10 @@ import numpy as np
 from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.truth_simulator.cable_effects import drawn_cable
+from flywheel.truth_simulator.cable_motion import CableMotion
 from flywheel.truth_simulator.effect import (
     BodyEffect,
     CableEffect,
-    CableMotion,
     HiddenEffect,
     WinchEffect,
     random_direction,

@@ -21,8 +21,9 @@ from flywheel.registry import lookup
 from flywheel.robots import Robot
 from flywheel.robots.mujoco_warnings import collected_warnings
 from flywheel.truth_simulator.cable_law import CableLaw
+from flywheel.truth_simulator.cable_motion import CableMotion
 from flywheel.truth_simulator.contact import CONTACTS, Contact, PenaltyGround
-from flywheel.truth_simulator.effect import CableMotion, Families, HiddenEffect
+from flywheel.truth_simulator.effect import Families, HiddenEffect
 from flywheel.truth_simulator.motors import Motors
 from flywheel.truth_simulator.skeleton import Skeleton, bare_spec
 

@@ -13,7 +13,7 @@ from flywheel.robots import Robot, load_robot
 from flywheel.truth_simulator import HiddenEffect, HiddenMotion, TruthSimulator
 from flywheel.truth_simulator.body_effects import AirDrag, Payload
 from flywheel.truth_simulator.cable_effects import Capstan, Creep, Hysteresis, Stiffening, WeakCable
-from flywheel.truth_simulator.effect import CableMotion
+from flywheel.truth_simulator.cable_motion import CableMotion
 from flywheel.truth_simulator.ground_effects import GroundFriction, Slope
 from flywheel.truth_simulator.motors import Motors
 from flywheel.truth_simulator.winch_effects import (
