@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from flywheel.quantities import (
     Bounds,
@@ -146,6 +146,11 @@ class TrainingConfig(_Frozen):
     threads: Threads = 1
     seed: Seed = 0
     start_from: Place = Field(default="", alias="from")
+
+    @field_validator("start_from", mode="before")
+    @classmethod
+    def _none_is_nothing(cls, value: Any) -> Any:
+        return "" if value is None else value  # as `training.from=` is read
 
     @model_validator(mode="before")
     @classmethod

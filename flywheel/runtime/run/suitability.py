@@ -50,11 +50,10 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
 
     Raises:
       ConfigError: it asks for something that the robot cannot do, and the message has the overrides that
-        leave it out; iteration 0 would record too little; or a law file, or the weights to begin with, cannot
-        be used.
+        leave it out; iteration 0 would record too little; or a law file cannot be used.
       UnknownNameError: an effect has a place that the robot does not have, or is in no library.
       DataError: one cannot be unsure of an effect.
-      ModelError: the robot does not even come to rest, or there are no such weights to begin with.
+      ModelError: the robot does not even come to rest.
     """
     if config.effects_from:
         config.diagnose.check_names(config.library())
@@ -68,7 +67,6 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
             f"Without it: {overrides_without(found)}"
         )
     collection(config, 0, "mppi")
-    initial_weights(config, robot)
     if config.robot is not None:
         _check_robot(config, config.robot, robot)
 
@@ -148,6 +146,12 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
         (evaluate.floor, "evaluate.floor=true", "false", jointed("restarted from its points")),
         (config.diagnose.on, "diagnose.on=true", "false", jointed("diagnosed")),
         (
+            config.training.start_from,
+            f"training.from={config.training.start_from}",
+            "",
+            lambda: _refuse_weights(config, robot),
+        ),
+        (
             _feels_load(config, robot),
             "effects=...",
             "[]",
@@ -157,6 +161,10 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
     for asked, setting, instead, check in wanted:
         if asked and (why := _reason(check)):
             yield Misfit(setting, why, f"{setting.partition('=')[0]}={instead}")
+
+
+def _refuse_weights(config: RunConfig, robot: Robot) -> None:
+    initial_weights(config, robot)
 
 
 def _times(config: RunConfig, robot: Robot, dt: float) -> Iterator[Misfit]:

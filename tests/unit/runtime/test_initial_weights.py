@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, load_weights, save_weights
-from flywheel.errors import ConfigError, DataError, ModelError
+from flywheel.errors import ConfigError, DataError
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.run.folder import RunFolder
@@ -73,6 +73,7 @@ def test_the_weights_of_another_network_are_refused_with_what_would_make_it_the_
     with pytest.raises(ConfigError) as caught:
         check_suits(config, ROBOT)
     said = str(caught.value)
+    assert said.endswith("Without it: training.from=")
     overrides = [word for word in said.split() if word.startswith("network.")]
     assert {word.partition("=")[0] for word in overrides} == {
         f"network.{k}" for k in TINY["network"]
@@ -83,13 +84,13 @@ def test_the_weights_of_another_network_are_refused_with_what_would_make_it_the_
 def test_weights_that_are_not_there_or_of_another_robot_are_refused(
     weights: Path, tmp_path: Path
 ) -> None:
-    with pytest.raises(ModelError, match="There are no weights at .*nowhere"):
+    with pytest.raises(ConfigError, match="There are no weights at .*nowhere"):
         check_suits(RunConfig.model_validate({"training": {"from": "nowhere.npz"}}), ROBOT)
     six = RunConfig.model_validate({**TINY, "model": "icosa6", "training": training(weights)})
-    with pytest.raises(ModelError, match="trained for another robot"):
+    with pytest.raises(ConfigError, match="trained for another robot"):
         check_suits(six, load_robot("icosa6"))
     mine = RunConfig.model_validate({**TINY, "model": "platform4", "training": training("shipped")})
-    with pytest.raises(ModelError, match="No network for platform4 .* prism3"):
+    with pytest.raises(ConfigError, match="No network for platform4 .* prism3"):
         check_suits(mine, load_robot("platform4"))
 
 
