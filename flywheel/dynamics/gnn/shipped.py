@@ -4,16 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.dynamics.gnn.weights import read_about
 from flywheel.errors import ModelError
 from flywheel.files import read_yaml
+from flywheel.quantities import (
+    Bounds,
+    Episodes,
+    EpisodeSeconds,
+    HorizonSeconds,
+    Name,
+    OptimiserSteps,
+    Samples,
+    Seed,
+    Share,
+)
 from flywheel.robots import Robot
 from flywheel.validation import validated
 
 SHIPPED = "shipped"  # where a model is named: the network that comes with Flywheel for the robot
+MOST_ERRORS = 1000  # of a card
 MJCF, NETWORK = "the MJCF's", "network"  # names of plants and of a model in a card
 FOLDER = Path(__file__).parent / "networks"
 
@@ -30,10 +43,10 @@ class PredictionError(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    plants: str
-    model: str
-    e_pos: float
-    e_rot: float
+    plants: Name
+    model: Name
+    e_pos: Annotated[float, Bounds(0, 1e6, "%")]
+    e_rot: Annotated[float, Bounds(0, 180, "deg")]
 
 
 class ModelCard(BaseModel):
@@ -57,20 +70,20 @@ class ModelCard(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    robot: str
-    digest: str
-    configuration: str
-    seed: int
-    code: str
-    plants: int
-    minutes: float
-    steps: int
-    noise: float
-    horizon: float
-    episodes: int
-    seconds: float
-    starts: int
-    errors: tuple[PredictionError, ...]
+    robot: Name
+    digest: Name
+    configuration: Name
+    seed: Seed
+    code: Name
+    plants: Samples
+    minutes: Annotated[float, Bounds(0, 1e9, "min")]
+    steps: OptimiserSteps
+    noise: Share
+    horizon: HorizonSeconds
+    episodes: Episodes
+    seconds: EpisodeSeconds
+    starts: Samples
+    errors: Annotated[tuple[PredictionError, ...], Field(max_length=MOST_ERRORS)]
 
     def __str__(self) -> str:
         of = {error.model: error for error in self.errors if error.plants == MJCF}

@@ -90,7 +90,9 @@ def test_the_worst_window_is_filmed(found: Comparison, tmp_path: Path) -> None:
 
 
 def test_a_model_that_is_not_there_is_refused_with_what_is_allowed(robot: Robot) -> None:
-    with pytest.raises(ConfigError, match=r"no model 'plnat'.*'plant', the folder of an adopted"):
+    with pytest.raises(
+        ConfigError, match=r"no model 'plnat'.*'plant', 'shipped' .*the folder of an adopted"
+    ):
         open_model("plnat", robot, "prism3", 0.01, 1)
     named = open_model("mine=plant", robot, "prism3", 0.01, 1)
     assert (named.name, named.dynamics.history) == ("mine", 20)
