@@ -18,17 +18,15 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from flywheel.cli.drives import Drive, append_drive, read_drives
 from flywheel.cli.robot_driver import PLANT, RESIDUAL, RobotDriver
 from flywheel.cli.runs import OpenRun, open_run
 from flywheel.effects import AdoptedPlant, WrittenTerm
-from flywheel.effects.adopted import MJCF as MJCF_FILE
-from flywheel.effects.adopted import PLANT as PLANT_FILE
 from flywheel.registry import lookup
 from flywheel.robot_link import StandInConfig
 from flywheel.robot_link.opening import SIMULATED
@@ -166,9 +164,9 @@ class Study:
             **({KNOWS: (PLANT, (f"effects={self._known()}",))} if self._written() else {}),
         }
 
-    @property
+    @cached_property
     def opened(self) -> OpenRun:
-        """The run."""
+        """The run; asked for once it is finished."""
         return open_run(self.path)
 
     def file(self, planner: str) -> Path:
@@ -206,16 +204,13 @@ class Study:
         )
 
     def _known(self) -> Path:
-        """A plant that has what is hidden, as a folder that an adopted one would have."""
-        robot, folder = self.opened.robot, self.folder / f"{self.path.name}-known"
+        """A plant that has what is hidden, as an adopted one."""
+        robot, parent = self.opened.robot, self.folder / f"{self.path.name}-known"
         plant = AdoptedPlant(
             robot=robot.name, digest=robot.digest, version=1, effects=self._written()
         )
-        folder.mkdir(exist_ok=True)
-        (folder / MJCF_FILE).write_text(robot.xml, encoding="utf-8")
-        text = yaml.safe_dump(plant.model_dump(mode="json"), sort_keys=False)
-        (folder / PLANT_FILE).write_text(text, encoding="utf-8")
-        return folder.absolute()
+        there = parent / plant.label
+        return (there if there.exists() else plant.write(parent, robot).parent).absolute()
 
     def errors(self) -> Iterator[ErrorRow]:
         """The errors of all models."""

@@ -13,6 +13,7 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.truth_simulator.cable_law import CableLaw
 from flywheel.truth_simulator.effect import BuildEffect, ModelEffect, RestEffect, WinchEffect
+from flywheel.truth_simulator.ground_effects import rub, soften
 from flywheel.truth_simulator.scales import Scales
 
 
@@ -113,12 +114,8 @@ class AsBuilt(BuildEffect, ModelEffect, WinchEffect, RestEffect):
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         for body, factor in zip(robot.bodies, np.exp(self.mass).tolist(), strict=True):
             _weigh(spec.body(body.name), factor)
-        slip, stiff = float(np.exp(self.friction)), float(np.exp(self.contact_stiffness))
-        for each in (*spec.geoms, *spec.pairs):
-            each.friction = np.array(each.friction) * slip
-            each.solref = _stiffened(stiff, *each.solref)
-        for pair in spec.pairs:
-            pair.solreffriction = _stiffened(stiff, *pair.solreffriction)
+        rub(spec, float(np.exp(self.friction)))
+        soften(spec, float(np.exp(-self.contact_stiffness)))
 
 
 def _weigh(body: mujoco.MjsBody, factor: float) -> None:
@@ -130,11 +127,3 @@ def _weigh(body: mujoco.MjsBody, factor: float) -> None:
     for geom in body.geoms:
         geom.density *= factor
         geom.mass *= factor  # NaN where it is not given
-
-
-def _stiffened(factor: float, first: float, second: float) -> tuple[float, float]:
-    """A contact so many times as stiff, at the same damping ratio."""
-    root = float(np.sqrt(factor))
-    if first < 0:  # (-stiffness, -damping)
-        return first * factor, second * root
-    return first / root, second  # (time constant, damping ratio)

@@ -89,11 +89,7 @@ class Hysteresis(CableEffect):
         return cls(0.05 * s.weight / length, length)
 
     def extra(self, cables: CableMotion, memory: Floats) -> tuple[Floats, Floats]:
-        # At a constant V, z approaches d sign(V) exponentially over the way; hence exact per step.
-        final = self.length * np.sign(cables.rate)
-        left = np.exp(-np.abs(cables.rate) * cables.step / self.length)
-        following = final + (memory - final) * left
-        return self.stiffness * memory, np.where(cables.taut, following, 0.0)
+        return self.stiffness * memory, bent(cables, memory, self.length)
 
 
 @dataclass(frozen=True)
@@ -111,10 +107,8 @@ class Creep(CableEffect):
         return cls(0.15, 0.5 * Scales.of(robot).time)
 
     def extra(self, cables: CableMotion, memory: Floats) -> tuple[Floats, Floats]:
-        gained = (cables.rate - cables.rest_rate) * self.time
-        left = np.exp(-cables.step / self.time)
-        following = gained + (memory - gained) * left
-        return self.share * cables.stiffness * memory, np.where(cables.taut, following, 0.0)
+        arm = relaxing(cables, memory, cables.rate - cables.rest_rate, self.time)
+        return self.share * cables.stiffness * memory, arm
 
 
 @dataclass(frozen=True)
@@ -153,6 +147,23 @@ class WeakCable(CableEffect):
         added = np.zeros_like(cables.length)
         added[self.cable] = -self.share * cables.tension[self.cable]
         return added, memory
+
+
+def bent(cables: CableMotion, memory: Floats, length: float) -> Floats:
+    """(C,) Dahl's z one step later [m]; slack cables forget it.
+
+    At a constant V, z approaches d sign(V) exponentially over the way; hence exact per step.
+    """
+    final = length * np.sign(cables.rate)
+    left = np.exp(-np.abs(cables.rate) * cables.step / length)
+    return np.where(cables.taut, final + (memory - final) * left, 0.0)
+
+
+def relaxing(cables: CableMotion, memory: Floats, speed: Floats, time: float) -> Floats:
+    """(C,) stretch one step later of an arm that is drawn at a speed and relaxes [m]; exact per step."""
+    gained = speed * time
+    following = gained + (memory - gained) * np.exp(-cables.step / time)
+    return np.where(cables.taut, following, 0.0)
 
 
 def drawn_cable(robot: Robot, rng: np.random.Generator, winched: bool = False) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 
 from flywheel.records import Floats
 from flywheel.robots import Robot
-from flywheel.truth_simulator.cable_effects import drawn_cable
+from flywheel.truth_simulator.cable_effects import bent, drawn_cable, relaxing
 from flywheel.truth_simulator.cable_motion import CableMotion
 from flywheel.truth_simulator.effect import (
     BodyEffect,
@@ -24,10 +24,10 @@ from flywheel.truth_simulator.effect import (
     WinchEffect,
     random_direction,
 )
+from flywheel.truth_simulator.outside import RECORDING
 from flywheel.truth_simulator.scales import Scales
 
 UNEQUAL = 0.7  # standard deviation of the logarithm of what differs from cable to cable
-RECORDING = 3.0  # what "early" and "late" in a recording refer to [s]
 
 
 class OtherForm(HiddenEffect):
@@ -102,10 +102,7 @@ class HysteresisByStiffness(OtherForm, CableEffect):
         return cls(0.05 * s.weight / length / stiffness, length)
 
     def extra(self, cables: CableMotion, memory: Floats) -> tuple[Floats, Floats]:
-        final = self.length * np.sign(cables.rate)
-        left = np.exp(-np.abs(cables.rate) * cables.step / self.length)
-        following = final + (memory - final) * left
-        return self.share * cables.stiffness * memory, np.where(cables.taut, following, 0.0)
+        return self.share * cables.stiffness * memory, bent(cables, memory, self.length)
 
 
 @dataclass(frozen=True)
@@ -124,9 +121,8 @@ class CreepOnLength(OtherForm, CableEffect):
         return cls(0.15, 0.5 * Scales.of(robot).time)
 
     def extra(self, cables: CableMotion, memory: Floats) -> tuple[Floats, Floats]:
-        gained = cables.rate * self.time
-        following = gained + (memory - gained) * np.exp(-cables.step / self.time)
-        return self.share * cables.stiffness * memory, np.where(cables.taut, following, 0.0)
+        arm = relaxing(cables, memory, cables.rate, self.time)
+        return self.share * cables.stiffness * memory, arm
 
 
 @dataclass(frozen=True)

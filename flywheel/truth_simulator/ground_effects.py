@@ -27,8 +27,7 @@ class GroundFriction(GroundEffect, ModelEffect):
         return cls(float(rng.choice((-0.25, 0.25))))
 
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
-        for each in (*spec.geoms, *spec.pairs):
-            each.friction = np.array(each.friction) * (1.0 + self.share)
+        rub(spec, 1.0 + self.share)
 
 
 @dataclass(frozen=True)
@@ -91,13 +90,24 @@ class ContactSoftness(GroundEffect, ModelEffect):
         return cls(1.0)
 
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
-        for each in (*spec.geoms, *spec.pairs):
-            each.solref = self._softened(*each.solref)
-        for pair in spec.pairs:
-            pair.solreffriction = self._softened(*pair.solreffriction)
+        soften(spec, 1.0 + self.share)
 
-    def _softened(self, first: float, second: float) -> tuple[float, float]:
-        softer = 1.0 + self.share
-        if first < 0:  # (-stiffness, -damping)
-            return first / softer, second / float(np.sqrt(softer))
-        return first * float(np.sqrt(softer)), second  # (time constant, damping ratio)
+
+def rub(spec: mujoco.MjSpec, times: float) -> None:
+    """Multiply all coefficients of friction."""
+    for each in (*spec.geoms, *spec.pairs):
+        each.friction = np.array(each.friction) * times
+
+
+def soften(spec: mujoco.MjSpec, softer: float) -> None:
+    """Divide the stiffness of all contacts, at the same damping ratio."""
+    for each in (*spec.geoms, *spec.pairs):
+        each.solref = _softened(softer, *each.solref)
+    for pair in spec.pairs:
+        pair.solreffriction = _softened(softer, *pair.solreffriction)
+
+
+def _softened(softer: float, first: float, second: float) -> tuple[float, float]:
+    if first < 0:  # (-stiffness, -damping)
+        return first / softer, second / float(np.sqrt(softer))
+    return first * float(np.sqrt(softer)), second  # (time constant, damping ratio)

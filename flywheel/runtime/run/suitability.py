@@ -127,7 +127,7 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
     def jointed(to_be: str) -> Callable[[], None]:
         return lambda: robot.require_free(to_be)
 
-    wanted: list[tuple[object, str, str, Callable[[], None]]] = [
+    wanted: list[tuple[object, str, str, Callable[[], object]]] = [
         (
             collect.gaits,
             f"collect.gaits={collect.gaits}",
@@ -149,7 +149,7 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
             config.training.start_from,
             f"training.from={config.training.start_from}",
             "",
-            lambda: _refuse_weights(config, robot),
+            lambda: initial_weights(config, robot),
         ),
         (
             _feels_load(config, robot),
@@ -161,10 +161,6 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
     for asked, setting, instead, check in wanted:
         if asked and (why := _reason(check)):
             yield Misfit(setting, why, f"{setting.partition('=')[0]}={instead}")
-
-
-def _refuse_weights(config: RunConfig, robot: Robot) -> None:
-    initial_weights(config, robot)
 
 
 def _times(config: RunConfig, robot: Robot, dt: float) -> Iterator[Misfit]:
