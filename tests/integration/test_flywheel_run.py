@@ -137,9 +137,11 @@ def test_a_tormented_run_comes_to_the_same_outcome(peaceful, killed):
     folder = killed.folder
     driver = start_driver(CONFIG, folder, FEW_WORKERS)
     trainer = wait_for(driver, "trainer", LONG)
-    second = start_driver(CONFIG, folder)
     assert trainer is not None and kill(trainer)
+    os.kill(driver.pid, signal.SIGSTOP)  # or it could be done before the second has begun
+    second = start_driver(CONFIG, folder)
     assert second.wait(LONG) == 1
+    os.kill(driver.pid, signal.SIGCONT)
     assert f"is in use by process {driver.pid} on " in words_of(folder)
 
     assert wait_for(driver, "MPPI worker", LONG), "the killed trainer is replaced"
