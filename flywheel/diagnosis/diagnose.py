@@ -18,7 +18,7 @@ from flywheel.diagnosis.checks.uncertainty import uncertainty
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, Restart
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.multistart import restarted_with_care
-from flywheel.diagnosis.fitting.nuisance import calibrated, unsure_terms
+from flywheel.diagnosis.fitting.nuisance import as_built_terms, calibrated, unsure_terms
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.results.diagnosis import Diagnosis, TimeSteps
@@ -46,7 +46,7 @@ from flywheel.diagnosis.selection.stepwise import Search, added, in_time_steps, 
 from flywheel.diagnosis.selection.suspect_parameters import suspect_parameters
 from flywheel.diagnosis.settings import CheckSettings, Limits, Settings
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, NAMED, Effect, Terms
+from flywheel.effects import EFFECTS, NAMED, Effect, Terms, taken_apart
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
 
@@ -148,6 +148,9 @@ def _searched(
         probes = candidates(fitter.windows.robot, PROBES)
         limits = settings.limits
         search = Search(fitter, library, limits.threshold, settings.selection, progress, probes)
+        if under_test.model is None:
+            numbers = as_built_terms(fitter.windows.robot, settings.fitting.as_built)
+            search = replace(search, as_built=numbers)
         search, fit = _calibrated(search, first, unsure)
         scored = search.score_all(fit)
         if (own := own_errors(fitter, scored.test)) is not None:
@@ -315,7 +318,7 @@ def _effects(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Alte
     sure = uncertainty(fitter, fit, jacobian)
     robot, believed = fitter.windows.robot, fitter.settings.jacobian.believed
     effects, start = [], 0
-    for term in fit.terms:
+    for term in taken_apart(fit.terms):
         here = slice(start, start + len(term.values))
         effects.append(found(term, sure.deviations[here], sure.by_step[here], robot, believed))
         start = here.stop

@@ -195,6 +195,39 @@ class NuisanceSettings:
 
 
 @dataclass(frozen=True)
+class AsBuiltSettings:
+    """How far the numbers of a robot are from those of its MJCF: standard deviations, part by part.
+
+    They are those of a robot that somebody has measured with a ruler, scales and a protractor. Where all of
+    them together explain what is left, no single effect is named for it.
+
+    Attributes:
+      stiffness, damping: of each cable [-].
+      cable_length: of each cable that is not the first of its winch, in lengths of the robot.
+      cable_end: of each attachment and anchor, along each axis, in lengths of the robot.
+      drum: radius of each winch's drum [-].
+      mass, inertia: of each body [-].
+      centre_of_mass: of each body, along each axis, in lengths of the robot.
+      marker: of each tracked point on its body, along each axis, in lengths of the robot.
+      friction, softness: of all contacts [-].
+      rounds: of the fit of all of them together.
+    """
+
+    stiffness: float = 0.08
+    damping: float = 0.3
+    cable_length: float = 0.004
+    cable_end: float = 0.004
+    drum: float = 0.025
+    mass: float = 0.04
+    inertia: float = 0.1
+    centre_of_mass: float = 0.004
+    marker: float = 0.002
+    friction: float = 0.2
+    softness: float = 0.4
+    rounds: int = 3
+
+
+@dataclass(frozen=True)
 class NetworkSettings:
     """The own errors of a trained model.
 
@@ -224,6 +257,7 @@ class FittingSettings:
     refinement: RefinementSettings = RefinementSettings()
     multistart: MultistartSettings = MultistartSettings()
     nuisance: NuisanceSettings = NuisanceSettings()
+    as_built: AsBuiltSettings = AsBuiltSettings()
     network: NetworkSettings = NetworkSettings()
 
 

@@ -4,7 +4,17 @@ A new one is a class in the file of its family, and one line in `EFFECTS`; the c
 """
 
 from flywheel.effects.adopted import AdoptedPlant
+from flywheel.effects.as_built import AsBuilt, Part, taken_apart, together
 from flywheel.effects.body_effects import AirDrag, BodyMass, Payload
+from flywheel.effects.build_effects import (
+    CableEnd,
+    CableLength,
+    CableLoss,
+    CentreOfMass,
+    DrumRadius,
+    InertiaOfBody,
+    MassOfBody,
+)
 from flywheel.effects.cable_effects import (
     CableDamping,
     CableFriction,
@@ -71,6 +81,13 @@ EFFECTS: dict[str, Effect] = {
 CALIBRATIONS: dict[str, Effect] = {
     "cable_stiffness": CableStiffness(),
     "body_mass": BodyMass(),
+    "cable_length": CableLength(),
+    "cable_loss": CableLoss(),
+    "cable_end": CableEnd(),
+    "drum_radius": DrumRadius(),
+    "mass_of_body": MassOfBody(),
+    "inertia_of_body": InertiaOfBody(),
+    "centre_of_mass": CentreOfMass(),
 }
 NAMED: dict[str, Effect] = {**EFFECTS, **CALIBRATIONS}
 
@@ -79,11 +96,13 @@ __all__ = [
     "EFFECTS",
     "NAMED",
     "AdoptedPlant",
+    "AsBuilt",
     "Cables",
     "CommandEffect",
     "Effect",
     "ModelEffect",
     "Parameter",
+    "Part",
     "Scales",
     "TensionEffect",
     "Term",
@@ -92,4 +111,6 @@ __all__ = [
     "Winches",
     "WrittenTerm",
     "place_name",
+    "taken_apart",
+    "together",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -146,12 +146,16 @@ class CableStiffness(ModelEffect):
         _scale_stiffness(model, np.arange(len(robot.cables)), 1.0 + values["share"])
 
 
+def pulls_on(model: mujoco.MjModel, cables: Sequence[int] | np.ndarray) -> np.ndarray:
+    """(actuators,) bool: which of MuJoCo's actuators pull on these cables."""
+    on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    return np.asarray(on_tendon & np.isin(model.actuator_trnid[:, 0], cables))
+
+
 def _scale_stiffness(model: mujoco.MjModel, cables: np.ndarray, factor: float) -> None:
     """Multiply the stiffness of the cables (n,) given by index, and of the winches that pull on them."""
     model.tendon_stiffness[cables] *= factor
     model.tendon_stiffnesspoly[cables] *= factor
-    pulls = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & np.isin(
-        model.actuator_trnid[:, 0], cables
-    )
+    pulls = pulls_on(model, cables)
     model.actuator_gainprm[pulls, 0] *= factor
     model.actuator_biasprm[pulls, :2] *= factor

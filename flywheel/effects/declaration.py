@@ -25,8 +25,8 @@ from flywheel.files import shown
 # Which places each way to act knows of.
 PLACES: dict[type[Effect], tuple[str, ...]] = {
     ModelEffect: get_args(Where),
-    CommandEffect: ("robot",),
-    WinchEffect: ("robot",),
+    CommandEffect: ("robot", "winch"),
+    WinchEffect: ("robot", "winch"),
     TensionEffect: ("robot", "cable"),
 }
 WORDS = ("equation", "source", "shown_by")

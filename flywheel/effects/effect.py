@@ -9,7 +9,7 @@ the cables. A plant with no effects, or with effects of size zero, is the MJCF t
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -18,9 +18,9 @@ import numpy as np
 
 from flywheel.effects.scales import Scales
 from flywheel.records import Floats
-from flywheel.robots import Robot
+from flywheel.robots import Body, Cable, Robot, TrackedPoint, Winch
 
-Where = Literal["robot", "cable", "point"]
+Where = Literal["robot", "cable", "point", "winch", "body", "end"]
 Values = Mapping[str, Floats]
 Memory = Floats
 
@@ -55,7 +55,8 @@ class Effect(ABC):
 
     Attributes:
       name: as in `EFFECTS`.
-      where: what it is tied to: the whole robot, one cable, or one tracked point.
+      where: what it is tied to: the whole robot, one cable, one tracked point, one winch, one body, or one
+        end of a cable.
       sizes, shapes: its parameters.
       equation: in the symbols of docs/effects.md.
       source: where the law comes from.
@@ -76,10 +77,8 @@ class Effect(ABC):
         return self.sizes + self.shapes
 
     def places(self, robot: Robot) -> tuple[int | None, ...]:
-        """Where on a robot it can be: indices of its cables or points, or None for all of it."""
-        if self.where == "robot":
-            return (None,)
-        return tuple(range(len(robot.cables if self.where == "cable" else robot.points)))
+        """Where on a robot it can be: indices of its parts of that kind, or None for all of it."""
+        return (None,) if self.where == "robot" else tuple(range(len(parts_of(robot, self.where))))
 
 
 class ModelEffect(Effect):
@@ -220,7 +219,7 @@ class Term:
 
     Attributes:
       effect: which.
-      place: index of the cable or point, or None.
+      place: index of the part, as `Effect.places` has them, or None.
       values: of all its parameters [their units].
       known: standard deviations of what is known of them before any recording, around zero; empty for
         an effect that is asked about.
@@ -249,11 +248,21 @@ class Term:
         return f"{self.effect.name} at {place_name(self.effect, self.place, robot)}"
 
 
+def parts_of(robot: Robot, where: Where) -> tuple[str, ...]:
+    """Names of a robot's parts of a kind; the ends of a cable are its first and its last."""
+    if where == "robot":
+        return ("",)
+    if where == "end":
+        return tuple(f"{cable.name}.{end}" for cable in robot.cables for end in ("first", "last"))
+    parts: dict[str, Sequence[Cable | TrackedPoint | Winch | Body]] = {
+        "cable": robot.cables, "point": robot.points, "winch": robot.winches, "body": robot.bodies,
+    }  # fmt: skip
+    return tuple(part.name for part in parts[where])
+
+
 def place_name(effect: Effect, place: int | None, robot: Robot) -> str:
-    """Name of the cable or tracked point; "" for the whole robot."""
-    if place is None:
-        return ""
-    return (robot.cables if effect.where == "cable" else robot.points)[place].name
+    """Name of the part; "" for the whole robot."""
+    return "" if place is None else parts_of(robot, effect.where)[place]
 
 
 Terms = tuple[Term, ...]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.dynamics.plant import AugmentedPlant, Plant
-from flywheel.effects import EFFECTS, Effect, Scales, Term
+from flywheel.effects import NAMED, Effect, Scales, Term
 from flywheel.records import State
 from flywheel.robots import Robot, load_robot
 from tests import draws
@@ -50,25 +50,25 @@ def simulated(augmented: AugmentedPlant, start: State, controls: np.ndarray, ter
     return motion.points
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", NAMED)
 def test_an_effect_of_size_zero_changes_nothing_to_the_bit(
     name: str, augmented: AugmentedPlant
 ) -> None:
     rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 1)
     want = augmented.plant.simulate(start, controls).observations.points
-    term = some_term(EFFECTS[name], augmented.robot, rng, 0.0)
+    term = some_term(NAMED[name], augmented.robot, rng, 0.0)
     got = simulated(augmented, start, controls, [(term,)])
     assert np.array_equal(got, want), seed
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", NAMED)
 def test_an_effect_changes_what_it_is_part_of_and_not_its_neighbours(
     name: str, augmented: AugmentedPlant
 ) -> None:
     rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 3)
-    effect = EFFECTS[name]
+    effect = NAMED[name]
     terms = [(), (some_term(effect, augmented.robot, rng, 2.0),), ()]
     points = simulated(augmented, start, controls, terms)
     alone = augmented.plant.simulate(start[:1], controls[:1]).observations.points[0]
@@ -79,11 +79,11 @@ def test_an_effect_changes_what_it_is_part_of_and_not_its_neighbours(
         assert np.abs(points[1] - alone).max() > 0, seed
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", NAMED)
 def test_time_can_be_cut_anywhere(name: str, augmented: AugmentedPlant) -> None:
     rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 1)
-    terms = [(some_term(EFFECTS[name], augmented.robot, rng, 1.0),)]
+    terms = [(some_term(NAMED[name], augmented.robot, rng, 1.0),)]
     told = augmented.commands(controls, terms)
     whole = augmented.simulate(start, told, terms)
     cut = int(rng.integers(1, STEPS))
@@ -98,7 +98,7 @@ def test_what_was_simulated_before_changes_nothing(augmented: AugmentedPlant) ->
     rng = np.random.default_rng(seed := draws.seed())
     for count in rng.integers(1, 60, 4).tolist():
         start, controls = driven(augmented, rng, count)
-        effects = [EFFECTS[name] for name in rng.choice(list(EFFECTS), (count, 2)).ravel()]
+        effects = [NAMED[name] for name in rng.choice(list(NAMED), (count, 2)).ravel()]
         some = [
             some_term(effect, augmented.robot, rng, rng.uniform(0.5, 1.5)) for effect in effects
         ]
@@ -110,9 +110,9 @@ def test_what_was_simulated_before_changes_nothing(augmented: AugmentedPlant) ->
         ), seed
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", NAMED)
 def test_an_effect_says_what_it_is(name: str) -> None:
-    effect = EFFECTS[name]
+    effect = NAMED[name]
     assert effect.name == name
     assert effect.equation and effect.source and effect.shown_by
     assert effect.sizes
@@ -131,7 +131,7 @@ def test_a_faster_winch_is_faster_at_full_command_too() -> None:
     robot, plant = augmented.robot, augmented.plant
     start = plant.settle(1.0, n=2)
     controls = np.repeat(robot.control_high[None, None], 20, axis=1).repeat(2, axis=0)
-    terms = [(), (Term(EFFECTS["winch_gain"], None, (0.25,)),)]
+    terms = [(), (Term(NAMED["winch_gain"], None, (0.25,)),)]
     motion = augmented.simulate(start, augmented.commands(controls, terms), terms)
     moved = plant.winch(motion.states[:, -1]) - plant.winch(start)
     assert moved[1] == pytest.approx(1.25 * moved[0])
@@ -141,7 +141,7 @@ def test_simulations_that_diverge_say_so_from_the_first_step_on(augmented: Augme
     """Whether all steps are MuJoCo's own or a law acts between them, and the next ones are sound again."""
     rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 4)
-    law = some_term(EFFECTS["cable_friction"], augmented.robot, rng, 1.0)
+    law = some_term(NAMED["cable_friction"], augmented.robot, rng, 1.0)
     for terms in ([()] * 4, [(law,)] * 4):
         sound = augmented.simulate(start, augmented.commands(controls, terms), terms)
         broken = np.array([False, True, False, True])

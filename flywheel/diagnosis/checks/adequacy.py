@@ -93,9 +93,9 @@ def adequacy(
     measured = np.isfinite(windows.measured)
     by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(measured.sum(axis=(0, 1, 3)), 1)
     return Adequacy(
-        noise=float(test.left @ test.left) / max(test.freedom, 1.0),
+        noise=float(test.left @ test.left) / max(test.left_freedom, 1.0),
         doubt=windows.doubt,
-        loudest=loudest(test.left, measured.sum(axis=(1, 2, 3)), test.freedom),
+        loudest=loudest(test.left, measured.sum(axis=(1, 2, 3)), test.left_freedom),
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, by_value, settings.rare),
         by_window=fitter.mean_squares(fit),
@@ -125,7 +125,7 @@ def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats | None, rare: float
     start = 0
     worst = 0.0
     for term in fit.terms:
-        count = len(term.effect.sizes)
+        count = 0 if term.known else len(term.effect.sizes)
         for column in range(start, start + count):
             worst = max(worst, _chow(test, by_value[..., column], rare))
         start += len(term.values)

@@ -16,13 +16,13 @@ solves, window by window and then over all of them,
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.parameters import FreeParameter, free_parameters
+from flywheel.diagnosis.fitting.parameters import FreeParameter, Key, free_parameters
 from flywheel.diagnosis.fitting.simulation import Carried, InitialStates
 from flywheel.diagnosis.fitting.stopping import converged, least_worthwhile_fall
 from flywheel.diagnosis.fitting.windows import Windows
@@ -46,6 +46,19 @@ class Jacobian:
 
 
 @dataclass(frozen=True)
+class KeptColumns:
+    """Sensitivities to values that are many and bend little: they are computed once.
+
+    Attributes:
+      keys: of each value, its column.
+      columns: (K, D, n) in sigmas per unit.
+    """
+
+    keys: Mapping[Key, int]
+    columns: Floats
+
+
+@dataclass(frozen=True)
 class JacobianCache:
     """A Jacobian that was computed on the way to a fit, and how far it was followed since then.
 
@@ -56,6 +69,7 @@ class JacobianCache:
       shared_damping: index of the damping that suited the last step of the shared parameters.
       untried: no step of the shared parameters was taken with it yet.
       number: how often it was computed anew.
+      kept: sensitivities that are not computed anew.
     """
 
     jacobian: Jacobian
@@ -64,6 +78,7 @@ class JacobianCache:
     shared_damping: int = 0
     untried: bool = True
     number: int = 0
+    kept: KeptColumns | None = None
 
     @classmethod
     def fresh(
@@ -77,7 +92,14 @@ class JacobianCache:
         if before is None:
             return cls(jacobian, fresh, np.full(len(fresh), settings.first_damping))
         damping = np.minimum(before.damping, settings.max_damping_with_new_jacobian)
-        return cls(jacobian, fresh, damping, before.shared_damping, number=before.number + 1)
+        return cls(
+            jacobian,
+            fresh,
+            damping,
+            before.shared_damping,
+            number=before.number + 1,
+            kept=before.kept,
+        )
 
     def outdated(self, stale: np.ndarray) -> JacobianCache:
         """The same with further stale windows (K,)."""
@@ -118,6 +140,11 @@ class Fit:
     cost: float
     converged: bool = False
     cache: JacobianCache | None = None
+
+    @property
+    def kept(self) -> KeptColumns | None:
+        """Sensitivities that are not computed anew; None for none."""
+        return None if self.cache is None else self.cache.kept
 
     def outdated(self, where: np.ndarray) -> Fit:
         """The same with a Jacobian that is stale in windows `where` (K,)."""
@@ -244,14 +271,17 @@ class Fitter(ABC):
         """A Jacobian that was just computed; see `JacobianCache.fresh`."""
         return JacobianCache.fresh(jacobian, self.settings.least_squares, before)
 
-    def rough_estimate(self, terms: Terms, free: Sequence[FreeParameter]) -> Fit:
+    def rough_estimate(
+        self, terms: Terms, free: Sequence[FreeParameter], kept: KeptColumns | None = None
+    ) -> Fit:
         """The local parameters as first estimated, with values of effects that suit them."""
         begun = self.first_estimate(terms)
         if not free:
             return begun
         unknowns = len(self.local_prior), begun.initial.winch.shape[1]
         nothing = Jacobian(*(np.zeros((*begun.residual.shape, count)) for count in unknowns))
-        return self.lm_steps(replace(begun, cache=self.cached(nothing)), free)
+        cache = replace(self.cached(nothing), kept=kept)
+        return self.lm_steps(replace(begun, cache=cache), free)
 
     def warm_start(self, fit: Fit, terms: Terms, free: Sequence[FreeParameter] = ()) -> Fit:
         """Other terms, before anything else is fitted to them: each window begins as before, or anew.
@@ -259,7 +289,7 @@ class Fitter(ABC):
         What is better is taken: initial states that made up for a wrong model may lead astray, and so may
         values that were seen from there.
         """
-        here, first = self.with_terms(fit, terms), self.rough_estimate(terms, free)
+        here, first = self.with_terms(fit, terms), self.rough_estimate(terms, free, fit.kept)
         first = replace(first, cache=here.cache).outdated(np.ones(len(fit.local), bool))
         return self.best_of(here, first)
 
@@ -325,6 +355,32 @@ class Fitter(ABC):
 
     def by_value(self, fit: Fit, free: Sequence[FreeParameter]) -> Floats:
         """(K, D, n) sensitivities to n values of effects, in sigmas per unit."""
+        if fit.kept is None:
+            return self._by_value(fit, free)
+        places = [fit.kept.keys.get(f.key(fit.terms), -1) for f in free]
+        old = np.array(places, int)
+        found = np.empty((*fit.residual.shape, len(free)))
+        found[..., old >= 0] = fit.kept.columns[..., old[old >= 0]]
+        new = [f for f, place in zip(free, places, strict=True) if place < 0]
+        found[..., old < 0] = self._by_value(fit, new)
+        return found
+
+    def keeping(self, fit: Fit, terms: Terms) -> Fit:
+        """A fit whose sensitivities to the values of some of its terms are computed now, and kept."""
+        free = [f for f in self.free(fit.terms) if fit.terms[f.term] in terms]
+        keys = {f.key(fit.terms): place for place, f in enumerate(free)}
+        kept = KeptColumns(keys, self._by_value(fit, free))
+        return replace(fit, cache=replace(self.renewed(fit), kept=kept))
+
+    def kept_anew(self, fit: Fit) -> Fit:
+        """A fit whose kept sensitivities are those at this fit."""
+        if fit.kept is None:
+            return fit
+        places = {key[:2] for key in fit.kept.keys}
+        terms = tuple(t for t in fit.terms if (t.effect.name, t.place) in places)
+        return self.keeping(fit, terms)
+
+    def _by_value(self, fit: Fit, free: Sequence[FreeParameter]) -> Floats:
         if not free:
             return np.zeros((*fit.residual.shape, 0))
         moves = [f.step_from(fit.terms) for f in free]

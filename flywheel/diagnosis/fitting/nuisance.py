@@ -9,9 +9,11 @@ from dataclasses import replace
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.multistart import restarted
 from flywheel.diagnosis.fitting.parameters import FreeParameter
-from flywheel.effects import NAMED, Effect, Term, Terms
+from flywheel.diagnosis.settings import AsBuiltSettings
+from flywheel.effects import NAMED, Effect, Part, Term, Terms, together
 from flywheel.errors import DataError
 from flywheel.registry import lookup
+from flywheel.robots import Robot
 
 
 def unsure_terms(
@@ -45,6 +47,33 @@ def unsure_terms(
             raise DataError(f"{name} is known to a positive number [{unit}], got {deviation!r}.")
         terms.append(Term(effect, None, (0.0,), (deviation,)))
     return tuple(terms)
+
+
+def as_built_terms(robot: Robot, settings: AsBuiltSettings = AsBuiltSettings()) -> Terms:
+    """All numbers of a robot's MJCF that may be a little off, as effects of no size."""
+    length = robot.length
+    deviations = {
+        "weak_cable": settings.stiffness,
+        "cable_loss": settings.damping,
+        "cable_length": settings.cable_length * length,
+        "cable_end": settings.cable_end * length,
+        "drum_radius": settings.drum,
+        "mass_of_body": settings.mass,
+        "inertia_of_body": settings.inertia,
+        "centre_of_mass": settings.centre_of_mass * length,
+        "marker_offset": settings.marker * length,
+        **({"ground_friction": settings.friction} if robot.grounded else {}),
+        **({"contact_softness": settings.softness} if robot.grounded else {}),
+    }
+    # Where a winch was when a recording began is fitted anyway: that is the length of its first cable.
+    wound = {winch.cables[0] for winch in robot.winches}
+    parts = [
+        Part(NAMED[name], place, deviation)
+        for name, deviation in deviations.items()
+        for place in NAMED[name].places(robot)
+        if not (name == "cable_length" and place in wound)
+    ]
+    return together(robot, parts)
 
 
 def as_said(terms: Terms) -> Terms:

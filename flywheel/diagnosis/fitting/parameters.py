@@ -10,6 +10,8 @@ import numpy as np
 from flywheel.diagnosis.settings import JacobianSettings
 from flywheel.effects import Parameter, Scales, Terms
 
+Key = tuple[str, int | None, int]
+
 
 @dataclass(frozen=True)
 class FreeParameter:
@@ -30,6 +32,11 @@ class FreeParameter:
     high: float
     step: float
     prior: float = inf
+
+    def key(self, terms: Terms) -> Key:
+        """What tells it from all others: effect, place, and index."""
+        term = terms[self.term]
+        return term.effect.name, term.place, self.index
 
     def value(self, terms: Terms) -> float:
         """Its value in terms, in units."""

@@ -11,7 +11,7 @@ Two effects are scored together, too: what explains nothing alone may do so besi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -28,46 +28,101 @@ SURE = 1.645  # standard deviations by which its root is exceeded in 95 of 100 r
 
 
 @dataclass(frozen=True)
+class Prior:
+    """What is known of a fitted value before any fit, around zero, and what it was fitted to.
+
+    Attributes:
+      value, deviation: in one unit; the deviation is infinite where nothing is known.
+    """
+
+    value: float
+    deviation: float
+
+
+@dataclass(frozen=True)
 class Projection:
     """Takes out of vectors what the nuisances can explain.
 
     Attributes:
       bases: (K, D + X, X) orthonormal, of the local parameters with their priors.
       shared: (K, D + X, S) orthonormal over all windows together, of what windows share.
+      shares: (S,) of each that is taken out: all of it, or less where something is known of how large it is,
+        so that products of what is left are those of the inverse covariance.
       weights: (K,) of the windows, at most 1; what one bad window says counts less.
     """
 
     bases: Floats
     shared: Floats
+    shares: Floats
     weights: Floats
 
     @classmethod
     def of(
-        cls, fitter: Fitter, jacobian: Jacobian, by_value: Floats | None, weights: Floats
+        cls,
+        fitter: Fitter,
+        jacobian: Jacobian,
+        by_value: Floats | None,
+        weights: Floats,
+        prior: Floats | None = None,
     ) -> Projection:
-        """Take out initial states, offsets, and (K, D, n) the values already in the model."""
+        """Take out initial states, offsets, and (K, D, n) the values already in the model.
+
+        Args:
+          fitter, jacobian: of the model.
+          by_value: sensitivities to the values.
+          weights: (K,) of the windows.
+          prior: (n,) standard deviations of the values, infinite where nothing is known; None for that.
+        """
         count, _, entries = jacobian.by_local.shape
         root = weights[:, None, None]
-        prior = np.broadcast_to(np.diag(1.0 / fitter.local_prior), (count, entries, entries))
-        bases = np.linalg.qr(np.concatenate([jacobian.by_local * root, prior], axis=1))[0]
+        own = np.broadcast_to(np.diag(1.0 / fitter.local_prior), (count, entries, entries))
+        bases = np.linalg.qr(np.concatenate([jacobian.by_local * root, own], axis=1))[0]
         shared = fitter.by_shared(jacobian, None) * root
-        if by_value is not None:
-            shared = np.concatenate([shared, by_value * root], axis=2)
-        partial = cls(bases, np.zeros((*bases.shape[:2], 0)), weights)
+        values = np.zeros((*shared.shape[:2], 0)) if by_value is None else by_value * root
+        prior = np.full(values.shape[2], np.inf) if prior is None else prior
+        unknown = np.isinf(prior)
+        shared = np.concatenate([shared, values[..., unknown]], axis=2)
+        partial = cls(bases, np.zeros((*bases.shape[:2], 0)), np.zeros(0), weights)
         left = partial._without_local(partial._padded(shared))
         flat = left.reshape(-1, left.shape[2])
         norms = np.linalg.norm(flat, axis=0)
         flat = flat[:, norms > DEAD] / norms[norms > DEAD]
         vectors, spread, _ = np.linalg.svd(flat, full_matrices=False)
         kept = vectors[:, spread > 1e-8 * max(spread.max(initial=0.0), 1e-300)]
-        return cls(bases, kept.reshape(*left.shape[:2], -1), weights)
+        shares = np.ones(kept.shape[1])
+        if not unknown.all():
+            known = partial._without_local(partial._padded(values[..., ~unknown] * prior[~unknown]))
+            flat = known.reshape(len(kept), -1)
+            vectors, spread, _ = np.linalg.svd(flat - kept @ (kept.T @ flat), full_matrices=False)
+            kept = np.concatenate([kept, vectors], axis=1)
+            shares = np.concatenate([shares, 1.0 - 1.0 / np.sqrt(1.0 + spread**2)])
+        return cls(bases, kept.reshape(*left.shape[:2], -1), shares, weights)
+
+    @property
+    def taken(self) -> float:
+        """How many degrees of freedom what windows share takes out of a residual that was fitted."""
+        return float((1.0 - (1.0 - self.shares) ** 2).sum())
+
+    @property
+    def price(self) -> float:
+        """Logarithm of how much less likely data are, beside a fit, for values that could have been others.
+
+        Of those of which something is known: what the Bayesian information criterion puts as log n.
+        """
+        return float(-2.0 * np.log(1.0 - self.shares[self.shares < 1.0]).sum())
+
+    @property
+    def unknown(self) -> Projection:
+        """The same without what something is known of."""
+        everything = self.shares == 1.0
+        return replace(self, shared=self.shared[..., everything], shares=self.shares[everything])
 
     def __call__(self, vectors: Floats) -> Floats:
         """(K (D + X), n) what is left of vectors (K, D, n)."""
         left = self.without_local(vectors)
         left = left.reshape(-1, left.shape[2])
         shared = self.shared.reshape(len(left), -1)
-        return left - shared @ (shared.T @ left)
+        return left - shared @ (self.shares[:, None] * (shared.T @ left))
 
     def without_local(self, vectors: Floats) -> Floats:
         """(K, D + X, n) what the local parameters leave of vectors (K, D, n)."""
@@ -124,8 +179,9 @@ class ScoreTest:
       noise: variance of the residual per degree of freedom.
       freedom: degrees of freedom of the residual.
       projection: that was used.
-      whole: the same, in which every window counts in full.
-      left: (N,) residual after that; what one bad window says shows here.
+      whole: the same without what something is known of, in which every window counts in full.
+      left: (N,) residual after that: what one bad window says shows here.
+      left_freedom: its degrees of freedom.
     """
 
     candidates: tuple[Candidate, ...]
@@ -139,6 +195,7 @@ class ScoreTest:
     projection: Projection
     whole: Projection
     left: Floats
+    left_freedom: float
 
     def scores(self, residual: Floats | None = None) -> list[Score]:
         """The score of every candidate, in order; for another residual if one is given."""
@@ -294,6 +351,7 @@ def score_test(
     known: Floats | None = None,
     jacobian: Jacobian | None = None,
     settings: ScoreSettings = ScoreSettings(),
+    prior: Sequence[Prior] = (),
 ) -> ScoreTest:
     """Test candidates on top of a fit.
 
@@ -303,6 +361,7 @@ def score_test(
       known: (K, D, n) sensitivities of sizes that were fitted, to be projected out.
       jacobian: of the fit, where it is at hand.
       settings: tuned numbers.
+      prior: of the last of the `known` sizes.
     """
     jacobian = jacobian or fitter.jacobian(fit)
     mean = fitter.mean_squares(fit)
@@ -313,11 +372,20 @@ def score_test(
         float(np.median(mean[tells] if tells.any() else mean)), 1e-9
     )  # 0 where all diverged
     weights = 1.0 / np.sqrt(np.maximum(1.0, mean / usual))
-    projection = Projection.of(fitter, jacobian, known, weights)
-    whole = Projection.of(fitter, jacobian, known, np.ones(len(mean)))
-    residual = projection(fit.residual[..., None])[:, 0]
+    count = 0 if known is None else known.shape[2]
+    deviations = np.full(count, np.inf)
+    deviations[count - len(prior) :] = [each.deviation for each in prior]
+    projection = Projection.of(fitter, jacobian, known, weights, deviations)
+    full = Projection.of(fitter, jacobian, known, np.ones(len(mean)), deviations)
+    off = fit.residual
+    if known is not None and len(prior):
+        # Of what something is known the residual without it is asked: what is known tells how much it is.
+        values = [each.value if np.isfinite(each.deviation) else 0.0 for each in prior]
+        off = off + known[..., count - len(prior) :] @ np.array(values)
+    residual = projection(off[..., None])[:, 0]
     measured = int(np.isfinite(fitter.windows.measured).sum())
-    freedom = float(measured - len(mean) * entries - projection.shared.shape[2])
+    own = measured - len(mean) * entries
+    freedom = float(own - (projection.shares == 1.0).sum())
     noise = float(residual @ residual) / max(freedom, 1.0)
     columns, shorter = sensitivities(fitter, fit, library, projection, residual, settings)
     return ScoreTest(
@@ -330,8 +398,9 @@ def score_test(
         noise=noise,
         freedom=freedom,
         projection=projection,
-        whole=whole,
-        left=whole(fit.residual[..., None])[:, 0],
+        whole=full.unknown,
+        left=full.unknown(fit.residual[..., None])[:, 0],
+        left_freedom=float(own - full.taken),
     )
 
 

@@ -14,7 +14,14 @@ from flywheel.diagnosis.fitting.nuisance import as_said, asked
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.selection.candidates import Candidate, places
-from flywheel.diagnosis.selection.score_test import Score, ScoredModel, promising_pairs, score_test
+from flywheel.diagnosis.selection.score_test import (
+    Prior,
+    Projection,
+    Score,
+    ScoredModel,
+    promising_pairs,
+    score_test,
+)
 from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.effects import Term, Terms
@@ -33,6 +40,8 @@ class Search:
       settings: tuned numbers.
       progress: told what has been done.
       probes: laws that are scored like candidates, and never added.
+      as_built: numbers of the robot that may all be a little off, which are added where they explain more
+        than any effect; none where that is not asked.
     """
 
     fitter: Fitter
@@ -41,26 +50,31 @@ class Search:
     settings: SelectionSettings = SelectionSettings()
     progress: Callable[[str], None] = lambda note: None
     probes: tuple[Candidate, ...] = ()
+    as_built: Terms = ()
 
     def score_all(self, fit: Fit) -> ScoredModel:
         """Score all candidates and probes on top of a model."""
         fitter, jacobian = self.fitter, self.fitter.jacobian(fit)
-        fit = replace(fit, cache=fitter.cached(jacobian))
+        fit = replace(fit, cache=replace(fitter.cached(jacobian), kept=fit.kept))
         free = fitter.free(fit.terms)
         by_value = fitter.by_value(fit, free) if free else None
         numerics = fitter.step_error(fit)
         known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
         everything = (*self.library, *self.probes)
-        test = score_test(fitter, fit, everything, known, jacobian, self.settings.score)
+        prior = [Prior(f.value(fit.terms), f.prior) for f in free]
+        test = score_test(fitter, fit, everything, known, jacobian, self.settings.score, prior)
         count, scores = len(self.library), test.scores()
         ranking = sorted(scores[:count], key=lambda s: -s.score)
         self.progress(f"scored {count} candidates on top of {len(fit.terms)} effects")
         return ScoredModel(fit, jacobian, by_value, test, tuple(ranking), tuple(scores[count:]))
 
     def criterion(self, fit: Fit) -> float:
-        """Bayesian information criterion (BIC): cost, with what every fitted value costs."""
+        """Bayesian information criterion (BIC): cost, with what every fitted value costs.
+
+        Values of which something is known cost what they are off by that.
+        """
         measured = np.isfinite(self.fitter.windows.measured).sum()
-        values = sum(len(term.values) for term in fit.terms)
+        values = sum(len(term.values) for term in asked(fit.terms))
         return fit.cost + values * float(np.log(measured))
 
     def fit_until(
@@ -188,6 +202,9 @@ def stepwise(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredMod
       Its state at the end, and the model as it was, with one effect more, and so on; the last is the answer.
     """
     search, models = _forward(search, first)
+    if as_given := _as_given(search, models[-1]):
+        alone = replace(search, as_built=())
+        search, models = _forward(alone, search.score_all(as_given), first)
     fitter, fit = search.fitter, models[-1].fit
     if added(models) or fitter.worthwhile(fit):
         return search, models
@@ -219,6 +236,12 @@ def without(terms: Terms, term: Term) -> Terms:
     return tuple(t for t in terms if t is not term)
 
 
+def _without_numbers(terms: Terms, numbers: Terms) -> Terms:
+    """Terms without those of some effects and places."""
+    left_out = places(numbers)
+    return tuple(term for term in terms if (term.effect.name, term.place) not in left_out)
+
+
 def deduplicated(fits: Sequence[Fit]) -> list[Fit]:
     """Fits without those that cost the same to the last digit as one before; diverging ones all differ."""
     found: list[Fit] = []
@@ -229,29 +252,87 @@ def deduplicated(fits: Sequence[Fit]) -> list[Fit]:
     return found
 
 
-def _forward(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredModel]]:
-    """The forward steps of `stepwise`, in the time steps that the fitter has or that an effect asks for."""
-    settings = search.settings
-    models, most = [first], len(first.fit.terms) + settings.max_effects
-    if changed := _with_other_values(search, first):
+def _forward(
+    search: Search, begun: ScoredModel, before: ScoredModel | None = None
+) -> tuple[Search, list[ScoredModel]]:
+    """The forward steps of `stepwise`, in the time steps that the fitter has or that an effect asks for.
+
+    Args:
+      search: its state.
+      begun: the model that they begin with.
+      before: the model as it was, if that is another one.
+    """
+    settings, first = search.settings, before or begun
+    models = [first] if before is None else [first, begun]
+    most = len(asked(first.fit.terms)) + settings.max_effects
+    if before is None and (changed := _with_other_values(search, first)):
         models.append(search.score_all(changed))
     for _ in range(settings.max_forward_steps):
         last = models[-1]
-        room = most - len(last.fit.terms)
+        if built := _as_built(search, last):
+            search.progress("asking for a robot whose numbers are all a little off")
+            models.append(
+                built
+            )  # not fitted yet: what it makes up for is what an effect is told by
+            last = built
+        unfitted = built is not None
+        room = most - len(asked(last.fit.terms))
         least = settings.least_share if room > 1 else settings.least_share_of_last
         if room < 1 or (added(models) and not last.promises(least, settings.by_chance)):
-            break
-        search, better = _next(search, last, room)
+            better = None
+        else:
+            search, better = _next(search, last, room)
         # A score is a promise of the linearisation; a fit need not keep it.
+        if better is None and unfitted:
+            better = search.fit_until(last.fit)
         if better is None or search.criterion(better) >= search.criterion(last.fit):
             break
         # Only the fit was not good enough yet; other values of what the plant had are an answer.
-        if places(better.terms) == places(last.fit.terms) and (
-            len(models) > 1 or not _has_other_values(search, first, better)
-        ):
+        same = places(better.terms) == places(last.fit.terms)
+        if unfitted or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
             models.pop()
+        if better.kept is not None:
+            better = search.fit_until(replace(search.fitter.kept_anew(better), converged=False))
         models.append(search.score_all(better))
     return search, models
+
+
+def _as_given(search: Search, model: ScoredModel) -> Fit | None:
+    """A model without the numbers of the robot as it was built, where it does as well without them."""
+    if not search.as_built or model.fit.kept is None:
+        return None
+    limit = search.criterion(model.fit) + model.test.projection.price
+    effects = _without_numbers(model.fit.terms, search.as_built)
+    less = search.fit_until(
+        search.fitter.warm_start(replace(model.fit, cache=None), effects), limit
+    )
+    return less if effects and search.criterion(less) < limit else None
+
+
+def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
+    """The model of a robot whose numbers are all a little off; None if that explains less than an effect.
+
+    Nor where the model has these numbers already, or they are not worth what they cost.
+    """
+    fitter, fit = search.fitter, model.fit
+    if not search.as_built or fit.kept is not None or model.beyond_noise < search.threshold:
+        return None
+    begun = fitter.with_terms(fit, (*fit.terms, *search.as_built))
+    begun = fitter.keeping(begun, search.as_built)
+    free = [f for f in fitter.free(begun.terms) if f.term >= len(fit.terms)]
+    own = Projection.of(
+        fitter,
+        model.jacobian,
+        fitter.by_value(begun, free),
+        np.ones(len(fit.local)),
+        np.array([f.prior for f in free]),
+    )
+    whole, left = own.unknown(fit.residual[..., None]), own(fit.residual[..., None])
+    explained = float((whole**2).sum() - (left**2).sum()) - own.price
+    best = max(score.statistic for score in model.scores)
+    if explained < max(search.threshold, search.settings.pairs.more * best):
+        return None
+    return search.score_all(begun)
 
 
 def _with_other_values(search: Search, first: ScoredModel) -> Fit | None:

@@ -81,7 +81,11 @@ def _scores(search: Search, model: ScoredModel) -> list[Score]:
     """Scores of all numbers that the model does not have, and that are not asked about anyway."""
     fitter, had = search.fitter, {term.effect.name for term in model.fit.terms}
     had |= {candidate.effect.name for candidate in search.library}
-    library = {name: each for name, each in CALIBRATIONS.items() if name not in had}
+    library = {
+        name: each
+        for name, each in CALIBRATIONS.items()
+        if name not in had and each.where == "robot"
+    }
     numbers, test = candidates(fitter.windows.robot, library), model.test
     if not numbers:
         return []

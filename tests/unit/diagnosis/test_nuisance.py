@@ -25,6 +25,7 @@ from tests import draws
 from tests.unit.diagnosis.conftest import recorded
 
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "stiffening")}
+SCALES = {"cable_stiffness": "cable_stiffness", "body_mass": "mass"}  # of the plant
 
 
 @pytest.fixture(scope="module")
@@ -151,11 +152,11 @@ def test_places_and_unknown_names_are_refused() -> None:
         unsure_terms({"body_mass": 0.1}, present)
 
 
-@pytest.mark.parametrize("name", CALIBRATIONS)
+@pytest.mark.parametrize("name", SCALES)
 def test_a_calibration_is_the_plants_own_scale(robot: Robot, name: str) -> None:
     rng = np.random.default_rng(draws.seed())
     factor = float(rng.uniform(0.8, 1.25))
-    scale = {"cable_stiffness": "cable_stiffness", "body_mass": "mass"}[name]
+    scale = SCALES[name]
     term = Term(NAMED[name], None, (factor - 1.0,))
     nominal, scaled = Plant(robot), Plant(robot, parameters=PlantParameters(**{scale: factor}))
     start = nominal.settle(0.2)

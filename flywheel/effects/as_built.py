@@ -1,0 +1,117 @@
+"""A robot as it was built: many numbers of its MJCF at once, each a little off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from flywheel.effects.effect import Effect, ModelEffect, Parameter, Term, Terms, place_name
+from flywheel.effects.scales import Scales
+from flywheel.robots import Robot
+
+NAME = "as_built"
+FARTHEST = 10.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class Part:
+    """One number, or one place, of a robot that is not known exactly.
+
+    Attributes:
+      effect: that changes it.
+      place: index of the part, or None.
+      deviation: standard deviation of each of its values [their units].
+    """
+
+    effect: Effect
+    place: int | None
+    deviation: float
+
+    @property
+    def term(self) -> Term:
+        """At what the MJCF says."""
+        count = len(self.effect.parameters)
+        return Term(self.effect, self.place, (0.0,) * count, (self.deviation,) * count)
+
+
+class AsBuilt(ModelEffect):
+    """Several effects on MuJoCo's model as one, so that models need not be told apart by hundreds of terms.
+
+    Args:
+      robot: whose parts they are.
+      parts: of effects that are `ModelEffect`s.
+    """
+
+    name = NAME
+    equation = "all numbers of the MJCF, each a little off"
+    source = "tolerances of manufacture"
+    shown_by = "everything"
+
+    def __init__(self, robot: Robot, parts: Sequence[Part]) -> None:
+        self.parts = tuple(parts)
+        self.moves_mass = any(_model_effect(part).moves_mass for part in parts)  # type: ignore[misc]
+        self.sizes = tuple(  # type: ignore[misc]
+            _number(part, size, place_name(part.effect, part.place, robot))
+            for part in parts
+            for size in part.effect.sizes
+        )
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        numbers = np.array(list(values.values()))
+        for part, own in zip(self.parts, self._split(numbers), strict=True):
+            if own.any():
+                names = (size.name for size in part.effect.sizes)
+                named = dict(zip(names, own.tolist(), strict=True))
+                _model_effect(part).edit(model, robot, part.place, named)
+
+    def _split(self, numbers: np.ndarray) -> list[np.ndarray]:
+        """The values of each part."""
+        ends = np.cumsum([len(part.effect.sizes) for part in self.parts])
+        return np.split(numbers, ends[:-1])
+
+    def apart(self, term: Term) -> Terms:
+        """A term of this effect as terms of its parts, with the same values in the same order."""
+        values, known = (self._split(np.array(each)) for each in (term.values, term.known))
+        return tuple(
+            Term(part.effect, part.place, tuple(own.tolist()), tuple(sure.tolist()))
+            for part, own, sure in zip(self.parts, values, known, strict=True)
+        )
+
+
+def taken_apart(terms: Terms) -> Terms:
+    """Terms with those of a robot as built as terms of its parts; all values stay in their order."""
+    found: list[Term] = []
+    for term in terms:
+        found += term.effect.apart(term) if isinstance(term.effect, AsBuilt) else [term]
+    return tuple(found)
+
+
+def together(robot: Robot, parts: Sequence[Part]) -> Terms:
+    """Parts as few terms: those on MuJoCo's model as one."""
+    native = [part for part in parts if isinstance(part.effect, ModelEffect)]
+    others = [part.term for part in parts if not isinstance(part.effect, ModelEffect)]
+    if not native:
+        return tuple(others)
+    effect = AsBuilt(robot, native)
+    known = tuple(part.deviation for part in native for _ in part.effect.sizes)
+    return (Term(effect, None, (0.0,) * len(known), known), *others)
+
+
+def _number(part: Part, size: Parameter, place: str) -> Parameter:
+    """A size of a part, in standard deviations of what is known of it."""
+
+    def unit(scales: Scales) -> float:
+        return part.deviation
+
+    name = f"{part.effect.name}@{place}.{size.name}"
+    return Parameter(name, size.unit, unit, low=-FARTHEST, high=FARTHEST)
+
+
+def _model_effect(part: Part) -> ModelEffect:
+    assert isinstance(part.effect, ModelEffect)
+    return part.effect

@@ -1,0 +1,155 @@
+"""Effects on the numbers that a robot was built with: lengths, places, masses and drums, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco
+
+from flywheel.effects.cable_effects import pulls_on
+from flywheel.effects.effect import CommandEffect, ModelEffect, Parameter, Values
+from flywheel.records import Floats
+from flywheel.robots import Robot, moving_bodies
+
+AXES = ("x", "y", "z")
+FIRST = 0.01  # of the robot's length: what somebody notices who measures it
+
+
+class CableLength(ModelEffect):
+    """A cable whose rest length is another than the MJCF says, or than its winch believes."""
+
+    name = "cable_length"
+    where = "cable"
+    sizes = (Parameter("offset", "m", lambda s: FIRST * s.length, low=-10.0, high=10.0),)
+    equation = "l0 -> l0 + o"
+    source = "geometry"
+    shown_by = "slow strokes that load the cables one after the other"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        assert place is not None
+        model.tendon_lengthspring[place] += values["offset"]
+        pulls = pulls_on(model, [place])  # -k (length - act) becomes -k (length - act - offset)
+        model.actuator_biasprm[pulls, 0] -= model.actuator_biasprm[pulls, 1] * values["offset"]
+
+
+class CableLoss(ModelEffect):
+    """A cable that damps more, or less, than the MJCF says."""
+
+    name = "cable_loss"
+    where = "cable"
+    sizes = (Parameter("share", "-", lambda s: 0.3, low=-3.3, high=20.0),)
+    equation = "c (1 + s) at one cable"
+    source = "Kelvin-Voigt element"
+    shown_by = "fast strokes that load the cables one after the other"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        assert place is not None
+        factor = 1.0 + values["share"]
+        model.tendon_damping[place] *= factor
+        model.tendon_dampingpoly[place] *= factor
+        model.actuator_biasprm[pulls_on(model, [place]), 2] *= factor
+
+
+class CableEnd(ModelEffect):
+    """An end of a cable, an attachment or an anchor, that is not where the MJCF says."""
+
+    name = "cable_end"
+    where = "end"
+    sizes = tuple(
+        Parameter(axis, "m", lambda s: FIRST * s.length, low=-10.0, high=10.0) for axis in AXES
+    )
+    equation = "a -> a + (x, y, z), in the frame of its body"
+    source = "geometry"
+    shown_by = "large motions in all directions"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        assert place is not None
+        cable, last = divmod(place, 2)
+        steps = model.tendon_num[cable] - 1 if last else 0
+        site = model.wrap_objid[model.tendon_adr[cable] + steps]
+        model.site_pos[site] += [values[axis] for axis in AXES]
+
+
+class MassOfBody(ModelEffect):
+    """One body that is heavier or lighter than the MJCF says, with its inertia."""
+
+    name = "mass_of_body"
+    where = "body"
+    sizes = (Parameter("share", "-", lambda s: 0.05, low=-15.0, high=40.0),)
+    equation = "m (1 + s), I (1 + s) of one body"
+    source = "Newton's second law"
+    shown_by = "drops and fast strokes"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        body = _body(model, place)
+        model.body_mass[body] *= 1.0 + values["share"]
+        model.body_inertia[body] *= 1.0 + values["share"]
+
+
+class InertiaOfBody(ModelEffect):
+    """One body whose mass is spread out more, or less, than the MJCF says."""
+
+    name = "inertia_of_body"
+    where = "body"
+    sizes = (Parameter("share", "-", lambda s: 0.1, low=-8.0, high=40.0),)
+    equation = "I (1 + s) of one body"
+    source = "Euler's equations"
+    shown_by = "turning fast"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        model.body_inertia[_body(model, place)] *= 1.0 + values["share"]
+
+
+class CentreOfMass(ModelEffect):
+    """One body whose centre of mass is not where the MJCF says."""
+
+    name = "centre_of_mass"
+    where = "body"
+    moves_mass = True
+    sizes = tuple(
+        Parameter(axis, "m", lambda s: FIRST * s.length, low=-10.0, high=10.0) for axis in AXES
+    )
+    equation = "c -> c + (x, y, z), in the frame of the body"
+    source = "Newton's second law"
+    shown_by = "lying and standing in different ways, slowly"
+
+    def edit(
+        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
+    ) -> None:
+        model.body_ipos[_body(model, place)] += [values[axis] for axis in AXES]
+
+
+class DrumRadius(CommandEffect):
+    """One winch whose drum is larger or smaller than it should be.
+
+    A rate winch is faster. A position winch winds up another length than it was told, counted from where
+    the keyframe has it.
+    """
+
+    name = "drum_radius"
+    where = "winch"
+    stage = 2
+    sizes = (Parameter("share", "-", lambda s: 0.05, low=-10.0, high=10.0),)
+    equation = "r -> (1 + g) r, or l -> l_k + (1 + g) (l - l_k)"
+    source = "kinematics of the drum"
+    shown_by = "long strokes of one winch after the other"
+
+    def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
+        still = robot.holding(robot.winch_of(robot.keyframe))
+        return controls + values["share"][:, None] * (controls - still)
+
+
+def _body(model: mujoco.MjModel, place: int | None) -> int:
+    """MuJoCo's number of a body of the robot."""
+    assert place is not None
+    return moving_bodies(model)[place]
