@@ -206,6 +206,7 @@ def _again(robot: str, effects_from: Sequence[Path]) -> str:
 def _show(out: Out, found: Diagnosis, options: str) -> None:
     from flywheel.diagnosis import Verdict
     from flywheel.reports.diagnosis_page import (
+        as_built,
         at_bounds,
         held_back,
         numbers,
@@ -219,7 +220,13 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
         out.print(effects_table(found))
     if form := other_form(found):
         out.say(f"another form than the effects of the library: {form}")
-    for note in (at_bounds(found), suspects(found), held_back(found), numbers(found)):
+    for note in (
+        as_built(found),
+        at_bounds(found),
+        suspects(found),
+        held_back(found),
+        numbers(found),
+    ):
         if note:
             out.say(note)
     scores = [

@@ -21,6 +21,7 @@ from flywheel.diagnosis.fitting.multistart import restarted_with_care
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, calibrated, unsure_terms
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.heartbeat import Heartbeat
+from flywheel.diagnosis.results.as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.diagnosis import Diagnosis, TimeSteps
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.verdict import (
@@ -149,7 +150,8 @@ def _searched(
         limits = settings.limits
         search = Search(fitter, library, limits.threshold, settings.selection, progress, probes)
         if under_test.model is None:
-            numbers = as_built_terms(fitter.windows.robot, settings.fitting.as_built)
+            present = (*under_test.plant.terms, *unsure)
+            numbers = as_built_terms(fitter.windows.robot, settings.fitting.as_built, present)
             search = replace(search, as_built=numbers)
         search, fit = _calibrated(search, first, unsure)
         scored = search.score_all(fit)
@@ -208,6 +210,7 @@ def _concluded(
     nothing_left = only_noise(limits, judged.after) and constant(limits, judged.after)
     left = unexplained and not nothing_left
     ambiguous = others and judged.verdict is Verdict.EFFECT
+    built = _as_built(search, last.fit, judged.effects)
     rng = np.random.default_rng(under_test.seed)
     return Diagnosis(
         verdict=Verdict.AMBIGUOUS if ambiguous else judged.verdict,
@@ -224,7 +227,8 @@ def _concluded(
         location=localise(fitter, last.test, checks) if left else None,
         discrepancy=_discrepancy(fitter, last, judge, under_test) if left else None,
         model="" if under_test.model is None else under_test.model.name,
-        calibration=tuple(each for each in judged.effects if each.term.known),
+        calibration=tuple(e for e in judged.effects if e.term.known and e not in built),
+        as_built=AsBuiltNumbers(built) if built else None,
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
         suspects=(
             () if under_test.model else suspect_parameters(search, judged.models, unexplained)
@@ -304,6 +308,14 @@ def _with_alternatives(searched: _Searched, judged: _Judged) -> tuple[_Judged, l
         if shorter is not judged:
             return _with_alternatives(searched, shorter)
     return judged, [fit for fit in rivals if search.criterion(fit) < limit]
+
+
+def _as_built(search: Search, fit: Fit, effects: Alternative) -> Alternative:
+    """Those of the effects of a fit that are numbers of the robot as it was built."""
+    if fit.kept is None:
+        return ()
+    numbers = places(taken_apart(search.as_built))
+    return tuple(e for e in effects if e.term.known and (e.effect, e.term.place) in numbers)
 
 
 def _asked(effects: Alternative) -> Alternative:

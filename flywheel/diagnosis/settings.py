@@ -210,7 +210,6 @@ class AsBuiltSettings:
       centre_of_mass: of each body, along each axis, in lengths of the robot.
       marker: of each tracked point on its body, along each axis, in lengths of the robot.
       friction, softness: of all contacts [-].
-      rounds: of the fit of all of them together.
     """
 
     stiffness: float = 0.08
@@ -224,7 +223,6 @@ class AsBuiltSettings:
     marker: float = 0.002
     friction: float = 0.2
     softness: float = 0.4
-    rounds: int = 3
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import mujoco
+import numpy as np
 
 from flywheel.effects.cable_effects import pulls_on
 from flywheel.effects.effect import CommandEffect, ModelEffect, Parameter, Values
 from flywheel.records import Floats
-from flywheel.robots import Robot, moving_bodies
+from flywheel.robots import Robot, moving_bodies, turn_of
 
 AXES = ("x", "y", "z")
 FIRST = 0.01  # of the robot's length: what somebody notices who measures it
@@ -73,7 +74,8 @@ class CableEnd(ModelEffect):
         cable, last = divmod(place, 2)
         steps = model.tendon_num[cable] - 1 if last else 0
         site = model.wrap_objid[model.tendon_adr[cable] + steps]
-        model.site_pos[site] += [values[axis] for axis in AXES]
+        turn = turn_of(model, int(model.site_bodyid[site]))
+        model.site_pos[site] += turn.T @ [values[axis] for axis in AXES]
 
 
 class MassOfBody(ModelEffect):
@@ -89,9 +91,9 @@ class MassOfBody(ModelEffect):
     def edit(
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
-        body = _body(model, place)
-        model.body_mass[body] *= 1.0 + values["share"]
-        model.body_inertia[body] *= 1.0 + values["share"]
+        pieces = _pieces(model, place)
+        model.body_mass[pieces] *= 1.0 + values["share"]
+        model.body_inertia[pieces] *= 1.0 + values["share"]
 
 
 class InertiaOfBody(ModelEffect):
@@ -100,14 +102,14 @@ class InertiaOfBody(ModelEffect):
     name = "inertia_of_body"
     where = "body"
     sizes = (Parameter("share", "-", lambda s: 0.1, low=-8.0, high=40.0),)
-    equation = "I (1 + s) of one body"
+    equation = "I (1 + s) of one body, or of each piece that is welded to it"
     source = "Euler's equations"
     shown_by = "turning fast"
 
     def edit(
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
-        model.body_inertia[_body(model, place)] *= 1.0 + values["share"]
+        model.body_inertia[_pieces(model, place)] *= 1.0 + values["share"]
 
 
 class CentreOfMass(ModelEffect):
@@ -126,7 +128,9 @@ class CentreOfMass(ModelEffect):
     def edit(
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
-        model.body_ipos[_body(model, place)] += [values[axis] for axis in AXES]
+        offset = np.array([values[axis] for axis in AXES])
+        for piece in _pieces(model, place):
+            model.body_ipos[piece] += turn_of(model, piece).T @ offset
 
 
 class DrumRadius(CommandEffect):
@@ -149,7 +153,8 @@ class DrumRadius(CommandEffect):
         return controls + values["share"][:, None] * (controls - still)
 
 
-def _body(model: mujoco.MjModel, place: int | None) -> int:
-    """MuJoCo's number of a body of the robot."""
+def _pieces(model: mujoco.MjModel, place: int | None) -> list[int]:
+    """MuJoCo's numbers of a body of the robot, and of all that is welded to it."""
     assert place is not None
-    return moving_bodies(model)[place]
+    root = moving_bodies(model)[place]
+    return [piece for piece in range(model.nbody) if model.body_weldid[piece] == root]

@@ -11,6 +11,7 @@ from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render
 
+SHOWN = 3  # numbers of a robot that are named
 LIMITS = (
     "Sizes and intervals are those of the effects named, should nothing else be missing: 95 %, from the "
     "curvature of the fit or from how much the windows disagree, whichever is larger, and from what the time "
@@ -42,6 +43,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         other_form=other_form(found),
         numbers=numbers(found),
         held_back=held_back(found),
+        as_built=as_built(found),
         at_bounds=at_bounds(found),
         suspects=suspects(found),
         figures=_figures(found),
@@ -52,6 +54,8 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
 
 def sentence(found: Diagnosis) -> str:
     """The verdict in words."""
+    if found.verdict is Verdict.NOISE_ONLY and found.as_built:
+        return "No effect is missing: numbers of the MJCF that are all a little off explain these recordings."
     if found.verdict is Verdict.NOISE_ONLY:
         return f"The {_subject(found)} explains these recordings: nothing beyond noise is left."
     if found.verdict is Verdict.DATA_INSUFFICIENT:
@@ -105,6 +109,19 @@ def held_back(found: Diagnosis) -> str:
     return (
         f"These recordings ask for more of {names} than is believed ({believed:g} of the deviations that "
         "were named). Name a larger deviation, or look for what else is missing."
+    )
+
+
+def as_built(found: Diagnosis) -> str:
+    """What numbers of the robot that are all a little off have to do with the answer; "" for nothing."""
+    built = found.as_built
+    if built is None:
+        return ""
+    first = ", ".join(each.label for each in built.farthest[:SHOWN])
+    return (
+        f"{built.count} numbers of the MJCF, all a little off, explain more than any other effect. They are "
+        f"{built.root_mean_square:.1f} standard deviations of what is usual off (fitting.as_built in the "
+        f"settings), most of all {first}. They are fitted beside the answer, and not adopted."
     )
 
 

@@ -4,7 +4,7 @@ from importlib.resources import files
 
 from flywheel.registry import lookup
 from flywheel.robots.added import add_plain, free_name
-from flywheel.robots.bodies import moving_bodies, tracked_site
+from flywheel.robots.bodies import moving_bodies, tracked_site, turn_of
 from flywheel.robots.drawn_terrain import TerrainConfig, draw_terrain
 from flywheel.robots.ground import Ground, collides, ground_of
 from flywheel.robots.mjcf_reader import read_robot
@@ -58,4 +58,5 @@ __all__ = [
     "moving_bodies",
     "read_robot",
     "tracked_site",
+    "turn_of",
 ]

@@ -45,12 +45,17 @@ def tracked_site(model: mujoco.MjModel, point: TrackedPoint) -> tuple[int, Float
       in which `TrackedPoint.offset` is: they differ where the site is on a body welded to it.
     """
     site = int(model.sensor(point.name).objid[0])
-    body, turn = int(model.site_bodyid[site]), np.eye(3)
+    return site, turn_of(model, int(model.site_bodyid[site]))
+
+
+def turn_of(model: mujoco.MjModel, body: int) -> Floats:
+    """Rotation (3, 3) from the frame of MuJoCo's `body` to that of the one that it is welded to."""
+    turn = np.eye(3)
     while model.body_weldid[body] != body:
         here = np.zeros(9)
         mujoco.mju_quat2Mat(here, model.body_quat[body])
         body, turn = int(model.body_parentid[body]), here.reshape(3, 3) @ turn
-    return site, turn
+    return turn
 
 
 def read_bodies(

@@ -193,8 +193,12 @@ class Order:
         """The same effect at the same place."""
         if term.place is None:
             return term
-        where = self.cables if term.effect.where == "cable" else self.points
-        return replace(term, place=int(where[term.place]))
+        ends = 2 * self.cables[:, None] + np.arange(2)
+        where = {
+            "cable": self.cables, "point": self.points, "winch": self.winches, "body": self.bodies,
+            "end": ends.ravel(),
+        }  # fmt: skip
+        return replace(term, place=int(where[term.effect.where][term.place]))
 
 
 def _sorted_out(values: np.ndarray, order: np.ndarray) -> np.ndarray:

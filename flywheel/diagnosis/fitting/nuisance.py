@@ -49,8 +49,16 @@ def unsure_terms(
     return tuple(terms)
 
 
-def as_built_terms(robot: Robot, settings: AsBuiltSettings = AsBuiltSettings()) -> Terms:
-    """All numbers of a robot's MJCF that may be a little off, as effects of no size."""
+def as_built_terms(
+    robot: Robot, settings: AsBuiltSettings = AsBuiltSettings(), present: Terms = ()
+) -> Terms:
+    """All numbers of a robot's MJCF that may be a little off, as effects of no size.
+
+    Args:
+      robot: whose numbers.
+      settings: how far they may be off.
+      present: what is in the model, and fitted, already.
+    """
     length = robot.length
     deviations = {
         "weak_cable": settings.stiffness,
@@ -67,11 +75,13 @@ def as_built_terms(robot: Robot, settings: AsBuiltSettings = AsBuiltSettings()) 
     }
     # Where a winch was when a recording began is fitted anyway: that is the length of its first cable.
     wound = {winch.cables[0] for winch in robot.winches}
+    had = {(term.effect.name, term.place) for term in present}
+    had |= {("cable_length", cable) for cable in wound}
     parts = [
         Part(NAMED[name], place, deviation)
         for name, deviation in deviations.items()
         for place in NAMED[name].places(robot)
-        if not (name == "cable_length" and place in wound)
+        if (name, place) not in had
     ]
     return together(robot, parts)
 

@@ -12,6 +12,7 @@ from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel
 from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.localisation import Location
 from flywheel.diagnosis.results.answer import FORMAT
+from flywheel.diagnosis.results.as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
 from flywheel.diagnosis.results.verdict import EXIT_CODES, Alternative, Verdict
@@ -65,6 +66,7 @@ class Diagnosis:
       discrepancy: a learned law for it, likewise.
       calibration: what the plant was not sure of, as fitted beside the first answer; in JSON, with what
         was `held_back` (see `Found`).
+      as_built: numbers of the robot that are all a little off, likewise; None where that was not needed.
       time_steps: of the simulations.
       suspects: numbers of the MJCF that may be what is wrong instead.
       settings: tuned numbers that it was made with; in JSON, the unusual ones.
@@ -86,6 +88,7 @@ class Diagnosis:
     location: Location | None = None
     discrepancy: DiscrepancyModel | None = None
     calibration: Alternative = ()
+    as_built: AsBuiltNumbers | None = None
     time_steps: TimeSteps = TimeSteps(0.0, ())
     suspects: tuple[SuspectParameter, ...] = ()
     settings: Settings = Settings()
@@ -113,6 +116,7 @@ class Diagnosis:
             "calibration": [
                 {**each.summary(), "held_back": each.held_back} for each in self.calibration
             ],
+            "as_built": None if self.as_built is None else self.as_built.summary(),
             "suspect_parameters": [each.summary() for each in self.suspects],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,

@@ -13,6 +13,7 @@ from flywheel.diagnosis.fitting.windows import Recording, Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import (
     CRITICAL,
+    Prior,
     Projection,
     ScoreTest,
     score_test,
@@ -212,6 +213,53 @@ def test_nuisances_in_other_units_are_the_same_nuisances(case: Case) -> None:
     for unit in (np.array([1e5, 1.0]), np.array([1e-3, 1e3])):
         found = Projection.of(case.model, jacobian, known * unit, EVERY)(vectors)
         np.testing.assert_allclose(found, expected, atol=1e-8)
+
+
+DEVIATIONS = np.array([0.3, np.inf, 1.5])  # of three values: the second may be anything
+
+
+def test_what_is_known_of_values_is_marginalised(case: Case) -> None:
+    """Products of what is left are those of the inverse covariance, and its determinant is the price."""
+    rng = np.random.default_rng(4)
+    known = rng.normal(size=(WINDOWS, COORDINATES, 3))
+    vectors = rng.normal(size=(WINDOWS, COORDINATES, 4))
+    jacobian = case.model.jacobian(case.fit)
+    projection = Projection.of(case.model, jacobian, known, WEIGHTS, DEVIATIONS)
+
+    free, told = stacked(case.model, WEIGHTS, known[..., 1:2]), below(known, WEIGHTS)[:, [0, 2]]
+    spread = left_by(free, told) * DEVIATIONS[[0, 2]]
+    covariance = np.eye(len(spread)) + spread @ spread.T
+    left = left_by(free, below(vectors, WEIGHTS))
+    expected = left.T @ np.linalg.solve(covariance, left)
+    found = projection(vectors)
+    np.testing.assert_allclose(found.T @ found, expected, rtol=1e-8, atol=1e-8)
+    assert projection.price == pytest.approx(np.linalg.slogdet(covariance)[1])
+    np.testing.assert_allclose(projection.unknown(vectors), left, atol=1e-9)
+    taken = (
+        free.shape[1] - WINDOWS * LOCAL + np.trace(np.eye(len(spread)) - np.linalg.inv(covariance))
+    )
+    assert projection.taken == pytest.approx(taken)
+
+
+def test_a_score_does_not_depend_on_what_known_values_were_fitted_to(case: Case) -> None:
+    """They are put back: a score is that of the residual without them, by their covariance."""
+    rng = np.random.default_rng(5)
+    known, values = rng.normal(size=(WINDOWS, COORDINATES, 2)), np.array([0.7, -1.2])
+    before = case.fit.residual
+    axis = np.where(before != 0.0, rng.normal(size=before.shape), 0.0)
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    # What the values make is a reflection, so that all windows stay equally loud and weigh the same.
+    made = 2.0 * (before * axis).sum(axis=1, keepdims=True) * axis
+    known[..., 0] = (made - known[..., 1] * values[1]) / values[0]
+    scores = []
+    for share in (0.0, 1.0):
+        fit = replace(case.fit, residual=before - share * known @ values)
+        prior = [Prior(float(share * value), 0.5) for value in values]
+        test = replace(case, fit=fit).test(known=known, prior=prior)
+        scores.append([(s.score, s.sizes) for s in test.scores()])
+    for (one, sizes), (other, others) in zip(*scores, strict=True):
+        assert one == pytest.approx(other)
+        assert sizes == pytest.approx(others)
 
 
 def test_a_score_is_what_a_fit_with_the_candidate_explains(case: Case) -> None:

@@ -1,0 +1,136 @@
+"""Effects on the numbers that a robot was built with, one by one and together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis.fitting.nuisance import as_built_terms
+from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
+from flywheel.effects import NAMED, AsBuilt, Part, Term, Terms, taken_apart, together
+from flywheel.effects.effect import parts_of
+from flywheel.records import Floats, State
+from flywheel.robots import Robot, load_robot
+
+STEPS = 30
+
+
+@pytest.fixture(scope="module", params=["prism3", "platform4"])
+def augmented(request: pytest.FixtureRequest) -> AugmentedPlant:
+    return AugmentedPlant(Plant(load_robot(request.param)))
+
+
+def moved(augmented: AugmentedPlant, terms: Terms, start: State | None = None) -> Floats:
+    """(STEPS + 1, P, 3) points of a robot whose winches haul in one after the other."""
+    plant, robot = augmented.plant, augmented.robot
+    begun = plant.settle(1.0) if start is None else start
+    share = np.linspace(0.1, 0.5, len(robot.winches)) * np.linspace(1.0, 0.3, STEPS)[:, None]
+    hauled = robot.holding(plant.winch(begun)[0]) + share * (robot.control_low - robot.control_high)
+    controls = np.clip(hauled, robot.control_low, robot.control_high)[None]
+    motion = augmented.simulate(begun, augmented.commands(controls, [terms]), [terms])
+    assert motion.finite.all()
+    return motion.points[0]
+
+
+def everywhere(name: str, robot: Robot, *values: float) -> Terms:
+    return tuple(Term(NAMED[name], place, values) for place in NAMED[name].places(robot))
+
+
+def test_all_drums_are_a_winch_gain() -> None:
+    augmented = AugmentedPlant(Plant(load_robot("prism3")))
+    drums = moved(augmented, everywhere("drum_radius", augmented.robot, 0.07))
+    gain = moved(augmented, (Term(NAMED["winch_gain"], None, (0.07,)),))
+    np.testing.assert_allclose(drums, gain, atol=1e-12)
+
+
+def test_a_drum_of_a_position_winch_winds_up_more_length() -> None:
+    robot = load_robot("platform4")
+    still = robot.winch_of(robot.keyframe)
+    controls = np.tile(np.array([0.1, -0.2, still[2] - 0.2]), (1, 3, 1))
+    terms = (Term(NAMED["drum_radius"], 2, (0.1,)),)
+    told = AugmentedPlant(Plant(robot)).commands(controls, [terms])
+    np.testing.assert_allclose(told[0, :, 2], still[2] - 0.22)
+    np.testing.assert_array_equal(told[..., :2], controls[..., :2])
+
+
+def test_all_bodies_are_the_mass_of_the_robot(augmented: AugmentedPlant) -> None:
+    bodies = moved(augmented, everywhere("mass_of_body", augmented.robot, 0.1))
+    whole = moved(augmented, (Term(NAMED["body_mass"], None, (0.1,)),))
+    np.testing.assert_allclose(bodies, whole, atol=1e-12)
+
+
+def test_all_losses_are_the_damping_of_the_plant(augmented: AugmentedPlant) -> None:
+    start = augmented.plant.settle(1.0)
+    damped = Plant(augmented.robot, parameters=PlantParameters(cable_damping=1.4))
+    cables = moved(augmented, everywhere("cable_loss", augmented.robot, 0.4), start)
+    np.testing.assert_allclose(cables, moved(AugmentedPlant(damped), (), start), atol=1e-9)
+
+
+def test_a_longer_cable_is_one_whose_winch_has_paid_out(augmented: AugmentedPlant) -> None:
+    plant, robot = augmented.plant, augmented.robot
+    start, more = plant.settle(1.0), 0.01 * robot.length
+    if not robot.rate_driven.all():
+        pytest.skip("its winches go back to where they are told")
+    winch = plant.winch(start)
+    paid_out = State(
+        start.qpos, start.qvel, plant.activation(winch + more * np.eye(len(winch[0]))[1])
+    )
+    (cable,) = robot.winches[1].cables
+    longer = moved(augmented, (Term(NAMED["cable_length"], cable, (more,)),), start)
+    np.testing.assert_allclose(longer, moved(augmented, (), paid_out), atol=1e-9)
+
+
+def test_an_end_moved_along_its_cable_is_a_shorter_cable() -> None:
+    """Of two ends moved apart by the same vector the cable keeps its length and its pull."""
+    augmented = AugmentedPlant(Plant(load_robot("platform4")))
+    cable = augmented.robot.cables[0]
+    anchor = next(i for i, end in enumerate(cable.ends) if end.body < 0)
+    apart = cable.ends[anchor].offset - cable.ends[1 - anchor].offset
+    away = 0.02 * apart / np.linalg.norm(apart)
+    outwards = (Term(NAMED["cable_end"], anchor, tuple(away.tolist())),)
+    inwards = (Term(NAMED["cable_end"], anchor, tuple((-away).tolist())),)
+    height = [moved(augmented, terms)[5, :, 2].mean() for terms in (outwards, (), inwards)]
+    assert height[0] > height[1] > height[2]  # pulled more, as it hangs, and less
+
+
+def test_parts_are_named_after_the_robots() -> None:
+    robot = load_robot("prism3")
+    assert parts_of(robot, "end")[:2] == ("pull_35.first", "pull_35.last")
+    assert parts_of(robot, "winch") == tuple(winch.name for winch in robot.winches)
+    assert parts_of(robot, "robot") == ("",)
+
+
+def test_numbers_together_are_the_numbers_one_by_one(augmented: AugmentedPlant) -> None:
+    robot, rng = augmented.robot, np.random.default_rng(0)
+    built, *winches = as_built_terms(robot)
+    values = 0.5 * np.array(built.known) * rng.normal(size=len(built.known))
+    term = Term(built.effect, None, tuple(values.tolist()), built.known)
+    parts = taken_apart((term, *winches))
+    assert [v for part in parts for v in part.values] == [*values.tolist(), *[0.0] * len(winches)]
+    assert [k for part in parts for k in part.known][: len(values)] == list(built.known)
+    one_by_one = moved(augmented, parts)
+    np.testing.assert_array_equal(moved(augmented, (term,)), one_by_one)
+    assert np.abs(one_by_one - moved(augmented, ())).max() > 0
+
+
+def test_a_robot_as_built_has_each_number_once() -> None:
+    robot = load_robot("prism3")
+    friction = Term(NAMED["ground_friction"], None, (0.0,), (0.1,))
+    parts = taken_apart(as_built_terms(robot, present=(friction,)))
+    places = [(part.effect.name, part.place) for part in parts]
+    assert len(set(places)) == len(places)
+    assert ("ground_friction", None) not in places
+    first = {winch.cables[0] for winch in robot.winches}  # whose offsets are fitted anyway
+    lengths = {place for name, place in places if name == "cable_length"}
+    assert lengths == set(range(len(robot.cables))) - first
+    assert all(deviation > 0 for part in parts for deviation in part.known)
+    assert not any(value for part in parts for value in part.values)
+
+
+def test_effects_that_are_not_on_the_model_stay_terms_of_their_own() -> None:
+    robot = load_robot("prism3")
+    drum = Part(NAMED["drum_radius"], 1, 0.02)
+    assert together(robot, [drum]) == (drum.term,)
+    built, other = together(robot, [drum, Part(NAMED["mass_of_body"], 0, 0.1)])
+    assert isinstance(built.effect, AsBuilt)
+    assert other == drum.term
