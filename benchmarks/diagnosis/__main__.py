@@ -45,6 +45,12 @@ def diagnosis(
             help="How far messy robots are off: 2 for twice as far.", callback=within(Bounds(0, 10))
         ),
     ] = 1.0,
+    told: Annotated[
+        bool,
+        typer.Option(
+            help="Tell the diagnosis how far off messy robots are: what it cannot name then, nobody can."
+        ),
+    ] = False,
     model: TrainedOption = None,
     address: Annotated[str | None, typer.Option(help="An existing Ray cluster.")] = None,
 ) -> None:
@@ -53,7 +59,16 @@ def diagnosis(
     Cases that have a result in the folder are not done again, so that it can be stopped at any time.
     """
     examine(
-        folder, robot, groups.split(","), listed(sizes), range(seeds), only, model, address, spread
+        folder,
+        robot,
+        groups.split(","),
+        listed(sizes),
+        range(seeds),
+        only,
+        model,
+        address,
+        spread,
+        told,
     )
 
 

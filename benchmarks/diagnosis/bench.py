@@ -31,6 +31,7 @@ from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.workers.model_weights import TrainedModel
+from flywheel.truth_simulator.as_built import Spread
 from flywheel.truth_simulator.cases import GROUPS, MESSY_GROUPS, Case, cases
 from flywheel.truth_simulator.cases import Group as CaseGroup
 from flywheel.validation import validated
@@ -48,6 +49,7 @@ def examine(
     model: str | None,
     address: str | None,
     spread: float = 1.0,
+    told: bool = False,
 ) -> None:
     """Examine the cases that the folder has no result of yet, and show the table of all.
 
@@ -59,6 +61,7 @@ def examine(
       only: part of the names of the cases wanted.
       model: to be tested in the plant's stead; see `flywheel.cli.models`.
       address: of an existing Ray cluster.
+      told: the diagnosis knows how far off the numbers of messy robots are.
     """
     lookup(ROBOTS, robot, "robot")  # workers load it by its name
     made = cases(load_robot(robot), _checked(groups), sizes, seeds, spread=spread)
@@ -69,10 +72,11 @@ def examine(
     folder.mkdir(parents=True, exist_ok=True)
     tested = None if model is None else open_trained(model, load_robot(robot))
     missing = [case for case in wanted if not _file(folder, case.name).exists()]
-    _kept(folder, wanted, tested)
+    _kept(folder, wanted, tested, told)
     if missing:
-        _examine(folder, missing, tested, address)
-    lines = summary([CaseRow.of(result) for result in _kept(folder, wanted, tested)])
+        known = Spread().times(spread) if told else None
+        _examine(folder, missing, tested, known, address)
+    lines = summary([CaseRow.of(result) for result in _kept(folder, wanted, tested, told)])
     show(lines)
     written = write_table(lines, folder / "table.md")
     tracker = open_tracker(folder, f"diagnose-bench-{robot}", robot)
@@ -94,11 +98,13 @@ def _stored(file: Path) -> CaseResult:
     return validated(CaseResult, values, f"{file} is no result of a case", DataError)
 
 
-def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> list[CaseResult]:
+def _kept(
+    folder: Path, wanted: Sequence[Case], tested: TrainedModel | None, told: bool
+) -> list[CaseResult]:
     """The results that the folder has.
 
     Raises:
-      ConfigError: they are of another model.
+      ConfigError: they are of another model, or of a diagnosis that was told more, or less.
     """
     files = [_file(folder, case.name) for case in wanted]
     results = [_stored(file) for file in files if file.exists()]
@@ -109,18 +115,28 @@ def _kept(folder: Path, wanted: Sequence[Case], tested: TrainedModel | None) -> 
                 f"{folder} has results of {result.model[:12] or 'the plant'}; {digest[:12] or 'the plant'} "
                 "is to be tested now. Give another folder."
             )
+        if result.told != told:
+            was = "was" if result.told else "was not"
+            raise ConfigError(
+                f"{folder} has results of a diagnosis that {was} told how far off robots are. Give another "
+                "folder."
+            )
     return results
 
 
 def _examine(
-    folder: Path, missing: Sequence[Case], model: TrainedModel | None, address: str | None
+    folder: Path,
+    missing: Sequence[Case],
+    model: TrainedModel | None,
+    told: Spread | None,
+    address: str | None,
 ) -> None:
     cores = len(os.sched_getaffinity(0))
     with (
         Cluster(ClusterConfig(address, cores)) as ray,
         StopRequest() as stop,
     ):
-        groups = [Group("examiner", Examiner, (model,), count=ray.cpus)]
+        groups = [Group("examiner", Examiner, (model, told), count=ray.cpus)]
         ray.check_fits(groups)
         pool = WorkerPool(RayBackend(), groups, ray.cpus, Patience(stall=LONGEST), stop)
         try:

@@ -46,6 +46,7 @@ class CaseResult(ResultRecord):
     Attributes:
       name, group, robot: of the case.
       model: digest of the weights under test, or "" for the plant.
+      told: the diagnosis was told how far off the numbers of robots are, as they were drawn.
       scripts: commands of the recordings that were looked at.
       truth: what was hidden.
       visible: root mean square change that it makes to the recordings' points, over their noise.
@@ -68,6 +69,7 @@ class CaseResult(ResultRecord):
     group: str
     robot: str
     model: str = ""
+    told: bool = False
     scripts: tuple[str, ...] = ()
     truth: Answer = ()
     visible: float = math.nan

@@ -12,6 +12,7 @@ from benchmarks.diagnosis.case_result import CaseResult, Named
 from flywheel.data.recordings import read_recording
 from flywheel.diagnosis import Diagnosis, Found, diagnose
 from flywheel.diagnosis.checks.adequacy import Adequacy
+from flywheel.diagnosis.settings import AsBuiltSettings, Settings
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import Scales
 from flywheel.errors import FlywheelError
@@ -20,10 +21,12 @@ from flywheel.robots import Robot, load_robot
 from flywheel.runtime.assessment import library_values, smallest_shown
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.model_weights import TrainedModel
+from flywheel.truth_simulator.as_built import Spread
 from flywheel.truth_simulator.cases import UNSURE, Case, Recorded
 from flywheel.truth_simulator.effect import EffectTruth
 from flywheel.truth_simulator.recording import HiddenRecording
 
+EXACT = 1e-9  # standard deviation of what is as the MJCF says
 AS_EFFECT = {"cable_stiffness": "cable_stiffness", "mass": "body_mass"}  # of what a case is told
 
 
@@ -32,11 +35,14 @@ class Examiner:
 
     Args:
       model: to be tested in the plant's stead.
+      told: how far off the numbers of messy robots are, as they were drawn; None for the usual settings.
       threads: of the plant.
     """
 
-    def __init__(self, model: TrainedModel | None = None, threads: int = 1) -> None:
-        self._model, self._threads = model, threads
+    def __init__(
+        self, model: TrainedModel | None = None, told: Spread | None = None, threads: int = 1
+    ) -> None:
+        self._model, self._told, self._threads = model, told, threads
         self.beat = Beat()
 
     def examine(self, case: Case) -> CaseResult:
@@ -49,6 +55,7 @@ class Examiner:
             group=case.group,
             robot=case.robot,
             model="" if self._model is None else self._model.weights.digest,
+            told=self._told is not None,
             scripts=tuple(each.script for each in recorded.fit),
             truth=truth,
             visible=_visible(case, recorded),
@@ -62,10 +69,30 @@ class Examiner:
                 _imported(recorded.held_out, robot),
                 model=None if self._model is None else self._model.subject(robot, self._threads),
                 unsure={AS_EFFECT[name]: UNSURE for name in case.told},
+                settings=Settings() if self._told is None else knowing(self._told),
             )
         except FlywheelError as error:
             return empty.model_copy(update={"failure": str(error)})
         return filled(empty, found, Scales.of(robot))
+
+
+def knowing(spread: Spread) -> Settings:
+    """Settings of somebody who knows how far off the numbers of robots are that were drawn so."""
+    as_built = AsBuiltSettings(
+        stiffness=spread.stiffness,
+        damping=spread.damping,
+        cable_length=spread.rest,
+        cable_end=spread.ends,
+        drum=spread.gain,
+        mass=spread.mass,
+        friction=spread.friction,
+        softness=spread.contact_stiffness,
+        inertia=EXACT,  # it goes with the mass
+        centre_of_mass=EXACT,
+        marker=EXACT,
+    )
+    usual = Settings()
+    return replace(usual, fitting=replace(usual.fitting, as_built=as_built))
 
 
 def _imported(made: HiddenRecording, robot: Robot) -> list[Trajectory]:

@@ -54,9 +54,7 @@ class AsBuilt(ModelEffect):
         self.parts = tuple(parts)
         self.moves_mass = any(_model_effect(part).moves_mass for part in parts)  # type: ignore[misc]
         self.sizes = tuple(  # type: ignore[misc]
-            _number(part, size, place_name(part.effect, part.place, robot))
-            for part in parts
-            for size in part.effect.sizes
+            _number(part, size, robot) for part in parts for size in part.effect.sizes
         )
 
     def edit(
@@ -102,14 +100,16 @@ def together(robot: Robot, parts: Sequence[Part]) -> Terms:
     return (Term(effect, None, (0.0,) * len(known), known), *others)
 
 
-def _number(part: Part, size: Parameter, place: str) -> Parameter:
-    """A size of a part, in standard deviations of what is known of it."""
+def _number(part: Part, size: Parameter, robot: Robot) -> Parameter:
+    """A size of a part, in standard deviations of what is known of it, within its own bounds."""
 
     def unit(scales: Scales) -> float:
         return part.deviation
 
-    name = f"{part.effect.name}@{place}.{size.name}"
-    return Parameter(name, size.unit, unit, low=-FARTHEST, high=FARTHEST)
+    usual = size.typical(Scales.of(robot)) / part.deviation
+    low, high = max(-FARTHEST, size.low * usual), min(FARTHEST, size.high * usual)
+    name = f"{part.effect.name}@{place_name(part.effect, part.place, robot)}.{size.name}"
+    return Parameter(name, size.unit, unit, low=low, high=high)
 
 
 def _model_effect(part: Part) -> ModelEffect:

@@ -202,9 +202,8 @@ def stepwise(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredMod
       Its state at the end, and the model as it was, with one effect more, and so on; the last is the answer.
     """
     search, models = _forward(search, first)
-    if as_given := _as_given(search, models[-1]):
-        alone = replace(search, as_built=())
-        search, models = _forward(alone, search.score_all(as_given), first)
+    if models[-1].fit.kept is not None:
+        search, models = _as_given(search, models) or (search, models)
     fitter, fit = search.fitter, models[-1].fit
     if added(models) or fitter.worthwhile(fit):
         return search, models
@@ -297,16 +296,32 @@ def _forward(
     return search, models
 
 
-def _as_given(search: Search, model: ScoredModel) -> Fit | None:
-    """A model without the numbers of the robot as it was built, where it does as well without them."""
-    if not search.as_built or model.fit.kept is None:
-        return None
-    limit = search.criterion(model.fit) + model.test.projection.price
-    effects = _without_numbers(model.fit.terms, search.as_built)
-    less = search.fit_until(
-        search.fitter.warm_start(replace(model.fit, cache=None), effects), limit
-    )
-    return less if effects and search.criterion(less) < limit else None
+def _as_given(
+    search: Search, models: Sequence[ScoredModel]
+) -> tuple[Search, list[ScoredModel]] | None:
+    """The search with the robot as its MJCF has it, where effects alone do as well; None where they do not.
+
+    Numbers of a robot that are all a little off can make up for an effect, too. So what was found beside
+    them is fitted without them, and more effects are added for as long as they promise to make good for it.
+    """
+    first, last = models[0], models[-1]
+    alone = replace(search, as_built=())
+    limit = search.criterion(last.fit) + last.test.projection.price
+    effects = _without_numbers(last.fit.terms, search.as_built)
+    begun = search.fitter.warm_start(replace(last.fit, cache=None), effects)
+    model = alone.score_all(alone.fit_until(begun))
+    room = len(asked(first.fit.terms)) + search.settings.max_effects - len(asked(effects))
+    while (missing := alone.criterion(model.fit) - limit) >= 0.0:
+        best = model.scores[0]
+        if room < 1 or best.score < search.threshold:
+            return None
+        term = best.candidate.term(best.sizes, best.shape)
+        more = alone.fit_until(alone.warm_start(model, (*model.fit.terms, term)))
+        gained = alone.criterion(model.fit) - alone.criterion(more)
+        if gained < search.settings.makes_good * missing:
+            return None
+        model, room = alone.score_all(more), room - 1
+    return _forward(alone, model, first)
 
 
 def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:

@@ -134,3 +134,12 @@ def test_effects_that_are_not_on_the_model_stay_terms_of_their_own() -> None:
     built, other = together(robot, [drum, Part(NAMED["mass_of_body"], 0, 0.1)])
     assert isinstance(built.effect, AsBuilt)
     assert other == drum.term
+
+
+def test_a_number_stays_within_the_bounds_of_its_effect() -> None:
+    robot = load_robot("prism3")
+    softness = NAMED["contact_softness"]  # at least -0.5, where contacts are twice as stiff
+    (term,) = together(robot, [Part(softness, None, 0.4)])
+    (size,) = term.effect.sizes
+    assert size.low * 0.4 == pytest.approx(-0.5)
+    assert size.high == 10.0  # standard deviations
