@@ -28,6 +28,7 @@ from flywheel.diagnosis.results.verdict import (
     Alternative,
     Verdict,
     beyond,
+    carries_over,
     constant,
     found,
     only_noise,
@@ -151,7 +152,9 @@ def _searched(
         search = Search(fitter, library, limits.threshold, settings.selection, progress, probes)
         if under_test.model is None:
             present = (*under_test.plant.terms, *unsure)
-            numbers = as_built_terms(fitter.windows.robot, settings.fitting.as_built, present)
+            named = {candidate.effect.name for candidate in library}
+            usual = settings.fitting.as_built
+            numbers = as_built_terms(fitter.windows.robot, usual, present, named)
             search = replace(search, as_built=numbers)
         search, fit = _calibrated(search, first, unsure)
         scored = search.score_all(fit)
@@ -205,20 +208,24 @@ def _concluded(
     judged, others = _with_alternatives(searched, judged)
     fitter, last = search.fitter, judged.models[-1]
     judge = HeldOut(under_test, held_out, fitter.windows)
+    held = judge.errors(last.fit.terms)
     unexplained = judged.verdict in UNEXPLAINED
     # Effects that are the same everywhere and leave only noise: there is no place to look for more.
     nothing_left = only_noise(limits, judged.after) and constant(limits, judged.after)
     left = unexplained and not nothing_left
     ambiguous = others and judged.verdict is Verdict.EFFECT
     built = _as_built(search, last.fit, judged.effects)
+    verdict = Verdict.AMBIGUOUS if ambiguous else judged.verdict
+    if built and verdict is Verdict.NOISE_ONLY and not carries_over(limits, held):
+        verdict = Verdict.OUTSIDE_LIBRARY
     rng = np.random.default_rng(under_test.seed)
     return Diagnosis(
-        verdict=Verdict.AMBIGUOUS if ambiguous else judged.verdict,
+        verdict=verdict,
         answers=(judged.answer, *(_asked(_effects(search, fit)) for fit in others)),
         ranking=detectable(fitter, judged.models[0], rng, checks),
         threshold=limits.threshold,
         errors=errors(fitter, searched.first, last.fit),
-        held_out=judge.errors(last.fit.terms),
+        held_out=held,
         before=judged.before,
         after=judged.after,
         misspecification=judged.law,

@@ -398,6 +398,8 @@ class Limits:
       threshold: score from which an effect counts as seen.
       equally_good: difference of two criteria (BIC) below which data do not tell models apart.
       max_residual_variance: of what is left, above which it is more than noise, were that known exactly.
+      max_held_out_variance: of what is left on held-out recordings, above which numbers of a robot as built
+        explain only the recordings that they were fitted to.
       sure: standard deviations of the noise's own error on top of that.
       correlated: correlation from sample to sample, likewise.
       inconstant: differences of a size between windows, likewise.
@@ -409,6 +411,7 @@ class Limits:
     threshold: float = 25.0
     equally_good: float = 10.0
     max_residual_variance: float = 1.05
+    max_held_out_variance: float = 1.25
     sure: float = 2.0
     correlated: float = 0.05
     inconstant: float = 1.0

@@ -62,6 +62,11 @@ def sentence(found: Diagnosis) -> str:
         return "These recordings are too quiet to show any effect of the library."
     if found.verdict is Verdict.NOT_CONVERGED:
         return "No start was found from which the simulation of these recordings stays finite."
+    if found.verdict is Verdict.OUTSIDE_LIBRARY and found.as_built and found.location is None:
+        return (
+            "Something is missing: numbers of the MJCF that are all a little off explain the recordings that "
+            "were fitted, but not those that were held out. Diagnose with more, or other, recordings."
+        )
     if found.verdict is Verdict.OUTSIDE_LIBRARY and not any(found.answers):
         return "Something is missing, and it is none of the library's effects."
     names = _names(found.answers[0])
@@ -119,9 +124,9 @@ def as_built(found: Diagnosis) -> str:
         return ""
     first = ", ".join(each.label for each in built.farthest[:SHOWN])
     return (
-        f"{built.count} numbers of the MJCF, all a little off, explain more than any other effect. They are "
-        f"{built.root_mean_square:.1f} standard deviations of what is usual off (fitting.as_built in the "
-        f"settings), most of all {first}. They are fitted beside the answer, and not adopted."
+        f"{built.count} numbers of the MJCF, all a little off, explain more than any other effect. Each is "
+        f"off by {built.root_mean_square:.1f} of the deviation that is usual for it (root mean square), most "
+        f"of all {first}. They are fitted beside the answer, and not adopted."
     )
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.multistart import restarted
 from flywheel.diagnosis.fitting.parameters import FreeParameter
 from flywheel.diagnosis.settings import AsBuiltSettings
-from flywheel.effects import NAMED, Effect, Part, Term, Terms, together
+from flywheel.effects import CALIBRATIONS, NAMED, Effect, Part, Term, Terms, together
 from flywheel.errors import DataError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
@@ -50,7 +50,10 @@ def unsure_terms(
 
 
 def as_built_terms(
-    robot: Robot, settings: AsBuiltSettings = AsBuiltSettings(), present: Terms = ()
+    robot: Robot,
+    settings: AsBuiltSettings = AsBuiltSettings(),
+    present: Terms = (),
+    named: Collection[str] = (),
 ) -> Terms:
     """All numbers of a robot's MJCF that may be a little off, as effects of no size.
 
@@ -58,6 +61,7 @@ def as_built_terms(
       robot: whose numbers.
       settings: how far they may be off.
       present: what is in the model, and fitted, already.
+      named: effects that were named to be asked about. Those that are in every library are not only numbers.
     """
     length = robot.length
     deviations = {
@@ -81,7 +85,7 @@ def as_built_terms(
         Part(NAMED[name], place, deviation)
         for name, deviation in deviations.items()
         for place in NAMED[name].places(robot)
-        if (name, place) not in had
+        if (name, place) not in had and not (name in named and name in CALIBRATIONS)
     ]
     return together(robot, parts)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
+from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.selection.misspecification import Misspecification
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.settings import JacobianSettings, Limits
@@ -193,6 +194,14 @@ def only_noise(limits: Limits, left: Adequacy) -> bool:
         and left.correlation < limits.correlated
         and left.loudest < limits.outstanding
     )
+
+
+def carries_over(limits: Limits, held_out: Errors | None) -> bool:
+    """Whether what explains the recordings that were fitted explains those that were not; so without any."""
+    if held_out is None:
+        return True
+    most = limits.max_held_out_variance * held_out.noise**2
+    return held_out.augmented**2 < most
 
 
 def constant(limits: Limits, left: Adequacy) -> bool:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.checks.adequacy import OwnErrors
-from flywheel.diagnosis.results.verdict import Found, beyond, found
+from flywheel.diagnosis.checks.held_out import Errors
+from flywheel.diagnosis.results.verdict import Found, beyond, carries_over, found
 from flywheel.diagnosis.settings import Limits
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.robots import Robot
@@ -92,3 +93,10 @@ def test_a_model_that_does_nothing_wrong_is_asked_what_a_plant_is() -> None:
     rng = np.random.default_rng(draws.seed())
     quiet = OwnErrors(*rng.uniform((0.0, 0.5, -0.1, 0.0), (10.0, 1.0, 0.0, 6.0)))
     assert beyond(Limits(), quiet) == Limits()
+
+
+def test_what_is_explained_carries_over_to_held_out_recordings_or_does_not() -> None:
+    limits = Limits(max_held_out_variance=1.21)
+    assert carries_over(limits, None)
+    assert carries_over(limits, Errors(noise=1.0, baseline=5.0, augmented=1.09))
+    assert not carries_over(limits, Errors(noise=1.0, baseline=5.0, augmented=1.11))

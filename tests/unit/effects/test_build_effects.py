@@ -116,10 +116,15 @@ def test_numbers_together_are_the_numbers_one_by_one(augmented: AugmentedPlant) 
 def test_a_robot_as_built_has_each_number_once() -> None:
     robot = load_robot("prism3")
     friction = Term(NAMED["ground_friction"], None, (0.0,), (0.1,))
-    parts = taken_apart(as_built_terms(robot, present=(friction,)))
+    parts = taken_apart(
+        as_built_terms(robot, present=(friction,), named=("mass_of_body", "weak_cable"))
+    )
     places = [(part.effect.name, part.place) for part in parts]
     assert len(set(places)) == len(places)
     assert ("ground_friction", None) not in places
+    names = {name for name, _ in places}
+    assert "mass_of_body" not in names  # it was asked about
+    assert "weak_cable" in names  # it is asked about always, and a number, too
     first = {winch.cables[0] for winch in robot.winches}  # whose offsets are fitted anyway
     lengths = {place for name, place in places if name == "cable_length"}
     assert lengths == set(range(len(robot.cables))) - first
