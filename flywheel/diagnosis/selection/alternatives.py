@@ -28,8 +28,12 @@ class ExchangedModels:
     without: tuple[tuple[Term, ScoredModel], ...]
 
     def shorter(self, search: Search) -> ScoredModel | None:
-        """The model without the least needed effect of several, if that does nearly as well."""
-        if len(self.without) < 2:
+        """The model without the least needed effect, if that does nearly as well.
+
+        Without a single effect that is the model as it was, which was fitted with care before any effect; not
+        so beside numbers of a robot as built.
+        """
+        if len(self.without) < (1 if self.last.kept else 2):
             return None
         term, model = min(
             self.without, key=lambda each: search.share(self.last, each[1].fit, each[0])

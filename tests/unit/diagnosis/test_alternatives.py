@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict
-from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.least_squares import Fit, KeptColumns
 from flywheel.diagnosis.fitting.model import fitted
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.selection import alternatives
@@ -94,6 +94,12 @@ def test_an_effect_goes_that_turns_out_not_to_be_needed(
     assert found.shorter(search) is (None if left is None else models[left])
     alone = ExchangedModels(last, (), ((terms[1], models[1]),))
     assert alone.shorter(search) is None  # without the only one nothing is left
+    kept = KeptColumns({}, np.zeros((1, 1, 0)))
+    cache = replace(fitter.cached(fitter.rough_jacobian(last)), kept=kept)
+    built = replace(
+        alone, last=replace(last, cache=cache)
+    )  # beside numbers that are all a little off
+    assert built.shorter(search) is (models[1] if costs[1] < 125.0 else None)
 
 
 def test_an_answer_is_judged_without_what_is_not_needed(monkeypatch: pytest.MonkeyPatch) -> None:
