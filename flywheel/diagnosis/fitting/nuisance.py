@@ -15,6 +15,13 @@ from flywheel.errors import DataError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
 
+# A number of the whole robot -> the same of each part, which whoever names the first has said something of.
+PARTS_OF = {
+    "cable_stiffness": "weak_cable",
+    "body_mass": "mass_of_body",
+    "winch_gain": "drum_radius",
+}
+
 
 def unsure_terms(
     unsure: Mapping[str, float], present: Terms = (), library: Mapping[str, Effect] = NAMED
@@ -81,11 +88,14 @@ def as_built_terms(
     wound = {winch.cables[0] for winch in robot.winches}
     had = {(term.effect.name, term.place) for term in present}
     had |= {("cable_length", cable) for cable in wound}
+    told = {PARTS_OF[term.effect.name] for term in present if term.effect.name in PARTS_OF}
     parts = [
         Part(NAMED[name], place, deviation)
         for name, deviation in deviations.items()
         for place in NAMED[name].places(robot)
-        if (name, place) not in had and not (name in named and name in CALIBRATIONS)
+        if (name, place) not in had
+        and name not in told
+        and not (name in named and name in CALIBRATIONS)
     ]
     return together(robot, parts)
 

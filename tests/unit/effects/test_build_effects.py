@@ -69,7 +69,7 @@ def test_all_losses_are_the_damping_of_the_plant(augmented: AugmentedPlant) -> N
 def test_a_longer_cable_is_one_whose_winch_has_paid_out(augmented: AugmentedPlant) -> None:
     plant, robot = augmented.plant, augmented.robot
     start, more = plant.settle(1.0), 0.01 * robot.length
-    if not robot.rate_driven.all():
+    if not robot.rate_driven[1]:
         pytest.skip("its winches go back to where they are told")
     winch = plant.winch(start)
     paid_out = State(
