@@ -270,9 +270,8 @@ def _forward(
         last = models[-1]
         if built := _as_built(search, last):
             search.progress("asking for a robot whose numbers are all a little off")
-            models.append(
-                built
-            )  # not fitted yet: what it makes up for is what an effect is told by
+            # Not fitted yet: what these numbers would make up for is what an effect is told by.
+            models.append(built)
             last = built
         unfitted = built is not None
         room = most - len(asked(last.fit.terms))
