@@ -14,6 +14,9 @@ from flywheel.robots import Robot, moving_bodies, turn_of
 
 AXES = ("x", "y", "z")
 FIRST = 0.01  # of the robot's length: what somebody notices who measures it
+OFFSET = tuple(
+    Parameter(axis, "m", lambda s: FIRST * s.length, low=-10.0, high=10.0) for axis in AXES
+)
 
 
 class CableLength(ModelEffect):
@@ -60,9 +63,7 @@ class CableEnd(ModelEffect):
 
     name = "cable_end"
     where = "end"
-    sizes = tuple(
-        Parameter(axis, "m", lambda s: FIRST * s.length, low=-10.0, high=10.0) for axis in AXES
-    )
+    sizes = OFFSET
     equation = "a -> a + (x, y, z), in the frame of its body"
     source = "geometry"
     shown_by = "large motions in all directions"
@@ -118,9 +119,7 @@ class CentreOfMass(ModelEffect):
     name = "centre_of_mass"
     where = "body"
     moves_mass = True
-    sizes = tuple(
-        Parameter(axis, "m", lambda s: FIRST * s.length, low=-10.0, high=10.0) for axis in AXES
-    )
+    sizes = OFFSET
     equation = "c -> c + (x, y, z), in the frame of the body"
     source = "Newton's second law"
     shown_by = "lying and standing in different ways, slowly"

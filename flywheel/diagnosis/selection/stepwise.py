@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, Restart
 from flywheel.diagnosis.fitting.multistart import restarted
 from flywheel.diagnosis.fitting.nuisance import as_said, asked
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
@@ -52,9 +52,10 @@ class Search:
     probes: tuple[Candidate, ...] = ()
     as_built: Terms = ()
 
-    def score_all(self, fit: Fit) -> ScoredModel:
-        """Score all candidates and probes on top of a model."""
-        fitter, jacobian = self.fitter, self.fitter.jacobian(fit)
+    def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
+        """Score all candidates and probes on top of a model, whose Jacobian may be at hand."""
+        fitter = self.fitter
+        jacobian = jacobian or fitter.jacobian(fit)
         fit = replace(fit, cache=replace(fitter.cached(jacobian), kept=fit.kept))
         free = fitter.free(fit.terms)
         by_value = fitter.by_value(fit, free) if free else None
@@ -271,9 +272,7 @@ def _forward(
         if built := _as_built(search, last):
             search.progress("asking for a robot whose numbers are all a little off")
             # Not fitted yet: what these numbers would make up for is what an effect is told by.
-            models.append(built)
-            last = built
-        unfitted = built is not None
+            models.append(last := built)
         room = most - len(asked(last.fit.terms))
         least = settings.least_share if room > 1 else settings.least_share_of_last
         if room < 1 or (added(models) and not last.promises(least, settings.by_chance)):
@@ -281,13 +280,13 @@ def _forward(
         else:
             search, better = _next(search, last, room)
         # A score is a promise of the linearisation; a fit need not keep it.
-        if better is None and unfitted:
+        if better is None and built:
             better = search.fit_until(last.fit)
         if better is None or search.criterion(better) >= search.criterion(last.fit):
             break
         # Only the fit was not good enough yet; other values of what the plant had are an answer.
         same = places(better.terms) == places(last.fit.terms)
-        if unfitted or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
+        if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
             models.pop()
         if better.kept is not None:
             better = search.fit_until(replace(search.fitter.kept_anew(better), converged=False))
@@ -346,7 +345,7 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
     best = max(score.statistic for score in model.scores)
     if explained < max(search.threshold, search.settings.pairs.more * best):
         return None
-    return search.score_all(begun)
+    return search.score_all(begun, model.jacobian)  # effects of no size change nothing in it
 
 
 def _with_other_values(search: Search, first: ScoredModel) -> Fit | None:
