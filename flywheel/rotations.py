@@ -12,11 +12,19 @@ def unit(vectors: Floats) -> Floats:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """Vector product (..., 3); NumPy's takes several times as long where there are few vectors."""
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return product
+
+
 def multiply(p: Floats, q: Floats) -> Floats:
     """The rotation that does `q` first, then `p`."""
     pw, pv, qw, qv = p[..., :1], p[..., 1:], q[..., :1], q[..., 1:]
     scalar = pw * qw - (pv * qv).sum(axis=-1, keepdims=True)
-    return np.concatenate([scalar, pw * qv + qw * pv + np.cross(pv, qv)], axis=-1)
+    return np.concatenate([scalar, pw * qv + qw * pv + cross(pv, qv)], axis=-1)
 
 
 def conjugate(q: Floats) -> Floats:
@@ -27,8 +35,8 @@ def conjugate(q: Floats) -> Floats:
 def rotate(q: Floats, v: Floats) -> Floats:
     """Vectors `v` rotated by `q`."""
     w, u = q[..., :1], q[..., 1:]
-    twice = 2 * np.cross(u, v)
-    return v + w * twice + np.cross(u, twice)
+    twice = 2 * cross(u, v)
+    return v + w * twice + cross(u, twice)
 
 
 def about_axis(axis: Floats, angle: Floats) -> Floats:
@@ -46,9 +54,9 @@ def shortest(a: Floats, b: Floats) -> Floats:
     """
     a, b = np.broadcast_arrays(unit(a), unit(b))
     scalar = 1 + (a * b).sum(axis=-1, keepdims=True)
-    quaternion = np.concatenate([scalar, np.cross(a, b)], axis=-1)
+    quaternion = np.concatenate([scalar, cross(a, b)], axis=-1)
     least = np.eye(3)[np.abs(a).argmin(axis=-1)]
-    across = np.concatenate([np.zeros_like(scalar), np.cross(a, least)], axis=-1)
+    across = np.concatenate([np.zeros_like(scalar), cross(a, least)], axis=-1)
     return unit(np.where(scalar < 1e-12, across, quaternion))
 
 

@@ -6,11 +6,14 @@ elastic energy is least. That turn is found by trying angles, finer and finer, b
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 
 from flywheel.records import Floats
 from flywheel.robots import Robot
-from flywheel.rotations import about_axis, multiply, rotate
+from flywheel.rotations import about_axis, cross, multiply, rotate
 
 ANGLES = 48  # tried per body
 ROUNDS = 4  # each of them NARROWING times as wide as the one before
@@ -52,17 +55,16 @@ def relaxed(
     Returns:
       (B, bodies, 7) poses.
     """
-    poses, rest = poses.copy(), rest_lengths(robot, winch)
-    width = np.pi
+    poses, rest, width = poses.copy(), rest_lengths(robot, winch), np.pi
+    pulled = {end.body for cable in robot.cables for end in cable.ends}
+    circles = {body: _Circles.of(robot, body, axes[body]) for body in axes if body in pulled}
     for _ in range(rounds):
         angles = np.linspace(-width, width, ANGLES, endpoint=False)
         for _ in range(SWEEPS):
-            for body, axis in axes.items():
+            for body, ends in circles.items():
+                best = angles[ends.energy(poses, rest, angles).argmin(axis=1)]
                 turn = poses[:, body, 3:]
-                about = about_axis(rotate(turn, axis)[:, None], angles[None])
-                turns = multiply(about, turn[:, None])
-                best = _energy(robot, poses, rest, body, turns).argmin(axis=1)
-                poses[:, body, 3:] = turns[np.arange(len(turns)), best]
+                poses[:, body, 3:] = multiply(about_axis(rotate(turn, axes[body]), best), turn)
         width *= NARROWING
     return poses
 
@@ -75,18 +77,69 @@ def rest_lengths(robot: Robot, winch: Floats) -> Floats:
     return np.array([cable.rest_length for cable in robot.cables]) + paid_out[..., driven_by]
 
 
-def _energy(robot: Robot, poses: Floats, rest: Floats, body: int, turns: Floats) -> Floats:
-    """(B, angles) elastic energy [J] of a body's cables if it were turned as `turns` (B, angles, 4)."""
-    energy = np.zeros(turns.shape[:2])
-    for index, cable in enumerate(robot.cables):
-        for here, there in (cable.ends, cable.ends[::-1]):
-            if here.body != body:
-                continue
-            end = poses[:, None, body, :3] + rotate(turns, here.offset)
-            other = np.broadcast_to(there.offset, (len(poses), 3))
-            if there.body >= 0:
-                pose = poses[:, there.body]
-                other = pose[:, :3] + rotate(pose[:, 3:], there.offset)
-            length = np.linalg.norm(end - other[:, None], axis=-1)
-            energy += cable.stiffness / 2 * np.maximum(length - rest[:, index, None], 0) ** 2
-    return energy
+@dataclass(frozen=True)
+class _Circles:
+    """Circles that the cable ends on a body go round when it turns about an axis; n ends.
+
+    Attributes:
+      body: which.
+      centre, radius, across: (n, 3) in the body's frame: an end is at centre + radius cos + across sin [m].
+      cables: (n,) to which they belong.
+      stiffness: (n,) of these [N/m].
+      others: (n,) bodies of the opposite ends; -1 for an anchor.
+      offsets: (n, 3) of the opposite ends on these [m].
+    """
+
+    body: int
+    centre: Floats
+    radius: Floats
+    across: Floats
+    cables: np.ndarray
+    stiffness: Floats
+    others: np.ndarray
+    offsets: Floats
+
+    @classmethod
+    def of(cls, robot: Robot, body: int, axis: Floats) -> Self:
+        """Of the cables of a body that turns about a unit axis (3,)."""
+        ends = [
+            (here.offset, index, cable.stiffness, there.body, there.offset)
+            for index, cable in enumerate(robot.cables)
+            for here, there in (cable.ends, cable.ends[::-1])
+            if here.body == body
+        ]
+        offsets, cables, stiffness, others, opposite = zip(*ends, strict=True)
+        centre = np.outer(np.array(offsets) @ axis, axis)
+        radius = np.array(offsets) - centre
+        return cls(
+            body,
+            centre,
+            radius,
+            cross(axis, radius),
+            np.array(cables),
+            np.array(stiffness),
+            np.array(others),
+            np.array(opposite),
+        )
+
+    def energy(self, poses: Floats, rest: Floats, angles: Floats) -> Floats:
+        """(B, angles) elastic energy [J] of the cables if the body were turned by these angles.
+
+        Args:
+          poses: (B, bodies, 7) of all bodies.
+          rest: (B, cables) rest lengths [m].
+          angles: [rad].
+        """
+        held = poses[:, self.others]
+        opposite = held[..., :3] + rotate(held[..., 3:], self.offsets)
+        opposite = np.where(self.others[:, None] >= 0, opposite, self.offsets)
+        own = poses[:, None, self.body]
+        vectors = np.stack([self.centre, self.radius, self.across])
+        centre, radius, across = rotate(own[:, None, :, 3:], vectors).swapaxes(0, 1)
+        off = own[..., :3] + centre - opposite  # (B, n, 3)
+        fixed = ((off**2).sum(axis=-1) + (radius**2).sum(axis=-1))[..., None]
+        by_cos, by_sin = (2 * (off * each).sum(axis=-1)[..., None] for each in (radius, across))
+        square = fixed + by_cos * np.cos(angles) + by_sin * np.sin(angles)
+        length = np.sqrt(np.maximum(square, 0.0))
+        stretch = np.maximum(length - rest[:, self.cables, None], 0.0)
+        return np.asarray((self.stiffness[:, None] / 2 * stretch**2).sum(axis=1))
