@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,6 +19,7 @@ from flywheel.cli.options import (
     PlantOption,
     ThreadsOption,
     WindowOption,
+    length_of,
     number,
 )
 from flywheel.quantities import FACTOR
@@ -25,7 +27,7 @@ from flywheel.quantities import FACTOR
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from flywheel.diagnosis import Diagnosis
+    from flywheel.diagnosis import Diagnosis, Settings
     from flywheel.diagnosis.checks.localisation import Location
     from flywheel.dynamics.plant import Plant
 
@@ -57,6 +59,15 @@ TrainedOption = Annotated[
     ),
 ]
 
+ToleranceOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="What the model may be off without anybody wanting to know more, such as 2mm (root mean square "
+        "beyond noise).",
+        show_default=False,
+    ),
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -80,6 +91,7 @@ def diagnose(
     unsure: UnsureOption = None,
     window: WindowOption = None,
     model: TrainedOption = None,
+    tolerance: ToleranceOption = None,
     settings: SetOption = None,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
@@ -89,7 +101,8 @@ def diagnose(
     """Find out which physical effect a robot has that its MJCF, or a trained model, lacks.
 
     The exit code is the verdict: 0 NOISE_ONLY, 10 EFFECT, 11 AMBIGUOUS, 12 PARTIAL,
-    13 OUTSIDE_LIBRARY, 20 DATA_INSUFFICIENT, 21 NOT_CONVERGED.
+    13 OUTSIDE_LIBRARY, 20 DATA_INSUFFICIENT, 21 NOT_CONVERGED. Ctrl-C gives the best answer so far
+    (exit code 130); a second one ends the command.
 
     [bold]Example[/bold]
 
@@ -101,34 +114,60 @@ def diagnose(
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis
 
-    others, laws = held_out or [], effects_from or []
-    tuned = diagnosis.changed(diagnosis.Settings(), changes_of(settings or []))
+    others, laws, known = held_out or [], effects_from or [], unsure_of(unsure or [])
     check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, *laws, robot])
     library, out = Library.of(laws), console()
     asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)
-    subject = None if model is None else open_trained(model, plant.robot)
-    found = diagnosis.diagnose(
-        plant,
-        [each.trajectory for each in read_logs(recordings, plant.robot, dt, out)],
-        [each.trajectory for each in read_logs(others, plant.robot, dt, out)],
-        asked,
-        tuned,
-        window_seconds=window,
-        model=None if subject is None else subject.subject(plant.robot, threads),
-        unsure=unsure_of(unsure or []),
+    tuned = _settings(settings or [], tolerance, plant)
+    tested = (
+        None if model is None else open_trained(model, plant.robot).subject(plant.robot, threads)
     )
+    logs, kept_aside = (
+        [each.trajectory for each in read_logs(paths, plant.robot, dt, out)]
+        for paths in (recordings, others)
+    )
+    with _watched() as (told, stop):
+        found = diagnosis.diagnose(
+            plant, logs, kept_aside, asked, tuned, window, 0, told, tested, known, stop
+        )
     _show(out, found, _again(robot, laws))
-    about = {**_about(plant, found, recordings, others), **library.about}
+    about = _about(plant, found, recordings, others) | library.about
     out.say(f"Page: {write_diagnosis(found, page, about)}")
-    summary = {
+    summary = _summary(plant, found, recordings, others) | library.provenance
+    out.keep_json(json, summary, allow_nan=False)
+    raise typer.Exit(found.exit_code)
+
+
+def _summary(
+    plant: Plant, found: Diagnosis, recordings: Sequence[Path], others: Sequence[Path]
+) -> dict[str, Any]:
+    """A diagnosis as JSON has it, with where it comes from."""
+    return {
         **found.summary(),
         "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
         "recordings": [path.name for path in recordings],
         "held_out_recordings": [path.name for path in others],
-        **library.provenance,
     }
-    out.keep_json(json, summary, allow_nan=False)
-    raise typer.Exit(found.exit_code)
+
+
+@contextmanager
+def _watched() -> Iterator[tuple[Callable[[str], None], Callable[[], bool]]]:
+    """What takes notes of progress, and what knows whether Ctrl-C was pressed."""
+    from flywheel.runtime.pool.interrupts import StopRequest
+    from flywheel.runtime.pool.progress import console_progress, notes_of
+
+    with console_progress().stage("diagnose", 1.0) as stage, StopRequest() as stop:
+        yield notes_of(stage.update), stop
+
+
+def _settings(statements: Sequence[str], tolerance: str | None, plant: Plant) -> Settings:
+    """Settings with what was said of them."""
+    from flywheel.diagnosis.settings import Settings, changed
+
+    changes = changes_of(statements)
+    if tolerance is not None:
+        changes["limits.tolerance"] = length_of(tolerance, plant.robot)
+    return changed(Settings(), changes)
 
 
 def _about(
@@ -208,7 +247,9 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
     from flywheel.reports.diagnosis_page import (
         as_built,
         at_bounds,
+        gains,
         held_back,
+        interrupted,
         numbers,
         other_form,
         sentence,
@@ -221,6 +262,8 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
     if form := other_form(found):
         out.say(f"another form than the effects of the library: {form}")
     for note in (
+        interrupted(found),
+        gains(found),
         as_built(found),
         at_bounds(found),
         suspects(found),

@@ -400,6 +400,10 @@ class Limits:
       max_residual_variance: of what is left, above which it is more than noise, were that known exactly.
       max_held_out_variance: of what is left on held-out recordings, above which numbers of a robot as built
         explain only the recordings that they were fitted to.
+      least_gain: share of what the model as it was leaves beyond noise, on windows that were not fitted,
+        that effects must take away to be named as a part of what is missing.
+      tolerance: root mean square beyond noise that a model may be off without anybody wanting to know more
+        [m]; 0 to know all.
       sure: standard deviations of the noise's own error on top of that.
       correlated: correlation from sample to sample, likewise.
       inconstant: differences of a size between windows, likewise.
@@ -412,6 +416,8 @@ class Limits:
     equally_good: float = 10.0
     max_residual_variance: float = 1.05
     max_held_out_variance: float = 1.25
+    least_gain: float = 0.1
+    tolerance: float = 0.0
     sure: float = 2.0
     correlated: float = 0.05
     inconstant: float = 1.0

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from flywheel.diagnosis import Diagnosis, Verdict
-from flywheel.diagnosis.results.verdict import Alternative
+from flywheel.diagnosis.checks.held_out_gain import Gain
+from flywheel.diagnosis.results.verdict import Alternative, tolerated
 from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render
@@ -43,6 +46,8 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         other_form=other_form(found),
         numbers=numbers(found),
         held_back=held_back(found),
+        interrupted=interrupted(found),
+        gains=gains(found),
         as_built=as_built(found),
         at_bounds=at_bounds(found),
         suspects=suspects(found),
@@ -54,30 +59,83 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
 
 def sentence(found: Diagnosis) -> str:
     """The verdict in words."""
-    if found.verdict is Verdict.NOISE_ONLY and found.as_built:
-        return "No effect is missing: numbers of the MJCF that are all a little off explain these recordings."
     if found.verdict is Verdict.NOISE_ONLY:
-        return f"The {_subject(found)} explains these recordings: nothing beyond noise is left."
+        return _nothing_missing(found)
     if found.verdict is Verdict.DATA_INSUFFICIENT:
         return "These recordings are too quiet to show any effect of the library."
     if found.verdict is Verdict.NOT_CONVERGED:
         return "No start was found from which the simulation of these recordings stays finite."
-    if found.verdict is Verdict.OUTSIDE_LIBRARY and found.as_built and found.location is None:
-        return (
-            "Something is missing: numbers of the MJCF that are all a little off explain the recordings that "
-            "were fitted, but not those that were held out. Diagnose with more, or other, recordings."
-        )
-    if found.verdict is Verdict.OUTSIDE_LIBRARY and not any(found.answers):
-        return "Something is missing, and it is none of the library's effects."
-    names = _names(found.answers[0])
     if found.verdict is Verdict.OUTSIDE_LIBRARY:
-        return f"Something is missing that is none of the library's effects; most like it: {names}."
+        return _outside(found)
+    names = _names(found.answers[0])
     if found.verdict is Verdict.PARTIAL:
-        return f"{names} explains much of the error; something else is missing besides."
+        form = ", in another form than the library has it," if found.other_form else ""
+        share = "" if found.gain is None else f": {found.gain.share:.0%} of the error beyond noise"
+        return f"{names}{form} explains a part of what is missing{share}. Something else is missing besides."
     if found.verdict is Verdict.AMBIGUOUS:
         others = "; or ".join(_names(answer) for answer in found.answers[1:])
         return f"{names}; or {others}: these recordings do not tell."
     return f"The {_subject(found)} lacks {names}."
+
+
+def _nothing_missing(found: Diagnosis) -> str:
+    """What is said where nothing is missing, or nothing that matters."""
+    if tolerated(found.settings.limits, found.after):
+        left = millimetres(found.after.beyond_noise)
+        return f"The {_subject(found)} is {left} off beyond noise, which is tolerated."
+    if found.as_built:
+        return "No effect is missing: numbers of the MJCF that are all a little off explain these recordings."
+    return f"The {_subject(found)} explains these recordings: nothing beyond noise is left."
+
+
+def _outside(found: Diagnosis) -> str:
+    """What is said where no effect of the library is what is missing."""
+    if found.as_built and found.location is None:
+        return (
+            "Something is missing: numbers of the MJCF that are all a little off explain the recordings that "
+            "were fitted, but not those that were held out. Diagnose with more, or other, recordings."
+        )
+    if not any(found.answers):
+        return "Something is missing, and it is none of the library's effects."
+    names = _names(found.answers[0])
+    return f"Something is missing that is none of the library's effects; most like it: {names}."
+
+
+def millimetres(length: float) -> str:
+    """A length [m] in words."""
+    return f"{1000 * length:.2g} mm"
+
+
+def interrupted(found: Diagnosis) -> str:
+    """What was left undone; "" for nothing."""
+    if not found.interrupted:
+        return ""
+    return (
+        f"Stopped after {found.seconds:.0f} s: this is the best answer so far. More effects may be missing, "
+        "and other ones may explain the recordings as well."
+    )
+
+
+def gains(found: Diagnosis) -> str:
+    """What the first answer is worth on windows that it was not fitted to; "" where that was not asked."""
+    gain = found.gain
+    if gain is None or not found.answers[0] or not np.isfinite(gain.share):
+        return ""
+    held_out = f" ({gain.held_out} of them of held-out recordings)" if gain.held_out else ""
+    alone = [each for each in found.answers[0] if each.gain is not None]
+    by_itself = ", ".join(f"{each.label} {_share(each.gain)}" for each in alone if each.gain)
+    parts = f" Of that, what only one can do: {by_itself}." if len(alone) > 1 else ""
+    return (
+        f"On {gain.windows} windows that it was not fitted to{held_out}, the answer takes away "
+        f"{_share(gain)} of what the {_subject(found)} has beyond noise.{parts} Beyond noise, "
+        f"{millimetres(found.before.beyond_noise)} were left on the fitted recordings, and "
+        f"{millimetres(found.after.beyond_noise)} are (root mean square)."
+    )
+
+
+def _share(gain: Gain) -> str:
+    """A share with its interval, in percent."""
+    return f"{gain.share:.0%} ({gain.low:.0%} to {gain.high:.0%})"
 
 
 def other_form(found: Diagnosis) -> str:

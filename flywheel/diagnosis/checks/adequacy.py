@@ -24,6 +24,7 @@ class Adequacy:
       correlation: of what is left, from one sample to the next; 0 for white noise.
       inconstancy: of the fitted sizes over windows: squares of their differences over what noise exceeds
         once in a thousand times, of the worst size; above 1 for sizes that are not the same everywhere.
+      beyond_noise: root mean square of what is left beyond noise [m].
       by_window: (K,) mean square residual [sigma^2].
       by_point: (P,) the same of each tracked point.
     """
@@ -33,6 +34,7 @@ class Adequacy:
     loudest: float
     correlation: float
     inconstancy: float
+    beyond_noise: float
     by_window: Floats
     by_point: Floats
 
@@ -93,11 +95,12 @@ def adequacy(
     measured = np.isfinite(windows.measured)
     by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(measured.sum(axis=(0, 1, 3)), 1)
     return Adequacy(
-        noise=float(test.left @ test.left) / max(test.left_freedom, 1.0),
+        noise=test.left_noise,
         doubt=windows.doubt,
         loudest=loudest(test.left, measured.sum(axis=(1, 2, 3)), test.left_freedom),
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, by_value, settings.rare),
+        beyond_noise=test.beyond_noise(fitter),
         by_window=fitter.mean_squares(fit),
         by_point=by_point,
     )

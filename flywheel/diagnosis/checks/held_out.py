@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted_and_refined
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.effects import Terms
-from flywheel.records import Trajectory
+from flywheel.records import Floats, Trajectory
 
 
 @dataclass(frozen=True)
@@ -58,18 +60,29 @@ class HeldOut:
         self._under_test, self._recordings = under_test, recordings
         self._seconds, self._sigma = fitted_on.steps * fitted_on.dt, fitted_on.sigma
         self._plant: tuple[Fitter, Fit] | None = None
-        self._last: tuple[Fitter, Fit] | None = None
+        self._last: tuple[Fitter, Fit, Fit] | None = None
 
     def errors(self, terms: Terms) -> Errors | None:
         """The errors with terms that stay as they are; None without recordings.
 
         Initial states of a model with all effects of the one before, and more, begin where those ended.
         """
+        return errors(*self._fits(terms)) if self._recordings else None
+
+    def squares(self, terms: Terms) -> Floats:
+        """(K,) squares of every window beyond noise, likewise [sigma^2]; (0,) without recordings."""
         if not self._recordings:
-            return None
-        fitter, before = self._fitted(terms)
-        self._last = self._with(fitter, before, terms)
-        return errors(fitter, before, self._last[1])
+            return np.zeros(0)
+        fitter, _, fit = self._fits(terms)
+        return beyond_noise(fitter, (fit.residual**2).sum(axis=1) + fitter.local_cost(fit.local))
+
+    def _fits(self, terms: Terms) -> tuple[Fitter, Fit, Fit]:
+        """A fitter, the model as it was, and with terms."""
+        if self._last is None or self._last[2].terms != terms:
+            fitter, before = self._fitted(terms)
+            fitter, fit = self._with(fitter, before, terms)
+            self._last = fitter, before, fit
+        return self._last
 
     def _fitted(self, terms: Terms) -> tuple[Fitter, Fit]:
         """The model as it was; that of a plant does not depend on the terms, and is kept."""
@@ -85,9 +98,16 @@ class HeldOut:
         """Initial states that fit under other terms, in time steps that will do for them."""
         if terms == before.terms:
             return fitter, before
-        if self._plant and self._last and places(self._last[1].terms) < places(terms):
-            fitter, fit = self._last
+        fits = self._last if self._plant else None
+        if fits and before.terms != fits[2].terms and places(fits[2].terms) < places(terms):
+            fitter, _, fit = fits
             rounds = fitter.settings.multistart.after
             return fitter, fitter.fit(fitter.with_terms(fit, terms), rounds=rounds)
         begun = fitter.warm_start(before, terms)
         return fitted_and_refined(fitter, begun, self._under_test.seed)
+
+
+def beyond_noise(fitter: Fitter, squares: Floats) -> Floats:
+    """(K,) squares without what noise leaves where local parameters are fitted [sigma^2]."""
+    measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
+    return np.asarray(squares - np.maximum(measured - len(fitter.local_prior), 0))

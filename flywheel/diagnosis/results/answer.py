@@ -104,6 +104,7 @@ class Answer(_Part):
       verdict: in a word.
       answer_set: alternatives, each of effects that act together.
       calibration: what the plant was not sure of.
+      interrupted: it is the best answer that was known when somebody stopped the diagnosis.
       held_out: what was kept to judge the answer by; None for nothing.
       robot: that was diagnosed.
       effects_from: law files that effects were from.
@@ -115,6 +116,7 @@ class Answer(_Part):
     verdict: Name = "(none)"
     answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
     calibration: Together = ()
+    interrupted: bool = False
     held_out: HeldOut | None = None
     robot: AboutRobot = AboutRobot()
     effects_from: tuple[LawReference, ...] = Field(default=(), max_length=MOST_FILES)
@@ -143,8 +145,11 @@ class Answer(_Part):
         """Whether the first alternative may be adopted without naming it.
 
         It may where the verdict is clear; and where something else is left beside it, but it is the only one
-        and explains most of what held-out recordings have beyond noise.
+        and explains most of what held-out recordings have beyond noise. The best answer so far of a diagnosis
+        that was interrupted has to be named.
         """
+        if self.interrupted:
+            return False
         if self.verdict in CLEAR:
             return True
         alone = self.verdict == Verdict.OUTSIDE_LIBRARY and len(self.alternatives) == 1
@@ -166,8 +171,9 @@ class Answer(_Part):
                 f"{number}: {' with '.join(each.effect for each in alternative)}"
                 for number, alternative in enumerate(alternatives[:MOST_NAMED], 1)
             )
+            early = "The diagnosis was interrupted. " if self.interrupted else ""
             raise DataError(
-                f"The verdict is {self.verdict}: say which answer to adopt. There are {named}."
+                f"{early}The verdict is {self.verdict}: say which answer to adopt. There are {named}."
                 f"{self._too_little()}"
             )
         number = 1 if number is None else number

@@ -10,12 +10,13 @@ import numpy as np
 from flywheel.diagnosis.checks.adequacy import Adequacy
 from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel
 from flywheel.diagnosis.checks.held_out import Errors
+from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.checks.localisation import Location
 from flywheel.diagnosis.results.answer import FORMAT
 from flywheel.diagnosis.results.as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
-from flywheel.diagnosis.results.verdict import EXIT_CODES, Alternative, Verdict
+from flywheel.diagnosis.results.verdict import EXIT_CODES, INTERRUPTED, Alternative, Verdict
 from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.selection.score_test import Score
 from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
@@ -56,6 +57,8 @@ class Diagnosis:
       threshold: score from which an effect counts as seen.
       errors: on the recordings that were fitted.
       held_out: on those that were not; None without any.
+      gain: of all effects of the first answer that were added, on windows that they were not fitted to; None
+        for none.
       before, after: what the plant as it was leaves, and what the augmented one leaves.
       evidence: to look at.
       seconds: it took.
@@ -70,6 +73,7 @@ class Diagnosis:
       time_steps: of the simulations.
       suspects: numbers of the MJCF that may be what is wrong instead.
       settings: tuned numbers that it was made with; in JSON, the unusual ones.
+      interrupted: this is the best answer that was known when somebody stopped it.
     """
 
     verdict: Verdict
@@ -81,6 +85,7 @@ class Diagnosis:
     before: Adequacy
     after: Adequacy
     evidence: Evidence
+    gain: Gain | None = None
     seconds: float = 0.0
     model: str = ""
     misspecification: Misspecification = NONE
@@ -92,6 +97,7 @@ class Diagnosis:
     time_steps: TimeSteps = TimeSteps(0.0, ())
     suspects: tuple[SuspectParameter, ...] = ()
     settings: Settings = Settings()
+    interrupted: bool = False
 
     @property
     def next_experiment(self) -> NextExperiment:
@@ -102,8 +108,8 @@ class Diagnosis:
 
     @property
     def exit_code(self) -> int:
-        """Exit code of the command: the verdict as a number."""
-        return EXIT_CODES[self.verdict]
+        """Exit code of the command: the verdict as a number, unless that was interrupted."""
+        return INTERRUPTED if self.interrupted else EXIT_CODES[self.verdict]
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -111,6 +117,7 @@ class Diagnosis:
         return {
             "format": FORMAT,
             "verdict": str(self.verdict),
+            "interrupted": self.interrupted,
             "model": self.model or "plant",
             "answer_set": [[found.summary() for found in each] for each in self.answers],
             "calibration": [
@@ -122,6 +129,7 @@ class Diagnosis:
             "threshold": self.threshold,
             "error": self.errors.summary(),
             "held_out": None if self.held_out is None else self.held_out.summary(),
+            "held_out_gain": None if self.gain is None else self.gain.summary(),
             "residual": {
                 "noise": self.after.noise,
                 "correlation": self.after.correlation,

@@ -10,6 +10,7 @@ import numpy as np
 
 from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
 from flywheel.diagnosis.checks.held_out import Errors
+from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.selection.misspecification import Misspecification
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.settings import JacobianSettings, Limits
@@ -48,6 +49,7 @@ EXIT_CODES = {
     Verdict.DATA_INSUFFICIENT: 20,
     Verdict.NOT_CONVERGED: 21,
 }
+INTERRUPTED = 130  # exit code of an answer that was the best so far, whatever it says
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,7 @@ class Found:
       term: the same, to be added to a plant.
       held_back: a value ended as far from what was said of it as that is believed.
       at_bound: its values that ended at a bound of their parameter other than zero.
+      gain: on windows that nothing was fitted to; None where that was not asked.
     """
 
     effect: str
@@ -98,6 +101,7 @@ class Found:
     term: Term
     held_back: bool = False
     at_bound: tuple[Value, ...] = ()
+    gain: Gain | None = None
 
     @property
     def label(self) -> str:
@@ -122,6 +126,7 @@ class Found:
             "effect": self.effect,
             "location": self.location,
             "parameters": {v.name: v.summary() for v in self.values},
+            **({} if self.gain is None else {"held_out_gain": self.gain.summary()}),
         }
 
 
@@ -187,9 +192,14 @@ def beyond(limits: Limits, own: OwnErrors) -> Limits:
     )
 
 
+def tolerated(limits: Limits, left: Adequacy) -> bool:
+    """Whether what is left beyond noise is so little that nobody wants to know more."""
+    return limits.tolerance > 0.0 and left.beyond_noise <= limits.tolerance
+
+
 def only_noise(limits: Limits, left: Adequacy) -> bool:
-    """Whether nothing but noise is left."""
-    return (
+    """Whether nothing but noise is left, or nothing that matters."""
+    return tolerated(limits, left) or (
         left.noise < limits.max_residual_variance + limits.sure * left.doubt
         and left.correlation < limits.correlated
         and left.loudest < limits.outstanding
@@ -202,6 +212,11 @@ def carries_over(limits: Limits, held_out: Errors | None) -> bool:
         return True
     most = limits.max_held_out_variance * held_out.noise**2
     return held_out.augmented**2 < most
+
+
+def worth_having(limits: Limits, gain: Gain) -> bool:
+    """Whether effects take away enough of what the model as it was leaves to be a part of what is missing."""
+    return gain.clear and gain.share >= limits.least_gain
 
 
 def constant(limits: Limits, left: Adequacy) -> bool:
@@ -246,7 +261,8 @@ def verdict_of(
     """
     if not np.isfinite(last.fit.cost):
         return Verdict.NOT_CONVERGED
-    enough = only_noise(limits, after) and not other_form(limits, law)
+    matters = not tolerated(limits, after)
+    enough = only_noise(limits, after) and not (matters and other_form(limits, law))
     if not answer:
         if enough:
             smallest = [score.smallest for score in last.scores]
@@ -257,7 +273,8 @@ def verdict_of(
             return Verdict.DATA_INSUFFICIENT if blind else Verdict.NOISE_ONLY
         return Verdict.OUTSIDE_LIBRARY
     # An effect of which nobody can say that it is there, although it explains much, is not the effect.
-    if not constant(limits, after) or not all(each.shown for each in answer):
+    inconstant = matters and not constant(limits, after)
+    if inconstant or not all(each.shown for each in answer):
         return Verdict.OUTSIDE_LIBRARY
     if not enough:
         explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.selection.candidates import places
@@ -57,7 +57,7 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
     found: list[Fit] = []
     shorter: list[tuple[Term, ScoredModel]] = []
     for term in added(models):
-        model = _without(search, models, term)
+        model = model_without(search, models[:-1], last, [term])
         shorter.append((term, model))
         least = search.settings.rival * max(s.statistic for s in model.scores if s.proposes(term))
         for scores in (model.scores, model.probes):
@@ -69,14 +69,29 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
     return ExchangedModels(last, tuple(found), tuple(shorter))
 
 
-def _without(search: Search, models: Sequence[ScoredModel], term: Term) -> ScoredModel:
-    """The last model without a term: one before it, where that was this model already."""
-    *earlier, last = models
-    left = places(without(last.fit.terms, term))
-    for model in reversed(earlier):
+def model_without(
+    search: Search, known: Sequence[ScoredModel], fit: Fit, terms: Sequence[Term]
+) -> ScoredModel:
+    """A fit without some of its terms: one of the known models, where that is it already."""
+    rest = tuple(term for term in fit.terms if term not in terms)
+    left = places(rest)
+    for model in reversed(known):
         if places(model.fit.terms) == left:
             return model
-    return search.score_all(search.dropped(last.fit, term))
+    if len(terms) == 1:
+        return search.score_all(search.dropped(fit, terms[0]))
+    return search.score_all(search.fit_until(search.fitter.with_terms(fit, rest)))
+
+
+def refitted(search: Search, model: ScoredModel) -> ScoredModel:
+    """A model that was given up when it was clearly not the best, fitted to its end; its scores stay."""
+    if model.fit.converged or not model.fit.terms:
+        return model
+    fitter, fit = search.fitter, search.fit_until(model.fit)
+    jacobian = fitter.jacobian(fit)
+    return replace(
+        model, fit=fit, jacobian=jacobian, by_value=fitter.by_value(fit, fitter.free(fit.terms))
+    )
 
 
 def _in_place(

@@ -197,6 +197,15 @@ class ScoreTest:
     left: Floats
     left_freedom: float
 
+    @property
+    def left_noise(self) -> float:
+        """Variance of what is left per degree of freedom, where every window counts in full."""
+        return float(self.left @ self.left) / max(self.left_freedom, 1.0)
+
+    def beyond_noise(self, fitter: Fitter) -> float:
+        """Root mean square of what is left beyond noise [m]."""
+        return fitter.windows.sigma * float(np.sqrt(max(0.0, self.left_noise - 1.0)))
+
     def scores(self, residual: Floats | None = None) -> list[Score]:
         """The score of every candidate, in order; for another residual if one is given."""
         r = self.residual if residual is None else residual

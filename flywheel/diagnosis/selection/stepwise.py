@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from flywheel.diagnosis.fitting.multistart import restarted
 from flywheel.diagnosis.fitting.nuisance import as_said, asked
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.fitting.stopping import out_of_reach
+from flywheel.diagnosis.heartbeat import Interrupted, never
 from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.score_test import (
     Prior,
@@ -42,6 +44,8 @@ class Search:
       probes: laws that are scored like candidates, and never added.
       as_built: numbers of the robot that may all be a little off, which are added where they explain more
         than any effect; none where that is not asked.
+      tolerance: of what is left beyond noise, up to which nobody wants to know more [m].
+      stopped: whether the search was interrupted; what it has is its answer then.
     """
 
     fitter: Fitter
@@ -51,6 +55,8 @@ class Search:
     progress: Callable[[str], None] = lambda note: None
     probes: tuple[Candidate, ...] = ()
     as_built: Terms = ()
+    tolerance: float = 0.0
+    stopped: Callable[[], bool] = never
 
     def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
         """Score all candidates and probes on top of a model, whose Jacobian may be at hand."""
@@ -68,6 +74,10 @@ class Search:
         ranking = sorted(scores[:count], key=lambda s: -s.score)
         self.progress(f"scored {count} candidates on top of {len(fit.terms)} effects")
         return ScoredModel(fit, jacobian, by_value, test, tuple(ranking), tuple(scores[count:]))
+
+    def tolerates(self, model: ScoredModel) -> bool:
+        """Whether what a model leaves is so little that nobody wants to know more."""
+        return self.tolerance > 0.0 and model.test.beyond_noise(self.fitter) <= self.tolerance
 
     def criterion(self, fit: Fit) -> float:
         """Bayesian information criterion (BIC): cost, with what every fitted value costs.
@@ -203,8 +213,18 @@ def stepwise(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredMod
       Its state at the end, and the model as it was, with one effect more, and so on; the last is the answer.
     """
     search, models = _forward(search, first)
-    if models[-1].fit.kept is not None:
-        search, models = _as_given(search, models) or (search, models)
+    with suppress(Interrupted):
+        if models[-1].fit.kept is not None and not search.stopped():
+            search, models = _as_given(search, models) or (search, models)
+        if not search.stopped():
+            search, models = _in_shortest_steps(search, models)
+    return search, models
+
+
+def _in_shortest_steps(
+    search: Search, models: list[ScoredModel]
+) -> tuple[Search, list[ScoredModel]]:
+    """A search that found nothing, where nothing is missing, again in the shortest time steps."""
     fitter, fit = search.fitter, models[-1].fit
     if added(models) or fitter.worthwhile(fit):
         return search, models
@@ -262,36 +282,45 @@ def _forward(
       begun: the model that they begin with.
       before: the model as it was, if that is another one.
     """
-    settings, first = search.settings, before or begun
-    models = [first] if before is None else [first, begun]
-    most = len(asked(first.fit.terms)) + settings.max_effects
-    if before is None and (changed := _with_other_values(search, first)):
-        models.append(search.score_all(changed))
-    for _ in range(settings.max_forward_steps):
-        last = models[-1]
-        if built := _as_built(search, last):
-            search.progress("asking for a robot whose numbers are all a little off")
-            # Not fitted yet: what these numbers would make up for is what an effect is told by.
-            models.append(last := built)
-        room = most - len(asked(last.fit.terms))
-        least = settings.least_share if room > 1 else settings.least_share_of_last
-        if room < 1 or (added(models) and not last.promises(least, settings.by_chance)):
-            better = None
-        else:
-            search, better = _next(search, last, room)
-        # A score is a promise of the linearisation; a fit need not keep it.
-        if better is None and built:
-            better = search.fit_until(last.fit)
-        if better is None or search.criterion(better) >= search.criterion(last.fit):
-            break
-        # Only the fit was not good enough yet; other values of what the plant had are an answer.
-        same = places(better.terms) == places(last.fit.terms)
-        if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
-            models.pop()
-        if better.kept is not None:
-            better = search.fit_until(replace(search.fitter.kept_anew(better), converged=False))
-        models.append(search.score_all(better))
+    models = [begun] if before is None else [before, begun]
+    with suppress(Interrupted):
+        if before is None and (changed := _with_other_values(search, begun)):
+            models.append(search.score_all(changed))
+        for _ in range(search.settings.max_forward_steps):
+            search, models, goes_on = _step(search, models)
+            if not goes_on:
+                break
     return search, models
+
+
+def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[ScoredModel], bool]:
+    """A forward step: the search, its models with one more, and whether there is another step."""
+    settings, models = search.settings, list(models)
+    first, last = models[0], models[-1]
+    if search.tolerates(last):
+        return search, models, False
+    room = len(asked(first.fit.terms)) + settings.max_effects - len(asked(last.fit.terms))
+    if built := _as_built(search, last):
+        search.progress("asking for a robot whose numbers are all a little off")
+        # Not fitted yet: what these numbers would make up for is what an effect is told by.
+        models.append(last := built)
+    least = settings.least_share if room > 1 else settings.least_share_of_last
+    if room < 1 or (added(models) and not last.promises(least, settings.by_chance)):
+        better = None
+    else:
+        search, better = _next(search, last, room)
+    # A score is a promise of the linearisation; a fit need not keep it.
+    if better is None and built:
+        better = search.fit_until(last.fit)
+    if better is None or search.criterion(better) >= search.criterion(last.fit):
+        return search, models, False
+    # Only the fit was not good enough yet; other values of what the plant had are an answer.
+    same = places(better.terms) == places(last.fit.terms)
+    if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
+        models.pop()
+    if better.kept is not None:
+        better = search.fit_until(replace(search.fitter.kept_anew(better), converged=False))
+    return search, [*models, search.score_all(better)], True
 
 
 def _as_given(
@@ -383,7 +412,8 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
 
 def _after_a_round(search: Search, fit: Fit) -> Fit:
     """A fit after its first round."""
-    search.progress(f"fitting {', '.join(term.effect.name for term in fit.terms)}")
+    names = dict.fromkeys(term.effect.name for term in asked(fit.terms))
+    search.progress(f"fitting {', '.join(names)}")
     return search.fitter.fit(fit, search.fitter.free(fit.terms), rounds=1)
 
 

@@ -77,5 +77,6 @@ def _next_effects(answer: Mapping[str, Any], before: Effects) -> tuple[Effects, 
         return before, str(error)
     labels, said = ", ".join(effect.label for effect in after), Answer.of(answer)
     share = "" if said.held_out is None else f"{said.held_out.explained:.0%} of what was held out, "
-    beside = f" ({share}something else is left)" if said.verdict == Verdict.OUTSIDE_LIBRARY else ""
+    unexplained = said.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
+    beside = f" ({share}something else is left)" if unexplained else ""
     return after, f"{said.verdict}: the plant now has {labels}{beside}."

@@ -22,7 +22,7 @@ from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 
 # By its path: the package has a function of that name.
-conclusion: Any = import_module("flywheel.diagnosis.diagnose")
+conclusion: Any = import_module("flywheel.diagnosis.judgement")
 
 
 def model_of(*terms: Term) -> Any:
@@ -37,8 +37,9 @@ def test_an_effect_is_exchanged_on_the_latest_model_without_it_or_on_a_new_fit()
     search: Any = SimpleNamespace(
         score_all=lambda fit: ("scored", fit), dropped=lambda fit, term: term
     )
-    assert alternatives._without(search, models, found) is models[1]
-    assert alternatives._without(search, models, moved) == ("scored", moved)
+    last = models[-1].fit
+    assert alternatives.model_without(search, models[:-1], last, [found]) is models[1]
+    assert alternatives.model_without(search, models[:-1], last, [moved]) == ("scored", moved)
 
 
 @pytest.mark.slow
@@ -113,14 +114,14 @@ def test_an_answer_is_judged_without_what_is_not_needed(monkeypatch: pytest.Monk
         return SimpleNamespace(models=models, verdict=Verdict.NOISE_ONLY)
 
     monkeypatch.setattr(conclusion, "exchanged", lambda *_: next(exchanges))
-    monkeypatch.setattr(conclusion, "_judged", judge)
+    monkeypatch.setattr(conclusion, "judge", judge)
     searched: Any = SimpleNamespace(
         search=SimpleNamespace(criterion=None), limits=SimpleNamespace(equally_good=1.0)
     )
     begun: Any = SimpleNamespace(models=[first, other, last], verdict=Verdict.EFFECT)
-    concluded, others = conclusion._with_alternatives(searched, begun)
+    concluded = conclusion.with_alternatives(searched, begun)
     assert judged == [[first, shorter]]
-    assert (concluded.models, others) == ([first, shorter], [])
+    assert concluded.models == [first, shorter]
 
 
 def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,7 +136,7 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
 
     exchange = SimpleNamespace(shorter=lambda _: model_of(a, b))
     monkeypatch.setattr(conclusion, "exchanged", lambda *_: exchange)
-    monkeypatch.setattr(conclusion, "_judged", judge)
+    monkeypatch.setattr(conclusion, "judge", judge)
     search = SimpleNamespace(
         without_term=lambda fit, term: model_of(*(t for t in fit.terms if t is not term)).fit,
         score_all=lambda fit: model_of(*fit.terms),
@@ -143,5 +144,5 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
     searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(equally_good=1.0))
     models = [model_of(), model_of(a), model_of(a, b, c)]
     begun: Any = SimpleNamespace(models=models, verdict=Verdict.EFFECT)
-    concluded, _ = conclusion._with_alternatives(searched, begun)
+    concluded = conclusion.with_alternatives(searched, begun)
     assert [each.fit.terms for each in concluded.models] == [(), (a,)]

@@ -17,6 +17,7 @@ from flywheel.effects import EFFECTS
 from flywheel.reports.diagnosis_page import (
     at_bounds,
     diagnosis_page,
+    gains,
     held_back,
     other_form,
     sentence,
@@ -104,3 +105,38 @@ def test_another_form_is_said_where_nothing_else_is_left(found: Diagnosis, tmp_p
     beside = replace(other, misspecification=replace(law, gain=4.0, share=0.3))
     page = write_diagnosis(beside, tmp_path / "page.html", {}).read_text()
     assert "gain_by_rate, which is none of them, explains 30% besides" in page
+
+
+def test_it_says_what_the_answer_is_worth_where_it_was_not_fitted(found: Diagnosis) -> None:
+    """Two recordings, one held out; nothing else is missing, so that all of the error is gone."""
+    assert found.gain is not None
+    assert found.gain.clear
+    assert found.gain.share > 0.9
+    assert found.gain.held_out > 0
+    words = gains(found)
+    assert f"{found.gain.share:.0%}" in words
+    assert words in diagnosis_page(found, {})
+    (effect,) = found.answers[0]
+    assert effect.gain is not None
+    assert effect.gain.clear
+    summary = found.summary()
+    assert summary["held_out_gain"]["share"] == found.gain.share
+    assert summary["answer_set"][0][0]["held_out_gain"]["windows"] == effect.gain.windows
+    assert gains(replace(found, gain=None)) == ""
+
+
+def test_what_is_tolerated_is_not_looked_for(found: Diagnosis) -> None:
+    """The same recordings, were the error that they show of no interest."""
+    robot = load_robot("platform4")
+    hidden = hidden_effect("winch_gain").typical(robot, np.random.default_rng(0)).scaled(2.0)
+    log = record(robot, [hidden], seconds=0.8, seed=1).trajectory
+    library = {"winch_gain": EFFECTS["winch_gain"]}
+    off = found.before.beyond_noise
+    said = {}
+    for share in (1.5, 0.5):
+        tuned = changed(Settings(), {"limits.tolerance": share * off})
+        said[share] = diagnose(Plant(robot), [log], (), library, tuned)
+    assert said[1.5].verdict is Verdict.NOISE_ONLY
+    assert not any(said[1.5].answers)
+    assert "tolerated" in sentence(said[1.5])
+    assert said[0.5].verdict is Verdict.EFFECT

@@ -1,0 +1,129 @@
+"""What effects are worth on windows that they were not fitted to.
+
+Windows of held-out recordings are judged as they are. Of those that were fitted, each is left out in turn:
+what the values that all windows share would be without it follows from the linearisation of the fit, without
+another fit. The squares that are left then are the predicted residual sum of squares (PRESS, Allen 1974).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flywheel.diagnosis.checks.held_out import HeldOut, beyond_noise
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
+from flywheel.diagnosis.selection.score_test import Projection, ScoredModel
+from flywheel.records import Floats
+
+RESAMPLES = 4000
+ENDS = (0.025, 0.975)
+# Of what the model as it was leaves beyond noise, what a draw of windows has at least: some may have none.
+LEAST_DRAWN = 0.5
+# A value that no other window tells anything of is taken to be within so many typical sizes of zero.
+WIDE = 10.0
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What effects take away on windows that they were not fitted to.
+
+    Attributes:
+      share: of what the model as it was leaves beyond noise there, as mean squares; NaN if that is nothing.
+      low, high: ends of its 95 % interval, by a bootstrap over windows.
+      clear: it is above zero in 39 of 40 draws of that.
+      windows: how many there are.
+      held_out: how many of them are of held-out recordings.
+    """
+
+    share: float
+    low: float
+    high: float
+    clear: bool
+    windows: int
+    held_out: int
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON has it."""
+        known = np.isfinite(self.share)
+        return {
+            "share": self.share if known else None,
+            "low": self.low if known else None,
+            "high": self.high if known else None,
+            "clear": self.clear,
+            "windows": self.windows,
+            "held_out_windows": self.held_out,
+        }
+
+
+class UnseenWindows:
+    """Windows that a model was not fitted to: each of the fitted ones, left out in turn, and those held out.
+
+    Args:
+      fitter: of the fitted ones.
+      first: the model as it was.
+      held_out: the recordings that were.
+      seed: of the bootstrap.
+    """
+
+    def __init__(
+        self, fitter: Fitter, first: ScoredModel, held_out: HeldOut, seed: int = 0
+    ) -> None:
+        self._fitter, self._first, self._held_out, self._seed = fitter, first, held_out, seed
+
+    def gain(self, without: ScoredModel, model: ScoredModel) -> Gain:
+        """What a model gains beside one without some of its effects, on windows left out in turn."""
+        first, less, more = (self._left_out(each) for each in (self._first, without, model))
+        return _gain(first, less - more, 0, self._seed)
+
+    def gain_of_all(self, bare: ScoredModel, model: ScoredModel) -> Gain:
+        """What a model gains beside one without any of its new effects, on held-out windows, too."""
+        windows = []
+        for each in (self._first, bare, model):
+            held_out = self._held_out.squares(each.fit.terms)
+            windows.append(np.concatenate([held_out, self._left_out(each)]))
+        first, less, more = windows
+        return _gain(first, less - more, len(first) - len(self._fitter.windows), self._seed)
+
+    def _left_out(self, model: ScoredModel) -> Floats:
+        return left_out_squares(self._fitter, model.fit, model.jacobian, model.by_value)
+
+
+def _gain(first: Floats, gained: Floats, held_out: int, seed: int) -> Gain:
+    """A share with its interval, from (K,) squares beyond noise, and what of them is gone."""
+    whole, count = float(first.sum()), len(first)
+    if not whole > 0.0 or not np.isfinite(gained).all():
+        return Gain(np.nan, np.nan, np.nan, False, count, held_out)
+    drawn = np.random.default_rng(seed).integers(0, count, (RESAMPLES, count))
+    some = gained[drawn].sum(axis=1)
+    shares = some / np.maximum(first[drawn].sum(axis=1), LEAST_DRAWN * whole)
+    low, high = np.quantile(shares, ENDS)
+    clear = bool(np.quantile(some, ENDS[0]) > 0.0)
+    return Gain(float(gained.sum()) / whole, float(low), float(high), clear, count, held_out)
+
+
+def left_out_squares(
+    fitter: Fitter, fit: Fit, jacobian: Jacobian, by_value: Floats | None
+) -> Floats:
+    """(K,) squares of every window beyond noise, as values predict it that were fitted to all others.
+
+    Args:
+      fitter, fit, jacobian: of the model.
+      by_value: (K, D, n) sensitivities to its values; None without any.
+    """
+    alone = Projection.of(fitter, jacobian, None, np.ones(len(fit.local)))
+    count = len(fit.local)
+    residual = alone(fit.residual[..., None]).reshape(count, -1)
+    if by_value is not None:
+        free = fitter.free(fit.terms)
+        columns = alone(by_value).reshape(count, residual.shape[1], -1)
+        values = np.array([f.value(fit.terms) for f in free])
+        known = np.array([1.0 / min(f.prior, WIDE) ** 2 for f in free])
+        own = np.einsum("kds,kdt->kst", columns, columns, optimize=True)
+        right = np.einsum("kds,kd->ks", columns, residual)
+        others = own.sum(axis=0) - own + np.diag(known)
+        wanted = right.sum(axis=0) - right - known * values
+        moved = np.linalg.solve(others, wanted[..., None])
+        residual = residual - (columns @ moved)[..., 0]
+    return beyond_noise(fitter, (residual**2).sum(axis=1))

@@ -1,0 +1,232 @@
+"""From the models of a search to a verdict: what of an answer stands, and what else explains as much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from flywheel.diagnosis.checks.adequacy import Adequacy, adequacy
+from flywheel.diagnosis.checks.held_out import HeldOut
+from flywheel.diagnosis.checks.held_out_gain import Gain, UnseenWindows
+from flywheel.diagnosis.checks.uncertainty import uncertainty
+from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian, Restart
+from flywheel.diagnosis.fitting.multistart import restarted_with_care
+from flywheel.diagnosis.heartbeat import Heartbeat
+from flywheel.diagnosis.results.verdict import Alternative, Verdict, found, verdict_of, worth_having
+from flywheel.diagnosis.selection.alternatives import exchanged, model_without, refitted
+from flywheel.diagnosis.selection.candidates import places
+from flywheel.diagnosis.selection.misspecification import (
+    Misspecification,
+    misspecification,
+    probed,
+)
+from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.stepwise import Search, added
+from flywheel.diagnosis.settings import CheckSettings, Limits
+from flywheel.effects import taken_apart
+
+EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
+UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """How far a search came.
+
+    Attributes:
+      first: the model as it was.
+      search: its state.
+      models: of it, the first with what the plant was not sure of.
+      limits: that it was held to.
+      checks: settings of what is asked of the answer.
+    """
+
+    first: Fit
+    search: Search
+    models: list[ScoredModel]
+    limits: Limits
+    checks: CheckSettings
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the models of a search say.
+
+    Attributes:
+      models: of it.
+      effects: of the last model, with intervals.
+      answer: those of them that were asked about; none where nothing was found.
+      before, after: what the first and the last model leave.
+      law: what laws that are none of the library explain that it does not.
+      verdict: before it is asked whether others explain the recordings as well.
+      shorter: models without one of the effects, as far as they were fitted.
+      rivals: other models that explain the recordings as well.
+      gain: of all effects that were added, on windows that they were not fitted to; None for none.
+    """
+
+    models: list[ScoredModel]
+    effects: Alternative
+    answer: Alternative
+    before: Adequacy
+    after: Adequacy
+    law: Misspecification
+    verdict: Verdict
+    shorter: tuple[ScoredModel, ...] = ()
+    rivals: tuple[Fit, ...] = ()
+    gain: Gain | None = None
+
+
+def judge_in_time(searched: Searched, held_out: HeldOut, seed: int, heartbeat: Heartbeat) -> Judged:
+    """What of the answer of a search stands; where that is interrupted, as far as it was asked."""
+    judged = heartbeat.insisted(lambda: judge(searched, searched.models))
+    for stage in (
+        without_unsure_effects,
+        partial(restarted, seed=seed),
+        without_unsure_effects,
+        with_alternatives,
+        partial(with_gains, held_out=held_out),
+    ):
+        judged = heartbeat.in_time(partial(stage, searched, judged), judged)
+    return judged
+
+
+def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] = ()) -> Judged:
+    """What models say, and other models `instead` with a law in the place of an effect."""
+    search, first, last = searched.search, models[0], models[-1]
+    before, after = (
+        adequacy(search.fitter, each.fit, each.test, each.by_value, searched.checks)
+        for each in (first, last)
+    )
+    effects = effects_of(search, last.fit, last.jacobian)
+    answer = asked_about(effects) if len(models) > 1 else ()
+    law = misspecification(first.fit, last.fit, last.probes, instead, search.criterion)
+    verdict = verdict_of(searched.limits, last, answer, before, after, law)
+    return Judged(models, effects, answer, before, after, law, verdict)
+
+
+def without_unsure_effects(searched: Searched, judged: Judged) -> Judged:
+    """Without effects of which nobody can say that they are there, beside others that are."""
+    search = searched.search
+    while len(new := added(judged.models)) > 1:
+        unsure = [each for each in judged.answer if each.term in new and not each.shown]
+        if not unsure:
+            break
+        weakest = min(unsure, key=lambda each: each.certainty)
+        fit = search.without_term(judged.models[-1].fit, weakest.term)
+        judged = judge(searched, [*_before(judged.models, fit), search.score_all(fit)])
+    return judged
+
+
+def _before(models: Sequence[ScoredModel], fit: Fit) -> list[ScoredModel]:
+    """Models that are part of a model."""
+    return [each for each in models[:-1] if places(each.fit.terms) < places(fit.terms)]
+
+
+def restarted(searched: Searched, judged: Judged, seed: int) -> Judged:
+    """Before something is said to be left: other initial states for every window that is loud."""
+    search, last = searched.search, judged.models[-1]
+    if judged.verdict not in UNEXPLAINED:
+        return judged
+    restart = Restart(seed + 1, stuck=search.settings.restart_mean_square, usual=1.0)
+    begun = restarted_with_care(search.fitter, last.fit, restart)
+    if begun is last.fit:
+        return judged
+    fit = search.fit_until(replace(begun, converged=False))
+    return judge(searched, [*judged.models[:-1], search.score_all(fit)])
+
+
+def with_alternatives(searched: Searched, judged: Judged) -> Judged:
+    """The best of all models that explain the recordings as well, and the others.
+
+    Those with a law that is none of the library are no answer, but may say that this one is none.
+    """
+    search, last = searched.search, judged.models[-1].fit
+    if judged.verdict not in EXPLAINED:
+        return judged
+    margin = searched.limits.equally_good
+    exchange = exchanged(search, judged.models, margin)
+    if model := exchange.shorter(search):
+        shorter = judge(searched, [*_before(judged.models, model.fit), model])
+        return with_alternatives(searched, without_unsure_effects(searched, shorter))
+    known = [fit for fit in exchange.others if not probed(fit.terms)]
+    first, *rivals = sorted([exchange.last, *known], key=search.criterion)
+    instead = [fit for fit in exchange.others if probed(fit.terms)]
+    limit = search.criterion(first) + margin
+    if first is not last or instead:
+        models = judged.models
+        if first is not last:
+            models = [*models[:-1], search.score_all(first)]
+        judged = judge(searched, models, instead)
+        shorter = without_unsure_effects(searched, judged)
+        if shorter is not judged:
+            return with_alternatives(searched, shorter)
+    return replace(
+        judged,
+        shorter=tuple(model for _, model in exchange.without),
+        rivals=tuple(fit for fit in rivals if search.criterion(fit) < limit),
+    )
+
+
+def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
+    """An answer with what it gains on windows that it was not fitted to.
+
+    Where the model is known to be wrong, the likelihood promises too much: an effect that does not clearly
+    gain anything there is no part of the answer.
+    """
+    search = searched.search
+    unseen = UnseenWindows(search.fitter, judged.models[0], held_out)
+    while new := added(judged.models):
+        last, known = judged.models[-1], (*judged.models, *judged.shorter)
+        shorter = [model_without(search, known, last.fit, [term]) for term in new]
+        gains = [unseen.gain(refitted(search, model), last) for model in shorter]
+        unclear = [each for each in zip(gains, shorter, strict=True) if not each[0].clear]
+        if not unclear or not (last.fit.kept or judged.verdict in UNEXPLAINED):
+            bare = refitted(search, model_without(search, known, last.fit, new))
+            return _with_gain(searched, judged, gains, unseen.gain_of_all(bare, last))
+        _, model = min(unclear, key=lambda each: each[0].low)
+        models = [*_before(judged.models, model.fit), model]
+        judged = replace(judge(searched, models), shorter=tuple(shorter))
+    return judged
+
+
+def _with_gain(searched: Searched, judged: Judged, gains: Sequence[Gain], together: Gain) -> Judged:
+    """An answer with what each of its new effects gains, and all of them."""
+    by_place = {
+        (term.effect.name, term.place): each
+        for term, each in zip(added(judged.models), gains, strict=True)
+    }
+    answer = tuple(
+        replace(each, gain=by_place.get((each.effect, each.term.place))) for each in judged.answer
+    )
+    verdict = judged.verdict
+    if verdict is Verdict.OUTSIDE_LIBRARY and worth_having(searched.limits, together):
+        verdict = Verdict.PARTIAL
+    return replace(judged, answer=answer, gain=together, verdict=verdict)
+
+
+def as_built(search: Search, fit: Fit, effects: Alternative) -> Alternative:
+    """Those of the effects of a fit that are numbers of the robot as it was built."""
+    if fit.kept is None:
+        return ()
+    numbers = places(taken_apart(search.as_built))
+    return tuple(e for e in effects if e.term.known and (e.effect, e.term.place) in numbers)
+
+
+def asked_about(effects: Alternative) -> Alternative:
+    return tuple(each for each in effects if not each.term.known)
+
+
+def effects_of(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Alternative:
+    """All effects of a fit, with intervals."""
+    if not fit.terms:
+        return ()
+    fitter = search.fitter
+    sure = uncertainty(fitter, fit, jacobian)
+    robot, believed = fitter.windows.robot, fitter.settings.jacobian.believed
+    effects, start = [], 0
+    for term in taken_apart(fit.terms):
+        here = slice(start, start + len(term.values))
+        effects.append(found(term, sure.deviations[here], sure.by_step[here], robot, believed))
+        start = here.stop
+    return tuple(effects)

@@ -1,0 +1,56 @@
+"""What `flywheel diagnose` does beside diagnosing: it can be stopped, and told what matters."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from flywheel.cli.main import app
+from flywheel.diagnosis.heartbeat import Heartbeat
+from flywheel.robots import load_robot
+from flywheel.truth_simulator import hidden_effect
+from flywheel.truth_simulator.recording import record
+
+pytestmark = pytest.mark.slow
+COMMAND = ["diagnose", "monday.csv", "--robot", "platform4", "--effects", "winch_gain,slope"]
+
+
+@pytest.fixture(autouse=True)
+def monday(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in a folder with a log."""
+    monkeypatch.chdir(tmp_path)
+    robot = load_robot("platform4")
+    hidden = hidden_effect("winch_gain").typical(robot, np.random.default_rng(0)).scaled(2.0)
+    record(robot, [hidden], seconds=0.8, seed=1).write(Path(), "monday", robot)
+
+
+def test_ctrl_c_gives_the_best_answer_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = Heartbeat.__call__
+
+    def pressed_at_the_first_fit(self: Heartbeat, note: str) -> None:
+        said(self, note)
+        if note.startswith("fitting") and not self.stopped():
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(Heartbeat, "__call__", pressed_at_the_first_fit)
+    done = CliRunner().invoke(app, [*COMMAND, "--json", "answer.json"])
+    assert done.exit_code == 130, done.output
+    assert "the best answer so far" in done.output
+    assert "best answer so far" in Path("diagnosis.html").read_text()
+    answer = json.loads(Path("answer.json").read_text())
+    assert answer["interrupted"]
+    assert answer["ranking"][0]["effect"] == "winch_gain"
+
+
+def test_what_is_tolerated_is_said_in_millimetres() -> None:
+    done = CliRunner().invoke(app, [*COMMAND, "--tolerance", "500mm"])
+    assert done.exit_code == 0, done.output
+    assert "which is tolerated" in done.output
+    wrong = CliRunner().invoke(app, [*COMMAND, "--tolerance", "2miles"])
+    assert wrong.exit_code == 2
