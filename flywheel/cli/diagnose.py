@@ -252,6 +252,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
         interrupted,
         numbers,
         other_form,
+        scale,
         sentence,
         suspects,
     )
@@ -263,6 +264,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
         out.say(f"another form than the effects of the library: {form}")
     for note in (
         interrupted(found),
+        scale(found),
         gains(found),
         as_built(found),
         at_bounds(found),

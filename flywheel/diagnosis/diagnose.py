@@ -15,6 +15,7 @@ from flywheel.diagnosis.checks.detectability import detectable
 from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel, learned_law, resemblances
 from flywheel.diagnosis.checks.held_out import HeldOut, errors
 from flywheel.diagnosis.checks.localisation import localise
+from flywheel.diagnosis.checks.model_discrepancy import model_discrepancy
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, calibrated, unsure_terms
@@ -104,8 +105,10 @@ def diagnose(
     if held_out:
         _check_usable(under_test, held_out, window_seconds)
     everything = candidates(plant.robot, asked)
-    searched = _searched(under_test, recordings, window_seconds, everything, terms, heartbeat)
-    answer = _concluded(under_test, searched, held_out, heartbeat)
+    search = partial(
+        _searched, under_test, recordings, window_seconds, everything, terms, heartbeat
+    )
+    answer = _concluded(under_test, _in_two_scales(search, heartbeat), held_out, heartbeat)
     return replace(answer, seconds=time.perf_counter() - begun)
 
 
@@ -119,6 +122,32 @@ def _check_usable(
         raise DataError(f"Held-out recordings: {error}") from error
 
 
+def _in_two_scales(search: Callable[[float], Searched], heartbeat: Heartbeat) -> Searched:
+    """A search that counts in noise, or, where no model comes down to that, in what models are off besides.
+
+    What the best model leaves is estimated anew until it stands.
+
+    Args:
+      search: with a discrepancy that no model explains [m].
+      heartbeat: knows whether there is time.
+    """
+    searched, known = search(0.0), 0.0
+    settings = searched.search.fitter.settings.discrepancy
+    for _ in range(settings.passes):
+        fitter, last = searched.search.fitter, searched.models[-1]
+        noise = fitter.windows.noise
+        loud = np.hypot(noise, last.test.beyond_noise(fitter)) > settings.least * noise
+        if not (loud and np.isfinite(last.fit.cost)):
+            break
+        found = model_discrepancy(fitter, last.fit)
+        if max(found, known) <= settings.stands * min(found, known):
+            break
+        heartbeat(f"no model comes nearer than {1000 * found:.2g} mm: counting in that")
+        known = found
+        searched = heartbeat.in_time(partial(search, known), searched)
+    return searched
+
+
 def _searched(
     under_test: ModelUnderTest,
     recordings: Sequence[Trajectory],
@@ -126,11 +155,14 @@ def _searched(
     library: tuple[Candidate, ...],
     unsure: Terms,
     heartbeat: Heartbeat,
+    discrepancy: float = 0.0,
 ) -> Searched:
-    """Add effects until none explains any more."""
+    """Add effects until none explains any more, of what is beyond noise and a discrepancy [m]."""
     settings, around = under_test.settings, None
     for _ in range(1 if under_test.model is None else settings.fitting.network.passes):
-        fitter, first = under_test.fitted(recordings, seconds, around=around, calibrated=not unsure)
+        fitter, first = under_test.fitted(
+            recordings, seconds, None, around, calibrated=not unsure, discrepancy=discrepancy
+        )
         probes = candidates(fitter.windows.robot, PROBES)
         limits = settings.limits
         search = Search(
@@ -189,7 +221,8 @@ def _concluded(
     fitter, last = search.fitter, judged.models[-1]
     unexplained = judged.verdict in UNEXPLAINED
     # Effects that are the same everywhere and leave only noise: there is no place to look for more.
-    left = unexplained and not (only_noise(limits, judged.after) and constant(limits, judged.after))
+    nothing = only_noise(limits, judged.after) and constant(limits, judged.after)
+    left = unexplained and (fitter.windows.discrepancy > 0.0 or not nothing)
     discrepancy: DiscrepancyModel | None = None
     suspects: tuple[SuspectParameter, ...] = ()
     if left:
@@ -208,6 +241,7 @@ def _concluded(
         errors=errors(fitter, searched.first, last.fit),
         held_out=held,
         gain=judged.gain,
+        model_discrepancy=fitter.windows.discrepancy,
         before=judged.before,
         after=judged.after,
         misspecification=judged.law,

@@ -13,7 +13,14 @@ from flywheel.diagnosis.checks.uncertainty import uncertainty
 from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian, Restart
 from flywheel.diagnosis.fitting.multistart import restarted_with_care
 from flywheel.diagnosis.heartbeat import Heartbeat
-from flywheel.diagnosis.results.verdict import Alternative, Verdict, found, verdict_of, worth_having
+from flywheel.diagnosis.results.verdict import (
+    Alternative,
+    Verdict,
+    found,
+    tolerated,
+    verdict_of,
+    worth_having,
+)
 from flywheel.diagnosis.selection.alternatives import exchanged, model_without, refitted
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.diagnosis.selection.misspecification import (
@@ -27,6 +34,12 @@ from flywheel.diagnosis.settings import CheckSettings, Limits
 from flywheel.effects import taken_apart
 
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
+# What is said where what is left counts as an error that any model has: it is left all the same.
+BESIDE_DISCREPANCY = {
+    Verdict.EFFECT: Verdict.PARTIAL,
+    Verdict.NOISE_ONLY: Verdict.OUTSIDE_LIBRARY,
+    Verdict.DATA_INSUFFICIENT: Verdict.OUTSIDE_LIBRARY,
+}
 UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
 
@@ -102,6 +115,8 @@ def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] 
     answer = asked_about(effects) if len(models) > 1 else ()
     law = misspecification(first.fit, last.fit, last.probes, instead, search.criterion)
     verdict = verdict_of(searched.limits, last, answer, before, after, law)
+    if search.fitter.windows.discrepancy > 0.0 and not tolerated(searched.limits, after):
+        verdict = BESIDE_DISCREPANCY.get(verdict, verdict)
     return Judged(models, effects, answer, before, after, law, verdict)
 
 

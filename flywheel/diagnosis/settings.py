@@ -245,6 +245,22 @@ class NetworkSettings:
 
 
 @dataclass(frozen=True)
+class ModelDiscrepancySettings:
+    """What no model explains, as a scale of error beside noise.
+
+    Attributes:
+      least: times the noise that the best model is off, from which that is counted in, too: below it, noise
+        is what disturbs.
+      passes: of the search with an estimate of it, at most.
+      stands: times by which the next estimate may differ from one that stands.
+    """
+
+    least: float = 1.5
+    passes: int = 2
+    stands: float = 1.5
+
+
+@dataclass(frozen=True)
 class FittingSettings:
     """Everything about one fit."""
 
@@ -257,6 +273,7 @@ class FittingSettings:
     nuisance: NuisanceSettings = NuisanceSettings()
     as_built: AsBuiltSettings = AsBuiltSettings()
     network: NetworkSettings = NetworkSettings()
+    discrepancy: ModelDiscrepancySettings = ModelDiscrepancySettings()
 
 
 @dataclass(frozen=True)

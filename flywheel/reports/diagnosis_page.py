@@ -47,6 +47,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         numbers=numbers(found),
         held_back=held_back(found),
         interrupted=interrupted(found),
+        scale=scale(found),
         gains=gains(found),
         as_built=as_built(found),
         at_bounds=at_bounds(found),
@@ -113,6 +114,17 @@ def interrupted(found: Diagnosis) -> str:
     return (
         f"Stopped after {found.seconds:.0f} s: this is the best answer so far. More effects may be missing, "
         "and other ones may explain the recordings as well."
+    )
+
+
+def scale(found: Diagnosis) -> str:
+    """What scores and intervals count in, where that is not noise alone; "" where it is."""
+    if not found.model_discrepancy:
+        return ""
+    return (
+        f"No model comes down to the noise of {millimetres(found.errors.noise)}. What the best one leaves "
+        f"({millimetres(found.after.beyond_noise)}) goes on from sample to sample, and disturbs a fit as "
+        f"white noise of {millimetres(found.model_discrepancy)} would: scores and intervals count in that."
     )
 
 

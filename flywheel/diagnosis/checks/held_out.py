@@ -42,7 +42,7 @@ class Errors:
 
 def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
     """The errors of two fits of the same windows."""
-    return Errors(fitter.windows.sigma, fitter.rms(before), fitter.rms(after))
+    return Errors(fitter.windows.noise, fitter.rms(before), fitter.rms(after))
 
 
 class HeldOut:
@@ -58,7 +58,7 @@ class HeldOut:
         self, under_test: ModelUnderTest, recordings: Sequence[Trajectory], fitted_on: Windows
     ) -> None:
         self._under_test, self._recordings = under_test, recordings
-        self._seconds, self._sigma = fitted_on.steps * fitted_on.dt, fitted_on.sigma
+        self._seconds, self._like = fitted_on.steps * fitted_on.dt, fitted_on
         self._plant: tuple[Fitter, Fit] | None = None
         self._last: tuple[Fitter, Fit, Fit] | None = None
 
@@ -89,7 +89,13 @@ class HeldOut:
         if self._plant is not None:
             return self._plant
         under_test = self._under_test
-        found = under_test.fitted(self._recordings, self._seconds, self._sigma, around=terms)
+        found = under_test.fitted(
+            self._recordings,
+            self._seconds,
+            self._like.noise,
+            around=terms,
+            discrepancy=self._like.discrepancy,
+        )
         if under_test.model is None:
             self._plant = found
         return found
@@ -110,4 +116,5 @@ class HeldOut:
 def beyond_noise(fitter: Fitter, squares: Floats) -> Floats:
     """(K,) squares without what noise leaves where local parameters are fitted [sigma^2]."""
     measured = np.isfinite(fitter.windows.measured).sum(axis=(1, 2, 3))
-    return np.asarray(squares - np.maximum(measured - len(fitter.local_prior), 0))
+    noise = (fitter.windows.noise / fitter.windows.sigma) ** 2
+    return np.asarray(squares - noise * np.maximum(measured - len(fitter.local_prior), 0))

@@ -55,7 +55,8 @@ def localise(
     """Find where and when what a test's model leaves acts."""
     windows, robot = fitter.windows, fitter.windows.robot
     cables = _explained(fitter, test)
-    pieces = _pieces(fitter, test, settings.pieces)  # (K, pieces, P)
+    in_noise = (windows.sigma / windows.noise) ** 2
+    pieces = in_noise * _pieces(fitter, test, settings.pieces)  # (K, pieces, P)
     over_points = pieces.mean(axis=2)
     window, piece = (int(i) for i in np.unravel_index(over_points.argmax(), over_points.shape))
     first, last = _run(over_points[window], piece, settings.half)

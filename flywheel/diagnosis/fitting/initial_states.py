@@ -60,7 +60,7 @@ def smoothed(
         seen = np.isfinite(recording.points).all(axis=-1).any(axis=0)
         if index in windows.recording and not seen.all():
             raise DataError(f"A point is never seen in recording {index}.")
-    reach, sigma = round(settings.reach * scales.time / dt), windows.sigma / scales.length
+    reach, sigma = round(settings.reach * scales.time / dt), windows.noise / scales.length
     found = [
         local_regression(
             windows.recordings[i].points, first, reach, dt, scales.time, sigma, settings.motion

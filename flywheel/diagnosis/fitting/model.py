@@ -48,14 +48,15 @@ class ModelUnderTest:
         sigma: float | None = None,
         around: Terms | None = None,
         calibrated: bool = True,
+        discrepancy: float = 0.0,
     ) -> tuple[Fitter, Fit]:
         """A fitter of windows of recordings, and its fit without further effects.
 
         Where a model is tested, the plant starts from where it fits best with terms like `around`. A plant
-        that is yet to be `calibrated` may be fitted roughly.
+        that is yet to be `calibrated` may be fitted roughly. No model explains a `discrepancy` [m].
         """
         plant, model, fitting = self.plant, self.model, self.settings.fitting
-        windows = self.windows(recordings, seconds, sigma)
+        windows = self.windows(recordings, seconds, sigma).with_discrepancy(discrepancy)
         world = fitter_of(windows, plant, self.busy, fitting)
         if model is None:
             return fitted_as_given(world, world.first_estimate(plant.terms), self.seed, calibrated)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,8 +53,9 @@ class Windows:
       recording: (K,) index of each window's recording.
       first: (K,) the step of the recording at which each begins.
       measured: (K, steps + 1, P, 3) [m].
-      sigma: noise of each coordinate [m].
-      doubt: standard deviation of one over its square, relative to that; 0 where it was given.
+      sigma: that a coordinate may be off: by noise, and by what no model explains [m].
+      doubt: standard deviation of one over the noise's square, relative to that; 0 where it was given.
+      discrepancy: what no model explains, see `with_discrepancy` [m].
     """
 
     robot: Robot
@@ -66,6 +67,7 @@ class Windows:
     measured: Floats
     sigma: float
     doubt: float = 0.0
+    discrepancy: float = 0.0
 
     @classmethod
     def cut(
@@ -125,6 +127,16 @@ class Windows:
             sigma=noise_floor([log.points for log in recordings]) if sigma is None else sigma,
             doubt=noise_doubt([log.points for log in recordings]) if sigma is None else 0.0,
         )
+
+    def with_discrepancy(self, discrepancy: float) -> Windows:
+        """The same, of models that are off by so much besides noise [m], whatever they have."""
+        sigma = float(np.hypot(self.noise, discrepancy))
+        return replace(self, sigma=sigma, discrepancy=discrepancy)
+
+    @property
+    def noise(self) -> float:
+        """Noise of each coordinate [m]."""
+        return float(np.sqrt(max(0.0, self.sigma**2 - self.discrepancy**2)))
 
     def __len__(self) -> int:
         return len(self.recording)

@@ -59,6 +59,8 @@ class Diagnosis:
       held_out: on those that were not; None without any.
       gain: of all effects of the first answer that were added, on windows that they were not fitted to; None
         for none.
+      model_discrepancy: what no model explains, as the standard deviation of white noise that disturbs as
+        much [m]; scores and intervals count in this and noise. 0 where the best model comes down to noise.
       before, after: what the plant as it was leaves, and what the augmented one leaves.
       evidence: to look at.
       seconds: it took.
@@ -86,6 +88,7 @@ class Diagnosis:
     after: Adequacy
     evidence: Evidence
     gain: Gain | None = None
+    model_discrepancy: float = 0.0
     seconds: float = 0.0
     model: str = ""
     misspecification: Misspecification = NONE
@@ -127,6 +130,7 @@ class Diagnosis:
             "suspect_parameters": [each.summary() for each in self.suspects],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,
+            "model_discrepancy": {"value": self.model_discrepancy, "unit": "m"},
             "error": self.errors.summary(),
             "held_out": None if self.held_out is None else self.held_out.summary(),
             "held_out_gain": None if self.gain is None else self.gain.summary(),

@@ -75,7 +75,7 @@ class Evidence:
             recording=windows.recording,
             first=windows.first,
             dt=windows.dt,
-            sigma=windows.sigma,
+            sigma=windows.noise,
             measured=windows.measured,
             before=first.points,
             after=last.points,

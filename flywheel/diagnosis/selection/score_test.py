@@ -204,7 +204,9 @@ class ScoreTest:
 
     def beyond_noise(self, fitter: Fitter) -> float:
         """Root mean square of what is left beyond noise [m]."""
-        return fitter.windows.sigma * float(np.sqrt(max(0.0, self.left_noise - 1.0)))
+        windows = fitter.windows
+        square = self.left_noise * windows.sigma**2 - windows.noise**2
+        return float(np.sqrt(max(0.0, square)))
 
     def scores(self, residual: Floats | None = None) -> list[Score]:
         """The score of every candidate, in order; for another residual if one is given."""

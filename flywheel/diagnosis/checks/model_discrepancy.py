@@ -1,0 +1,48 @@
+"""How much of what is measured no model explains: the second scale of error beside noise.
+
+Measurements are often a hundred times better than any model. What the best one leaves is then no noise: it
+goes on from sample to sample, and moves the points of a body together. Counted as noise of the same mean
+square it would be averaged out over thousands of samples, and any effect that takes a little of it would be
+sure. So it counts as the white noise that disturbs a fit as much: its long-run variance (Newey and West
+1987), over as many points as move independently.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.records import Floats
+
+FREEDOMS = 6  # of a rigid body
+
+
+def model_discrepancy(fitter: Fitter, fit: Fit) -> float:
+    """What a model leaves beside noise, as the standard deviation of white noise that disturbs as much [m].
+
+    Args:
+      fitter, fit: of the best model.
+    """
+    windows = fitter.windows
+    shape = windows.measured.shape
+    residual = fit.residual.reshape(shape)
+    robot = windows.robot
+    together = max(1.0, 3.0 * shape[2] / (FREEDOMS * len(robot.bodies)))
+    usual = np.isfinite(windows.measured).sum() / max(1, fitter.freedom(fit))
+    square = windows.sigma**2 * usual * long_run_variance(residual, np.isfinite(windows.measured))
+    return float(np.sqrt(together * max(0.0, square - windows.noise**2)))
+
+
+def long_run_variance(series: Floats, known: np.ndarray) -> float:
+    """Variance of the sum of samples that resemble each other, per sample, with Bartlett's weights.
+
+    Args:
+      series: (K, T, ...) along the second axis; 0 where it is not known.
+      known: (K, T, ...) bool.
+    """
+    length, count = series.shape[1], max(1, int(known.sum()))
+    variance = float((series**2).sum())
+    for lag in range(1, length):
+        products = float((series[:, lag:] * series[:, :-lag]).sum())
+        variance += 2.0 * (1.0 - lag / length) * products
+    return variance / count
