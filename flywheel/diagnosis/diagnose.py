@@ -108,7 +108,9 @@ def diagnose(
     search = partial(
         _searched, under_test, recordings, window_seconds, everything, terms, heartbeat
     )
-    answer = _concluded(under_test, _in_two_scales(search, heartbeat), held_out, heartbeat)
+    # What a trained model is off by itself is known otherwise, see `network_fit`.
+    searched = search() if model is not None else _in_two_scales(search, heartbeat)
+    answer = _concluded(under_test, searched, held_out, heartbeat)
     return replace(answer, seconds=time.perf_counter() - begun)
 
 
@@ -122,16 +124,16 @@ def _check_usable(
         raise DataError(f"Held-out recordings: {error}") from error
 
 
-def _in_two_scales(search: Callable[[float], Searched], heartbeat: Heartbeat) -> Searched:
+def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Searched:
     """A search that counts in noise, or, where no model comes down to that, in what models are off besides.
 
     What the best model leaves is estimated anew until it stands.
 
     Args:
-      search: with a discrepancy that no model explains [m].
+      search: takes a discrepancy that no model explains [m].
       heartbeat: knows whether there is time.
     """
-    searched, known = search(0.0), 0.0
+    searched, known = search(), 0.0
     settings = searched.search.fitter.settings.discrepancy
     for _ in range(settings.passes):
         fitter, last = searched.search.fitter, searched.models[-1]
@@ -142,9 +144,9 @@ def _in_two_scales(search: Callable[[float], Searched], heartbeat: Heartbeat) ->
         found = model_discrepancy(fitter, last.fit)
         if max(found, known) <= settings.stands * min(found, known):
             break
-        heartbeat(f"no model comes nearer than {1000 * found:.2g} mm: counting in that")
+        heartbeat("no model comes down to the noise: counting in what the best one leaves, too")
         known = found
-        searched = heartbeat.in_time(partial(search, known), searched)
+        searched = heartbeat.in_time(partial(search, discrepancy=known), searched)
     return searched
 
 
