@@ -9,7 +9,7 @@ from math import isnan
 
 import numpy as np
 
-from flywheel.cli.drives import Drive, where_of
+from flywheel.cli.driving.drives import Drive, where_of
 from flywheel.evaluation.intervals import success_interval
 from flywheel.runtime.results import Errors, Navigation, RunResult
 from flywheel.runtime.run.folder import name_of

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 from scipy.stats import qmc
 
-from flywheel.cli.runs import OpenRun, open_run
+from flywheel.cli.runs.opening import OpenRun, open_run
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import LearnedDynamics, load_weights, weights_digest
 from flywheel.dynamics.gnn.shipped import (

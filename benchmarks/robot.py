@@ -23,9 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flywheel.cli.drives import Drive, append_drive, read_drives
-from flywheel.cli.robot_driver import PLANT, RESIDUAL, RobotDriver
-from flywheel.cli.runs import OpenRun, open_run
+from flywheel.cli.driving.drives import Drive, append_drive, read_drives
+from flywheel.cli.driving.robot_driver import PLANT, RESIDUAL, RobotDriver
+from flywheel.cli.runs.opening import OpenRun, open_run
 from flywheel.effects import AdoptedPlant, WrittenTerm
 from flywheel.registry import lookup
 from flywheel.robot_link import StandInConfig

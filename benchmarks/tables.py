@@ -36,7 +36,7 @@ from benchmarks.rows import RESULTS, read_rows, write_rows
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
 from benchmarks.sysid.table import ContenderRow
-from flywheel.cli.drives import read_drives
+from flywheel.cli.driving.drives import read_drives
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.outputs import write_output
 from flywheel.registry import lookup

@@ -136,7 +136,7 @@ def test_a_forbidden_import_is_found(path: str, source: str) -> None:
         ("flywheel/dynamics/plant/plant.py", "import mujoco"),
         ("flywheel/rotations.py", "from flywheel.errors import DataError"),
         ("flywheel/reports/page.py", "from flywheel.runtime.results import RunResult"),
-        ("flywheel/cli/run.py", "from flywheel.runtime import loop"),
+        ("flywheel/cli/runs/run.py", "from flywheel.runtime import loop"),
     ],
 )
 def test_an_allowed_import_passes(path: str, source: str) -> None:

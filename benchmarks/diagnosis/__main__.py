@@ -15,8 +15,8 @@ from typing import Annotated
 import typer
 
 from benchmarks.diagnosis.bench import examine, listed
-from flywheel.cli.diagnose import TrainedOption
 from flywheel.cli.exits import CODES, OneCommand
+from flywheel.cli.logs.diagnose import TrainedOption
 from flywheel.cli.options import within
 from flywheel.quantities import SAMPLES, Bounds
 

@@ -135,7 +135,7 @@ def _command(robot: str, effect: str | None, seed: int, seconds: float) -> str:
 
 def _reveal(out: Out, story: Demonstration) -> None:
     """Say what was hidden, beside what was found."""
-    from flywheel.cli.diagnose import effects_table
+    from flywheel.cli.logs.diagnose import effects_table
     from flywheel.reports.demo_page import truth
 
     if any(story.diagnosis.answers):

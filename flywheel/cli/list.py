@@ -133,7 +133,7 @@ def configs() -> Table:
 
 def runs() -> Table:
     """The runs in runs/."""
-    from flywheel.cli.runs import known_runs
+    from flywheel.cli.runs.opening import known_runs
     from flywheel.errors import FlywheelError
     from flywheel.runtime.results import RunResult
 

@@ -6,24 +6,26 @@ from typing import Annotated
 
 import typer
 
-from flywheel.cli import config, data, recordings, robot
-from flywheel.cli.adopt import adopt
 from flywheel.cli.bench import bench
-from flywheel.cli.compare import compare
-from flywheel.cli.correct import correct
 from flywheel.cli.demo import demo
-from flywheel.cli.design import design
-from flywheel.cli.diagnose import diagnose
-from flywheel.cli.drive import drive
-from flywheel.cli.evaluate import evaluate
+from flywheel.cli.driving.drive import drive
+from flywheel.cli.driving.navigate import navigate
 from flywheel.cli.exits import CODES, Commands
 from flywheel.cli.list import list_
-from flywheel.cli.navigate import navigate
-from flywheel.cli.power import power
-from flywheel.cli.report import report
-from flywheel.cli.run import run
-from flywheel.cli.summary import summary
-from flywheel.cli.ui import ui
+from flywheel.cli.logs import recordings
+from flywheel.cli.logs.adopt import adopt
+from flywheel.cli.logs.compare import compare
+from flywheel.cli.logs.correct import correct
+from flywheel.cli.logs.design import design
+from flywheel.cli.logs.diagnose import diagnose
+from flywheel.cli.logs.power import power
+from flywheel.cli.robot import check as robot
+from flywheel.cli.runs import config, data
+from flywheel.cli.runs.evaluate import evaluate
+from flywheel.cli.runs.report import report
+from flywheel.cli.runs.run import run
+from flywheel.cli.runs.summary import summary
+from flywheel.cli.runs.ui import ui
 
 RUNS = "Runs of the flywheel"
 LOGS = "Logs of a real robot"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from flywheel.cli.runs import open_run
+from flywheel.cli.runs.opening import open_run
 from flywheel.diagnosis.comparison import Subject
 from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import Plant, with_effects

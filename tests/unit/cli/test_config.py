@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
-from flywheel.cli.run import run_name
+from flywheel.cli.runs.run import run_name
 from flywheel.errors import UnknownNameError
 from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.config.shipped import config_file, copied_text, shipped_configs

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from flywheel.cli.correct import settings_of
+from flywheel.cli.logs.correct import settings_of
 from flywheel.cli.main import app
 from flywheel.cli.models import open_model, open_trained
 from flywheel.data.recordings import write_recording

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from flywheel.cli.drives import (
+from flywheel.cli.driving.drives import (
     Drive,
     Setting,
     append_drive,

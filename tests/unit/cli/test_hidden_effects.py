@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from flywheel.cli.hidden_effects import hidden_effects
+from flywheel.cli.driving.hidden_effects import hidden_effects
 from flywheel.effects import EFFECTS, AdoptedPlant, WrittenTerm
 from flywheel.effects.libraries import with_laws
 from flywheel.effects.own import LawFile, law_files

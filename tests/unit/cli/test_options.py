@@ -10,8 +10,8 @@ import typer
 from typer.testing import CliRunner
 
 from flywheel.cli.bench import parsed_threads
-from flywheel.cli.diagnose import unsure_of
-from flywheel.cli.hidden_effects import hidden_effects
+from flywheel.cli.driving.hidden_effects import hidden_effects
+from flywheel.cli.logs.diagnose import unsure_of
 from flywheel.cli.main import app
 from flywheel.cli.options import length_of, number
 from flywheel.errors import ConfigError

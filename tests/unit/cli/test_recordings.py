@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from flywheel.cli import recordings
+from flywheel.cli.logs import recordings
 from flywheel.cli.main import app
 from flywheel.data import TrajectoryStore
 from flywheel.data.recordings import store_recording

@@ -17,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
-from flywheel.cli.ui import check_port
+from flywheel.cli.runs.ui import check_port
 from flywheel.errors import ConfigError
 from flywheel.runtime.tracking.dashboard import DATABASE, damage
 
@@ -26,7 +26,7 @@ SERVER = "import subprocess, sys; subprocess.run([sys.executable, '-S', sys.argv
 CHILD = "import os, time; print(os.getpid(), os.getppid(), flush=True); time.sleep(600)"
 UI = """
 import sys
-from flywheel.cli import ui
+from flywheel.cli.runs import ui
 from flywheel.cli.main import app
 ui.ui_command = lambda run, port: ([sys.executable, "-S", "-c", sys.argv[1], sys.argv[2]], {}, "url")
 app(["ui", sys.argv[3]])
@@ -125,15 +125,15 @@ def test_a_server_ends_where_its_caretaker_is_interrupted(run, monkeypatch):
         raise KeyboardInterrupt
 
     command = ([sys.executable, "-S", "-c", "import time; time.sleep(600)"], {}, "url")
-    monkeypatch.setattr("flywheel.cli.ui.ui_command", lambda *_: command)
-    monkeypatch.setattr("flywheel.cli.ui.Caretaker", interrupted)
+    monkeypatch.setattr("flywheel.cli.runs.ui.ui_command", lambda *_: command)
+    monkeypatch.setattr("flywheel.cli.runs.ui.Caretaker", interrupted)
     assert CliRunner().invoke(app, ["ui", str(run)]).exit_code == 130
     assert not alive(started[0])
 
 
 def test_a_server_that_ends_by_itself_is_told(run, monkeypatch):
     command = ([sys.executable, "-c", "raise SystemExit(3)"], {}, "url")
-    monkeypatch.setattr("flywheel.cli.ui.ui_command", lambda *_: command)
+    monkeypatch.setattr("flywheel.cli.runs.ui.ui_command", lambda *_: command)
     done = CliRunner().invoke(app, ["ui", str(run)])
     assert done.exit_code == 1
     assert "ended by itself, with the exit code 3" in done.stderr

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from flywheel.cli.runs import open_run
+from flywheel.cli.runs.opening import open_run
 from flywheel.data import TrajectoryStore
 from flywheel.errors import ModelError, RunError
 from flywheel.runtime.results import RunResult

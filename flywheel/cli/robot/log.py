@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from flywheel.cli.console import console
-from flywheel.cli.serve import RobotArgument
+from flywheel.cli.robot.serve import RobotArgument
 
 TranscriptArgument = Annotated[
     Path, typer.Argument(metavar="TRANSCRIPT", help="A .jsonl file that a drive left.")

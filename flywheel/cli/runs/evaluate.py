@@ -13,7 +13,7 @@ from flywheel.cli.options import RunArgument, within
 from flywheel.quantities import HORIZON_SECONDS, SAMPLES
 
 if TYPE_CHECKING:
-    from flywheel.cli.runs import OpenRun
+    from flywheel.cli.runs.opening import OpenRun
     from flywheel.runtime.results import ErrorNumbers
     from flywheel.runtime.workers.model_weights import AnyWeights
     from flywheel.runtime.workers.sim_worker import Baseline, Scores
@@ -51,7 +51,7 @@ def evaluate(
 
     flywheel evaluate runs/prism3 --by controller [dim](where it fails)[/dim]
     """
-    from flywheel.cli.runs import open_run
+    from flywheel.cli.runs.opening import open_run
 
     opened = open_run(run)
     episodes = _episodes_of(opened, split)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console
-from flywheel.cli.exits import FAILED, INTERRUPTED
-from flywheel.cli.navigate import (
+from flywheel.cli.driving.navigate import (
     EpisodesOption,
     PictureOption,
     ResultsOption,
@@ -19,8 +18,9 @@ from flywheel.cli.navigate import (
     SourceArgument,
     show_drives,
 )
+from flywheel.cli.exits import FAILED, INTERRUPTED
 from flywheel.cli.options import CHAMPION, Overrides
-from flywheel.cli.stand_in import (
+from flywheel.cli.robot.stand_in import (
     DropoutOption,
     EncodersOption,
     HiddenOption,
@@ -32,8 +32,8 @@ from flywheel.cli.stand_in import (
 )
 
 if TYPE_CHECKING:
-    from flywheel.cli.drives import Drive
-    from flywheel.cli.robot_driver import RobotDriver
+    from flywheel.cli.driving.drives import Drive
+    from flywheel.cli.driving.robot_driver import RobotDriver
 
 ENDINGS = {
     "goal": "[green]reached the goal after {seconds:.1f} s[/green]",
@@ -103,8 +103,8 @@ def drive(
 
     flywheel drive prism3 --model plant --robot my_lab:MyRobot --argument port=/dev/ttyUSB0
     """
-    from flywheel.cli.drives import read_drives
-    from flywheel.cli.robot_driver import RobotDriver
+    from flywheel.cli.driving.drives import read_drives
+    from flywheel.cli.driving.robot_driver import RobotDriver
     from flywheel.outputs import check_folder, check_outputs
     from flywheel.runtime.config.shipped import config_file
 
@@ -134,7 +134,7 @@ def _drive_all(
     out: Out, driver: RobotDriver, files: Mapping[int, Path], results: Path | None
 ) -> tuple[list[Drive], str]:
     """Drive one episode for each seed, until one of them ends before its time; and how the last one ended."""
-    from flywheel.cli.drives import append_drive
+    from flywheel.cli.driving.drives import append_drive
     from flywheel.data.recordings import write_recording
     from flywheel.runtime.pool.progress import console_progress
 

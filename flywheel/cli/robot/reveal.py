@@ -24,7 +24,7 @@ def reveal(run: RunArgument) -> None:
 
     flywheel robot reveal runs/prism3
     """
-    from flywheel.cli.runs import open_run
+    from flywheel.cli.runs.opening import open_run
     from flywheel.errors import DataError
     from flywheel.runtime.config.robot_config import read_stand_in
     from flywheel.truth_simulator.written import hidden_effects

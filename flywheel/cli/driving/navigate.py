@@ -13,8 +13,8 @@ from flywheel.cli.options import CHAMPION, Overrides, within
 from flywheel.quantities import SAMPLES, SEED
 
 if TYPE_CHECKING:
-    from flywheel.cli.driver import Driver
-    from flywheel.cli.drives import Drive
+    from flywheel.cli.driving.driver import Driver
+    from flywheel.cli.driving.drives import Drive
     from flywheel.records import Episode
     from flywheel.runtime.pool.progress import Progress
 
@@ -104,8 +104,8 @@ def navigate(
 
     flywheel navigate runs/s_course --hidden torque_speed --episodes 10 --logs logs/
     """
-    from flywheel.cli.driver import Driver
-    from flywheel.cli.drives import append_drive, read_drives
+    from flywheel.cli.driving.driver import Driver
+    from flywheel.cli.driving.drives import append_drive, read_drives
     from flywheel.data.recordings import write_recording
     from flywheel.runtime.config.shipped import config_file
     from flywheel.runtime.pool.progress import console_progress
@@ -185,7 +185,7 @@ def _film(
 
 def show_drives(out: Out, drives: Sequence[Drive], picture: Path | None) -> None:
     """Print a table of the episodes where there are several, and draw them where that is asked for."""
-    from flywheel.cli.drives import drive_picture, drive_table
+    from flywheel.cli.driving.drives import drive_picture, drive_table
 
     if len(drives) > 1:
         out.print(drive_table(drives))

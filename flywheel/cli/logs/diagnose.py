@@ -109,7 +109,7 @@ def diagnose(
     flywheel diagnose monday.csv tuesday.csv --held-out friday.csv --robot my_robot.xml
     """
     from flywheel import diagnosis
-    from flywheel.cli.logs import read_logs
+    from flywheel.cli.logs.reading import read_logs
     from flywheel.cli.models import Library, open_plant, open_trained
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis

@@ -8,7 +8,7 @@ import typer
 
 from flywheel.cli.console import console
 from flywheel.cli.options import within
-from flywheel.cli.stand_in import (
+from flywheel.cli.robot.stand_in import (
     DropoutOption,
     EncodersOption,
     HiddenOption,

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.cli.driver import config_of, known_effects, network_of
-from flywheel.cli.drives import Drive as DriveLine
-from flywheel.cli.drives import Setting
+from flywheel.cli.driving.driver import config_of, known_effects, network_of
+from flywheel.cli.driving.drives import Drive as DriveLine
+from flywheel.cli.driving.drives import Setting
 from flywheel.control.drive import Drive, without_gaps
 from flywheel.dynamics.gnn.shipped import SHIPPED
 from flywheel.dynamics.plant import RestartedPlant

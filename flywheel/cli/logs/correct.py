@@ -56,7 +56,7 @@ def correct(
 
     flywheel correct monday.csv tuesday.csv --robot plants/my_robot-1 --out my_robot.npz
     """
-    from flywheel.cli.logs import read_logs
+    from flywheel.cli.logs.reading import read_logs
     from flywheel.cli.models import open_plant
     from flywheel.dynamics.plant import RestartedPlant
     from flywheel.dynamics.residual import ResidualWeights
@@ -94,7 +94,7 @@ def settings_of(
     Raises:
       ConfigError: there is no such setting, or it cannot have that value.
     """
-    from flywheel.cli.diagnose import pairs_of
+    from flywheel.cli.logs.diagnose import pairs_of
     from flywheel.dynamics.residual import ResidualConfig
     from flywheel.errors import ConfigError
     from flywheel.training.residual import ResidualTraining

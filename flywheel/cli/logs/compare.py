@@ -82,7 +82,7 @@ def compare(
 
     flywheel compare monday.csv --robot my_robot.xml --model before=plant --model after=plants/my_robot-1
     """
-    from flywheel.cli.logs import read_logs
+    from flywheel.cli.logs.reading import read_logs
     from flywheel.cli.models import PLANT, Library, open_model, open_plant
     from flywheel.diagnosis import comparison
     from flywheel.outputs import check_outputs

@@ -12,9 +12,9 @@ import typer
 
 from flywheel.cli.console import Out, console, table
 from flywheel.cli.exits import FAILED
-from flywheel.cli.reveal import reveal
-from flywheel.cli.robot_log import log
-from flywheel.cli.serve import serve
+from flywheel.cli.robot.log import log
+from flywheel.cli.robot.reveal import reveal
+from flywheel.cli.robot.serve import serve
 
 if TYPE_CHECKING:
     from flywheel.dynamics.plant import Settling

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from flywheel.cli.drives import Drive, Setting
-from flywheel.cli.hidden_effects import hidden_effects
+from flywheel.cli.driving.drives import Drive, Setting
+from flywheel.cli.driving.hidden_effects import hidden_effects
 from flywheel.cli.options import CHAMPION
-from flywheel.cli.runs import open_run
+from flywheel.cli.runs.opening import open_run
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import LiveView

@@ -124,7 +124,7 @@ def show(
 
     flywheel recordings show runs/prism3/store
     """
-    from flywheel.cli.data import open_store
+    from flywheel.cli.runs.data import open_store
 
     opened = open_store(store)
     rows = _stored_rows(opened)
@@ -147,7 +147,7 @@ def export(
 
     flywheel recordings export runs/prism3 i0001-mppi-collect-0000 episode.csv
     """
-    from flywheel.cli.data import open_store
+    from flywheel.cli.runs.data import open_store
     from flywheel.data.recordings import write_recording
 
     owner = _robot(store, robot)
@@ -269,7 +269,7 @@ def _store(place: Path) -> TrajectoryStore:
 
     check_folder(place, "store")
     if _is_run(place):
-        from flywheel.cli.data import open_store
+        from flywheel.cli.runs.data import open_store
 
         return open_store(place)
     return TrajectoryStore(str(place))

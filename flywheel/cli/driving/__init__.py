@@ -1,0 +1,1 @@
+"""Commands that drive to goals, and what drives."""

@@ -1,0 +1,1 @@
+"""`flywheel robot`: commands about one robot."""
