@@ -193,11 +193,15 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
     unseen = UnseenWindows(search.fitter, judged.models[0], held_out)
     while new := added(judged.models):
         last, known = judged.models[-1], (*judged.models, *judged.shorter)
-        shorter = [model_without(search, known, last.fit, [term]) for term in new]
-        gains = [unseen.gain(refitted(search, model), last) for model in shorter]
+        doubted = last.fit.kept is not None or judged.verdict in UNEXPLAINED
+        groups = [*([term] for term in new), *([new] if len(new) > 1 else [])]
+        less = [model_without(search, known, last.fit, terms) for terms in groups]
+        if doubted:  # compared with one that was given up early, every effect would gain
+            less = [refitted(search, model) for model in less]
+        shorter, bare = less[: len(new)], less[-1]
+        gains = [unseen.gain(model, last) for model in shorter]
         unclear = [each for each in zip(gains, shorter, strict=True) if not each[0].clear]
-        if not unclear or not (last.fit.kept or judged.verdict in UNEXPLAINED):
-            bare = refitted(search, model_without(search, known, last.fit, new))
+        if not (doubted and unclear):
             return _with_gain(searched, judged, gains, unseen.gain_of_all(bare, last))
         _, model = min(unclear, key=lambda each: each[0].low)
         models = [*_before(judged.models, model.fit), model]

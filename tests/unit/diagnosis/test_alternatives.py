@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Verdict
+from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.fitting.least_squares import Fit, KeptColumns
 from flywheel.diagnosis.fitting.model import fitted
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
@@ -146,3 +147,61 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
     begun: Any = SimpleNamespace(models=models, verdict=Verdict.EFFECT)
     concluded = conclusion.with_alternatives(searched, begun)
     assert [each.fit.terms for each in concluded.models] == [(), (a,)]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "kept", "left"),
+    [
+        (Verdict.PARTIAL, False, ["a"]),
+        (Verdict.EFFECT, True, ["a"]),
+        (Verdict.EFFECT, False, ["a", "b"]),
+    ],
+)
+def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, verdict: Verdict, kept: bool, left: list[str]
+) -> None:
+    """Of two, b gains nothing on windows that were not fitted."""
+    terms = {
+        "a": Term(EFFECTS["winch_gain"], None, (0.1,)),
+        "b": Term(EFFECTS["cable_friction"], None, (0.1,)),
+    }
+
+    def model(*names: str) -> Any:
+        fit = SimpleNamespace(
+            terms=tuple(terms[n] for n in names), kept=kept or None, converged=True
+        )
+        return SimpleNamespace(fit=fit, names=set(names))
+
+    class Unseen:
+        def __init__(self, *_: Any) -> None: ...
+
+        def gain(self, without: Any, model: Any) -> Gain:
+            clear = model.names - without.names == {"a"}
+            return Gain(0.5 if clear else 0.01, 0.3 if clear else -0.1, 0.6, clear, 9, 0)
+
+        gain_of_all = gain
+
+    def judge(_: Any, models: list[Any]) -> Any:
+        answer = [SimpleNamespace(effect=t.effect.name, term=t) for t in models[-1].fit.terms]
+        return conclusion.Judged(models, (), tuple(answer), None, None, None, verdict)
+
+    monkeypatch.setattr(conclusion, "UnseenWindows", Unseen)
+    monkeypatch.setattr(conclusion, "judge", judge)
+    monkeypatch.setattr(conclusion, "replace", _replaced)
+    searched: Any = SimpleNamespace(
+        search=SimpleNamespace(fitter=None), limits=SimpleNamespace(least_gain=0.1)
+    )
+    models = [model(), model("a"), model("a", "b")]
+    begun = replace(judge(None, models), shorter=(model("b"),))
+    judged = conclusion.with_gains(searched, begun, None)
+    assert [name for name in terms if terms[name] in judged.models[-1].fit.terms] == left
+    assert all(each.gain is not None for each in judged.answer)
+    assert judged.gain is not None
+    assert judged.gain.clear == (left == ["a"])  # of both together, this double says that of b
+
+
+def _replaced(record: Any, **changes: Any) -> Any:
+    """`dataclasses.replace`, of doubles, too."""
+    if isinstance(record, SimpleNamespace):
+        return SimpleNamespace(**{**vars(record), **changes})
+    return replace(record, **changes)
