@@ -54,7 +54,7 @@ def platform() -> Robot:
 @pytest.mark.slow
 def test_what_is_left_beside_a_scale_of_its_own_is_left_all_the_same(platform: Robot) -> None:
     """Noise of a twentieth of a millimetre, and a law that the library does not have: all would be sure."""
-    logs = [recorded(platform, HIDDEN, draws.seed(), noise=5e-5) for _ in range(3)]
+    logs = [recorded(platform, HIDDEN, draws.seed(), noise=5e-5) for _ in range(2)]
     few = {name: NAMED[name] for name in ("winch_gain", "slope")}
     answer = diagnose(Plant(platform), logs, (), few)
     assert answer.verdict in (Verdict.PARTIAL, Verdict.OUTSIDE_LIBRARY)
