@@ -50,7 +50,8 @@ def reveal(run: RunArgument) -> None:
 
 
 def _named(truth: EffectTruth) -> str:
-    return f"{truth.name}@{truth.place}" if truth.place else truth.name
+    """As `WrittenTerm.label` has it."""
+    return f"{truth.name} at {truth.place}" if truth.place else truth.name
 
 
 def _true(truth: EffectTruth) -> str:

@@ -165,10 +165,17 @@ def test_what_cannot_be_read_is_bad_input(tmp_path: Path) -> None:
 
 
 def test_what_was_hidden_is_revealed_beside_what_was_found(tmp_path):
-    bench = Bench(tmp_path / "run", iterations=0, robot={"hidden": ["torque_speed:2", "cogging"]})
+    bench = Bench(
+        tmp_path / "run",
+        iterations=0,
+        robot={"hidden": ["torque_speed:2", "cogging", "payload@s5"]},
+    )
     bench.files.path.mkdir()
     bench.files.begin(bench.config, resume=False)
-    effects = (WrittenTerm(effect="slope", parameters={"about_x": 0.01, "about_y": 0.0}),)
+    effects = (
+        WrittenTerm(effect="slope", parameters={"about_x": 0.01, "about_y": 0.0}),
+        WrittenTerm(effect="payload", location="s5", parameters={"mass": 12.5}),
+    )
     found = {"effects": [effect.model_dump() for effect in effects]}
     key = bench.files.begun().identity.key
     RunResult(name="r", key=key, config=found).save(bench.files.path)
@@ -177,6 +184,7 @@ def test_what_was_hidden_is_revealed_beside_what_was_found(tmp_path):
     assert re.search(r"cogging .* no ", words) and re.search(
         r"slope .* not there .* about_x 0.01", words
     )
+    assert re.search(r"payload at s5 .* mass \S+ kg .* mass 12.5", words)
     assert "noise of 0.30% of the length" in words
 
 
