@@ -41,9 +41,7 @@ from flywheel.diagnosis.results.verdict import (
     other_form,
 )
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.misspecification import (
-    PROBES,
-)
+from flywheel.diagnosis.selection.misspecification import PROBES
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.stepwise import Search, in_time_steps, stepwise
 from flywheel.diagnosis.selection.suspect_parameters import (

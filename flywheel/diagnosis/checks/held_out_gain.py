@@ -71,6 +71,7 @@ class UnseenWindows:
         self, fitter: Fitter, first: ScoredModel, held_out: HeldOut, seed: int = 0
     ) -> None:
         self._fitter, self._first, self._held_out, self._seed = fitter, first, held_out, seed
+        self._known: list[tuple[ScoredModel, Floats]] = []
 
     def gain(self, without: ScoredModel, model: ScoredModel) -> Gain:
         """What a model gains beside one without some of its effects, on windows left out in turn."""
@@ -87,7 +88,13 @@ class UnseenWindows:
         return _gain(first, less - more, len(first) - len(self._fitter.windows), self._seed)
 
     def _left_out(self, model: ScoredModel) -> Floats:
-        return left_out_squares(self._fitter, model.fit, model.jacobian, model.by_value)
+        """(K,) squares of every fitted window, left out in turn; computed once for each model."""
+        for known, squares in self._known:
+            if known is model:
+                return squares
+        squares = left_out_squares(self._fitter, model.fit, model.jacobian, model.by_value)
+        self._known.append((model, squares))
+        return squares
 
 
 def _gain(first: Floats, gained: Floats, held_out: int, seed: int) -> Gain:
