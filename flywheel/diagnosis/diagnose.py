@@ -43,16 +43,18 @@ from flywheel.diagnosis.results.verdict import (
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.misspecification import PROBES
 from flywheel.diagnosis.selection.score_test import ScoredModel
-from flywheel.diagnosis.selection.stepwise import Search, in_time_steps, stepwise
+from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.selection.stepwise import in_time_steps, stepwise
 from flywheel.diagnosis.selection.suspect_parameters import (
     SuspectParameter,
     suspect_parameters,
 )
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, NAMED, Effect, Terms
+from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, Terms
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Trajectory
+from flywheel.robots import Robot
 
 
 def diagnose(
@@ -163,7 +165,7 @@ def _searched(
         fitter, first = under_test.fitted(
             recordings, seconds, None, around, calibrated=not unsure, discrepancy=discrepancy
         )
-        probes = candidates(fitter.windows.robot, PROBES)
+        probes = _probes(fitter.windows.robot)
         limits = settings.limits
         search = Search(
             fitter,
@@ -191,6 +193,12 @@ def _searched(
             break
         around = models[-1].fit.terms
     return Searched(first, search, models, limits, settings.checks)
+
+
+def _probes(robot: Robot) -> tuple[Candidate, ...]:
+    """Laws that are asked about, and other forms of effects, where the robot can show the difference."""
+    forms = {name: form for name, form in FORMS.items() if form.differs_on(robot)}
+    return candidates(robot, {**PROBES, **forms})
 
 
 def _calibrated(search: Search, fit: Fit, unsure: Terms) -> tuple[Search, Fit]:
@@ -223,21 +231,23 @@ def _concluded(
     # Effects that are the same everywhere and leave only noise: there is no place to look for more.
     nothing = only_noise(limits, judged.after) and constant(limits, judged.after)
     left = unexplained and (fitter.windows.discrepancy > 0.0 or not nothing)
-    discrepancy: DiscrepancyModel | None = None
     suspects: tuple[SuspectParameter, ...] = ()
-    if left:
-        law = partial(_discrepancy, fitter, last, kept_aside, under_test)
-        discrepancy = heartbeat.in_time(law, None)
     if under_test.model is None:
         numbers = partial(suspect_parameters, search, judged.models, unexplained)
         suspects = heartbeat.in_time(numbers, ())
+    law = partial(_discrepancy, fitter, last, kept_aside, under_test)
     rng = np.random.default_rng(under_test.seed)
-    rivals = heartbeat.insisted(lambda: [effects_of(search, fit) for fit in judged.rivals])
+    sure = partial(effects_of, search)
+    rivals, forms = (
+        heartbeat.insisted(lambda: [*map(sure, judged.rivals)]),
+        heartbeat.insisted(lambda: [*map(sure, judged.forms)]),
+    )
     return Diagnosis(
         verdict=verdict,
         answers=(judged.answer, *(asked_about(each) for each in rivals)),
         ranking=heartbeat.insisted(lambda: detectable(fitter, judged.models[0], rng, checks)),
         threshold=limits.threshold,
+        other_forms=tuple(asked_about(each) for each in forms),
         errors=errors(fitter, searched.first, last.fit),
         held_out=held,
         gain=judged.gain,
@@ -248,9 +258,9 @@ def _concluded(
         other_form=other_form(limits, judged.law),
         evidence=Evidence.of(fitter, judged.models),
         location=localise(fitter, last.test, checks) if left else None,
-        discrepancy=discrepancy,
+        discrepancy=heartbeat.in_time(law, None) if left else None,
         model="" if under_test.model is None else under_test.model.name,
-        calibration=tuple(e for e in judged.effects if e.term.known and e not in built),
+        calibration=tuple(e for e in judged.effects if not e.term.asked and e not in built),
         as_built=AsBuiltNumbers(built) if built else None,
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
         suspects=suspects,
@@ -261,7 +271,7 @@ def _concluded(
 
 def _discrepancy(
     fitter: Fitter, last: ScoredModel, kept_aside: HeldOut, under_test: ModelUnderTest
-) -> DiscrepancyModel:
+) -> DiscrepancyModel | None:
     """A learned law on top of the last model, and what it resembles."""
     settings = under_test.settings.checks.discrepancy
     fit = learned_law(fitter, last, under_test.seed, settings)

@@ -22,14 +22,15 @@ from flywheel.diagnosis.results.verdict import (
     worth_having,
 )
 from flywheel.diagnosis.selection.alternatives import exchanged, model_without, refitted
-from flywheel.diagnosis.selection.candidates import places
+from flywheel.diagnosis.selection.candidates import families, places
 from flywheel.diagnosis.selection.misspecification import (
     Misspecification,
+    is_probe,
     misspecification,
     probed,
 )
 from flywheel.diagnosis.selection.score_test import ScoredModel
-from flywheel.diagnosis.selection.stepwise import Search, added
+from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.settings import CheckSettings, Limits
 from flywheel.effects import taken_apart
 
@@ -75,6 +76,7 @@ class Judged:
       verdict: before it is asked whether others explain the recordings as well.
       shorter: models without one of the effects, as far as they were fitted.
       rivals: other models that explain the recordings as well.
+      forms: likewise, of the same effects by other laws.
       gain: of all effects that were added, on windows that they were not fitted to; None for none.
     """
 
@@ -87,6 +89,7 @@ class Judged:
     verdict: Verdict
     shorter: tuple[ScoredModel, ...] = ()
     rivals: tuple[Fit, ...] = ()
+    forms: tuple[Fit, ...] = ()
     gain: Gain | None = None
 
 
@@ -113,7 +116,8 @@ def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] 
     )
     effects = effects_of(search, last.fit, last.jacobian)
     answer = asked_about(effects) if len(models) > 1 else ()
-    law = misspecification(first.fit, last.fit, last.probes, instead, search.criterion)
+    laws = [each for each in last.probes if is_probe(each.candidate.effect)]
+    law = misspecification(first.fit, last.fit, laws, instead, search.criterion)
     verdict = verdict_of(searched.limits, last, answer, before, after, law)
     if search.fitter.windows.discrepancy > 0.0 and not tolerated(searched.limits, after):
         verdict = BESIDE_DISCREPANCY.get(verdict, verdict)
@@ -165,7 +169,7 @@ def with_alternatives(searched: Searched, judged: Judged) -> Judged:
         shorter = judge(searched, [*_before(judged.models, model.fit), model])
         return with_alternatives(searched, without_unsure_effects(searched, shorter))
     known = [fit for fit in exchange.others if not probed(fit.terms)]
-    first, *rivals = sorted([exchange.last, *known], key=search.criterion)
+    first, *rivals = sorted([exchange.last, *known], key=partial(_simplest, search, margin))
     instead = [fit for fit in exchange.others if probed(fit.terms)]
     limit = search.criterion(first) + margin
     if first is not last or instead:
@@ -176,11 +180,19 @@ def with_alternatives(searched: Searched, judged: Judged) -> Judged:
         shorter = without_unsure_effects(searched, judged)
         if shorter is not judged:
             return with_alternatives(searched, shorter)
+    others = [fit for fit in rivals if search.criterion(fit) < limit]
     return replace(
         judged,
         shorter=tuple(model for _, model in exchange.without),
-        rivals=tuple(fit for fit in rivals if search.criterion(fit) < limit),
+        rivals=tuple(fit for fit in others if families(fit.terms) != families(first.terms)),
+        forms=tuple(fit for fit in others if families(fit.terms) == families(first.terms)),
     )
+
+
+def _simplest(search: Search, margin: float, fit: Fit) -> float:
+    """Criterion of a model; another law than the library's must be clearly better to be taken."""
+    other = any(term.asked and term.effect.family != term.effect.name for term in fit.terms)
+    return search.criterion(fit) + margin * other
 
 
 def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
@@ -229,11 +241,11 @@ def as_built(search: Search, fit: Fit, effects: Alternative) -> Alternative:
     if fit.kept is None:
         return ()
     numbers = places(taken_apart(search.as_built))
-    return tuple(e for e in effects if e.term.known and (e.effect, e.term.place) in numbers)
+    return tuple(e for e in effects if not e.term.asked and (e.effect, e.term.place) in numbers)
 
 
 def asked_about(effects: Alternative) -> Alternative:
-    return tuple(each for each in effects if not each.term.known)
+    return tuple(each for each in effects if each.term.asked)
 
 
 def effects_of(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Alternative:

@@ -308,6 +308,20 @@ class PairSettings:
 
 
 @dataclass(frozen=True)
+class FormSettings:
+    """Other forms of an effect that was found.
+
+    Attributes:
+      spread: standard deviation of the logarithm of how much larger an effect is at one part than at another:
+        most are within a factor of two.
+      rivals: further effects that are fitted with a size for each part, where the found one has that.
+    """
+
+    spread: float = 0.5
+    rivals: int = 2
+
+
+@dataclass(frozen=True)
 class ScreeningSettings:
     """Candidates as seen from the first estimates of the initial states.
 
@@ -366,6 +380,7 @@ class SelectionSettings:
     restart_mean_square: float = 1.1
     score: ScoreSettings = ScoreSettings()
     pairs: PairSettings = PairSettings()
+    forms: FormSettings = FormSettings()
     screening: ScreeningSettings = ScreeningSettings()
 
 

@@ -38,12 +38,21 @@ from flywheel.effects.effect import (
     Winches,
     place_name,
 )
+from flywheel.effects.forms import (
+    CableDampingByStiffness,
+    CableFrictionByStiffness,
+    CreepOnLength,
+    HysteresisByStiffness,
+    OtherForm,
+    StiffeningByStrain,
+)
 from flywheel.effects.ground_effects import (
     ContactSoftness,
     GroundFriction,
     RollingResistance,
     Slope,
 )
+from flywheel.effects.per_part import PerPart, alike, per_part_term
 from flywheel.effects.scales import Scales
 from flywheel.effects.sensing_effects import MarkerOffset, SensorLatency
 from flywheel.effects.winch_effects import (
@@ -89,11 +98,20 @@ CALIBRATIONS: dict[str, Effect] = {
     "inertia_of_body": InertiaOfBody(),
     "centre_of_mass": CentreOfMass(),
 }
-NAMED: dict[str, Effect] = {**EFFECTS, **CALIBRATIONS}
+# Other laws of effects of the library. Tried in the place of these, or where they are named.
+FORMS: dict[str, OtherForm] = {
+    "cable_damping_by_stiffness": CableDampingByStiffness(),
+    "cable_friction_by_stiffness": CableFrictionByStiffness(),
+    "hysteresis_by_stiffness": HysteresisByStiffness(),
+    "creep_on_length": CreepOnLength(),
+    "stiffening_by_strain": StiffeningByStrain(),
+}
+NAMED: dict[str, Effect] = {**EFFECTS, **CALIBRATIONS, **FORMS}
 
 __all__ = [
     "CALIBRATIONS",
     "EFFECTS",
+    "FORMS",
     "NAMED",
     "AdoptedPlant",
     "AsBuilt",
@@ -101,8 +119,10 @@ __all__ = [
     "CommandEffect",
     "Effect",
     "ModelEffect",
+    "OtherForm",
     "Parameter",
     "Part",
+    "PerPart",
     "Scales",
     "TensionEffect",
     "Term",
@@ -110,6 +130,8 @@ __all__ = [
     "WinchEffect",
     "Winches",
     "WrittenTerm",
+    "alike",
+    "per_part_term",
     "place_name",
     "taken_apart",
     "together",

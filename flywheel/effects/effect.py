@@ -8,6 +8,7 @@ the cables. A plant with no effects, or with effects of size zero, is the MJCF t
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -61,15 +62,22 @@ class Effect(ABC):
       equation: in the symbols of docs/effects.md.
       source: where the law comes from.
       shown_by: the experiment that shows it best.
+      form: how it differs from the effect of its family; "" for that effect.
     """
 
     name: ClassVar[str]
     where: ClassVar[Where] = "robot"
+    form: ClassVar[str] = ""
     sizes: ClassVar[tuple[Parameter, ...]]
     shapes: ClassVar[tuple[Parameter, ...]] = ()
     equation: ClassVar[str]
     source: ClassVar[str]
     shown_by: ClassVar[str]
+
+    @property
+    def family(self) -> str:
+        """Name of the effect whose physical cause it has; its own, but for other forms."""
+        return self.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -221,8 +229,8 @@ class Term:
       effect: which.
       place: index of the part, as `Effect.places` has them, or None.
       values: of all its parameters [their units].
-      known: standard deviations of what is known of them before any recording, around zero; empty for
-        an effect that is asked about.
+      known: standard deviations of what is known of them before any recording, around zero, infinite where
+        that is nothing; empty where nothing is known of any.
     """
 
     effect: Effect
@@ -235,6 +243,16 @@ class Term:
         """Parameter name -> value."""
         names = (parameter.name for parameter in self.effect.parameters)
         return dict(zip(names, self.values, strict=True))
+
+    @property
+    def unknown(self) -> int:
+        """How many of its values nothing is known of."""
+        return sum(map(math.isinf, self.known)) if self.known else len(self.values)
+
+    @property
+    def asked(self) -> bool:
+        """Whether it is asked about: it is not only a number that is known, if not exactly."""
+        return self.unknown > 0
 
     @property
     def absent(self) -> bool:

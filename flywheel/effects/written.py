@@ -8,13 +8,14 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.effects.effect import Effect, Term, place_name
+from flywheel.effects.per_part import has_factors, per_part
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds, Name
 from flywheel.registry import lookup
 from flywheel.robots import Robot
 
 AT = " at "
-MOST_PARAMETERS = 100
+MOST_PARAMETERS = 1000  # a size for each of many cables
 # In any unit: a cable of a suspension bridge has 1e10 N/m.
 Value = Annotated[float, Bounds(-1e12, 1e12)]
 
@@ -62,6 +63,8 @@ class WrittenTerm(BaseModel):
           ConfigError: a parameter is missing, or has a sign that it cannot have.
         """
         effect = lookup(library, self.effect, "effect")
+        if has_factors(self.parameters):
+            effect = per_part(effect, robot) or effect
         places = {place_name(effect, place, robot): place for place in effect.places(robot)}
         if "" in places and self.location:
             raise ConfigError(

@@ -49,6 +49,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         interrupted=interrupted(found),
         scale=scale(found),
         gains=gains(found),
+        forms=forms(found),
         as_built=as_built(found),
         at_bounds=at_bounds(found),
         suspects=suspects(found),
@@ -163,6 +164,20 @@ def other_form(found: Diagnosis) -> str:
     return f"of what can be explained, {law.name}, which is none of them, explains {law.share:.0%} besides"
 
 
+def forms(found: Diagnosis) -> str:
+    """Whether the form of what was found is decided; "" where no other was tried, or needed."""
+    others = sorted(
+        {each.described for answer in found.other_forms for each in answer if each.form}
+    )
+    plain = sorted({each.label for answer in found.other_forms for each in answer if not each.form})
+    if not others and not plain:
+        return ""
+    return (
+        f"The form is not decided: {' or '.join([*plain, *others])} explains these recordings as well. "
+        "The cause is the same; what it does in other motions may differ."
+    )
+
+
 def numbers(found: Diagnosis) -> str:
     """Where the plant's own time steps are too long for these recordings; "" where they will do."""
     steps = found.time_steps
@@ -239,7 +254,7 @@ def _subject(found: Diagnosis) -> str:
 
 
 def _names(answer: Alternative) -> str:
-    return " with ".join(each.label for each in answer) or "nothing"
+    return " with ".join(each.described for each in answer) or "nothing"
 
 
 def _figures(found: Diagnosis) -> Sequence[Shown]:

@@ -11,11 +11,13 @@ import numpy as np
 
 from flywheel.diagnosis import Verdict
 from flywheel.diagnosis.selection.score_test import Score
-from flywheel.effects import EFFECTS
+from flywheel.effects import EFFECTS, FORMS
 from flywheel.truth_simulator import EffectTruth
 
 # Effects that make the same motion exactly, so that naming either is right.
-EQUIVALENT = {"sensor_latency": "command_delay"}
+EQUIVALENT = {"sensor_latency": "command_delay"} | {
+    name: form.family for name, form in FORMS.items()
+}
 Named = tuple[str, str]  # an effect, and the cable or point that it is at, or ""
 
 

@@ -247,6 +247,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
     from flywheel.reports.diagnosis_page import (
         as_built,
         at_bounds,
+        forms,
         gains,
         held_back,
         interrupted,
@@ -265,6 +266,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
     for note in (
         interrupted(found),
         scale(found),
+        forms(found),
         gains(found),
         as_built(found),
         at_bounds(found),
@@ -302,7 +304,7 @@ def effects_table(found: Diagnosis) -> Table:
         (label if not k else "", f.effect, f.location, v.name, v.value, v.low, v.high, v.unit)
         for label, alternative in [*named, ("calibration", found.calibration)]
         for f in alternative
-        for k, v in enumerate(f.values)
+        for k, v in enumerate(f.readable)
     ]
     columns = ("answer", "effect", "at", "parameter", "#value", "#low", "#high", "unit")
     return table("effects", columns, rows)

@@ -128,7 +128,7 @@ def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats | None, rare: float
     start = 0
     worst = 0.0
     for term in fit.terms:
-        count = 0 if term.known else len(term.effect.sizes)
+        count = len(term.effect.sizes) if term.asked else 0
         for column in range(start, start + count):
             worst = max(worst, _chow(test, by_value[..., column], rare))
         start += len(term.values)

@@ -144,7 +144,7 @@ def resemblances(
     squares = float(change @ change)
     found = []
     for candidate, shapes in zip(test.candidates, test.slices, strict=True):
-        if is_probe(candidate.effect):
+        if is_probe(candidate.effect) or candidate.effect.form:
             continue
         best = 0.0
         for columns in shapes:

@@ -10,7 +10,7 @@ from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS

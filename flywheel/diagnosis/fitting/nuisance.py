@@ -102,12 +102,18 @@ def as_built_terms(
 
 def as_said(terms: Terms) -> Terms:
     """Terms with what is not known exactly at what was said of it."""
-    return tuple(replace(t, values=(0.0,) * len(t.values)) if t.known else t for t in terms)
+    return tuple(
+        replace(t, values=tuple(map(_said, t.values, t.known))) if t.known else t for t in terms
+    )
+
+
+def _said(value: float, known: float) -> float:
+    return value if math.isinf(known) else 0.0
 
 
 def asked(terms: Terms) -> Terms:
     """Terms that are asked about: not the nuisance parameters."""
-    return tuple(term for term in terms if not term.known)
+    return tuple(term for term in terms if term.asked)
 
 
 def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:

@@ -55,6 +55,8 @@ class Diagnosis:
       answers: alternatives, the best first; each is a set of effects that act together.
       ranking: of every candidate on top of the plant as it was, best first.
       threshold: score from which an effect counts as seen.
+      other_forms: the first answer by other laws, which explain the recordings as well: its form is not
+        decided.
       errors: on the recordings that were fitted.
       held_out: on those that were not; None without any.
       gain: of all effects of the first answer that were added, on windows that they were not fitted to; None
@@ -87,6 +89,7 @@ class Diagnosis:
     before: Adequacy
     after: Adequacy
     evidence: Evidence
+    other_forms: tuple[Alternative, ...] = ()
     gain: Gain | None = None
     model_discrepancy: float = 0.0
     seconds: float = 0.0
@@ -123,6 +126,7 @@ class Diagnosis:
             "interrupted": self.interrupted,
             "model": self.model or "plant",
             "answer_set": [[found.summary() for found in each] for each in self.answers],
+            "other_forms": [[found.summary() for found in each] for each in self.other_forms],
             "calibration": [
                 {**each.summary(), "held_back": each.held_back} for each in self.calibration
             ],

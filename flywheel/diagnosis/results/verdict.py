@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -14,7 +15,7 @@ from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.selection.misspecification import Misspecification
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.settings import JacobianSettings, Limits
-from flywheel.effects import Parameter, Scales, Term, place_name
+from flywheel.effects import Parameter, PerPart, Scales, Term, place_name
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -109,6 +110,49 @@ class Found:
         return f"{self.effect} at {self.location}" if self.location else self.effect
 
     @property
+    def family(self) -> str:
+        """The effect whose physical cause it has, by whatever law."""
+        return self.term.effect.family
+
+    @property
+    def form(self) -> str:
+        """How it differs from the effect of its family; "" for that itself."""
+        return self.term.effect.form
+
+    @property
+    def described(self) -> str:
+        """The same with its form: "cable_friction (different from cable to cable)"."""
+        return f"{self.label} ({self.form})" if self.form else self.label
+
+    @property
+    def by_part(self) -> tuple[Value, ...]:
+        """Its size at each part, where that differs; the common one is taken for known in the intervals."""
+        if not isinstance(self.term.effect, PerPart):
+            return ()
+        common = self.values[0]
+        return tuple(
+            replace(
+                common,
+                name=f"{common.name} at {part}",
+                value=common.value * math.exp(log.value),
+                low=common.value * math.exp(log.low),
+                high=common.value * math.exp(log.high),
+                in_plant=common.in_plant * math.exp(log.in_plant),
+            )
+            for part, log in zip(self.term.effect.parts, self._factors, strict=True)
+        )
+
+    @property
+    def readable(self) -> tuple[Value, ...]:
+        """Its values for people: sizes of parts in the place of logarithms of factors."""
+        return self.values[: len(self.values) - len(self._factors)] + self.by_part
+
+    @property
+    def _factors(self) -> tuple[Value, ...]:
+        effect = self.term.effect
+        return self.values[-len(effect.parts) :] if isinstance(effect, PerPart) else ()
+
+    @property
     def shown(self) -> bool:
         """The interval of one of its sizes leaves out zero."""
         sizes = self.values[: len(self.term.effect.sizes)]
@@ -124,8 +168,11 @@ class Found:
         """As JSON has it."""
         return {
             "effect": self.effect,
+            "family": self.family,
+            "form": self.form,
             "location": self.location,
             "parameters": {v.name: v.summary() for v in self.values},
+            **({"by_part": {v.name: v.summary() for v in self.by_part}} if self.by_part else {}),
             **({} if self.gain is None else {"held_out_gain": self.gain.summary()}),
         }
 

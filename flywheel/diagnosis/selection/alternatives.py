@@ -9,8 +9,8 @@ from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.diagnosis.selection.misspecification import probed
 from flywheel.diagnosis.selection.score_test import Score, ScoredModel
-from flywheel.diagnosis.selection.stepwise import Search, added, without
-from flywheel.effects import Term
+from flywheel.diagnosis.selection.search import Search, added, without
+from flywheel.effects import Term, alike
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,9 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
     for term in added(models):
         model = model_without(search, models[:-1], last, [term])
         shorter.append((term, model))
-        least = search.settings.rival * max(s.statistic for s in model.scores if s.proposes(term))
+        scores = (*model.scores, *model.probes)
+        own = max((s.statistic for s in scores if s.proposes(term)), default=0.0)
+        least = search.settings.rival * own
         for scores in (model.scores, model.probes):
             near = [s for s in scores if s.statistic > least and not s.proposes(term)]
             found += _in_place(search, last, term, near, margin)
@@ -107,7 +109,8 @@ def _in_place(
         twins = (_twin(search, fit, its, score) for fit, its in known)
         fit = next((twin for twin in twins if twin is not None), None)
         if fit is None:
-            terms = (*others, score.candidate.term(score.sizes, score.shape))
+            other = score.candidate.term(score.sizes, score.shape)
+            terms = (*others, alike(other, term, search.fitter.windows.robot))
             begun = search.fitter.with_terms(last, terms)
             most = search.settings.max_rounds_to_target_of_law if probed(terms) else None
             fit = search.fit_until(begun, limit, most)

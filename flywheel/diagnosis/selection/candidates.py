@@ -87,6 +87,11 @@ def places(terms: Terms) -> set[tuple[str, int | None]]:
     return {(term.effect.name, term.place) for term in terms}
 
 
+def families(terms: Terms) -> set[tuple[str, int | None]]:
+    """Which physical causes terms that are asked about have, and where, by whatever law."""
+    return {(term.effect.family, term.place) for term in terms if term.asked}
+
+
 @dataclass(frozen=True)
 class Rival:
     """An effect that may be the one, at a place or at any.

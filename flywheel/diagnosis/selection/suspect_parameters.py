@@ -9,7 +9,7 @@ from typing import Any
 from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.score_test import Score, ScoredModel, sensitivities, slices_of
-from flywheel.diagnosis.selection.stepwise import Search, added
+from flywheel.diagnosis.selection.search import Search, added
 from flywheel.effects import CALIBRATIONS
 
 

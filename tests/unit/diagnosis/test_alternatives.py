@@ -18,7 +18,7 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.selection import alternatives
 from flywheel.diagnosis.selection.alternatives import ExchangedModels
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot
 

@@ -10,7 +10,7 @@ from flywheel.diagnosis.fitting.model import fitted
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.score_test import ScoredModel
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import CheckSettings
 from flywheel.effects import EFFECTS
 from flywheel.robots import Robot

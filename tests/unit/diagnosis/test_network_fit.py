@@ -16,7 +16,7 @@ from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.screening import screened
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import FittingSettings, Limits, NetworkSettings
 from flywheel.dynamics.plant import Plant, Reckoning, RestartedPlant
 from flywheel.effects import EFFECTS, Term

@@ -14,7 +14,7 @@ from flywheel.diagnosis.fitting.model import fitted, fitted_as_given, fitter_of
 from flywheel.diagnosis.fitting.nuisance import calibrated, unsure_terms
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import JacobianSettings, NuisanceSettings
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, NAMED, Term

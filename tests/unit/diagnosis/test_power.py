@@ -13,7 +13,7 @@ from flywheel.diagnosis.experiments.power import ENOUGH, Power, power
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import EFFECTS, Effect
 from flywheel.records import Observation, Trajectory

@@ -14,7 +14,8 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Search, _fitted_in_turn, stepwise
+from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.selection.stepwise import _fitted_in_turn, stepwise
 from flywheel.diagnosis.settings import FittingSettings, RefinementSettings
 from flywheel.dynamics.plant import (
     AugmentedPlant,

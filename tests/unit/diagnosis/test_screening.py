@@ -13,7 +13,8 @@ from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.screening import screened
-from flywheel.diagnosis.selection.stepwise import Search, stepwise
+from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.selection.stepwise import stepwise
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term
 from flywheel.robots import Robot

@@ -14,7 +14,8 @@ from flywheel.diagnosis.fitting.multistart import restarted_with_care
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Search, _fitted_in_turn, _forward, _next
+from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.selection.stepwise import _fitted_in_turn, _forward, _next
 from flywheel.diagnosis.settings import FitStoppingSettings, SelectionSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term

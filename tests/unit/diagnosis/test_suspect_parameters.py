@@ -15,7 +15,7 @@ from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.score_test import ScoredModel, sensitivities
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.suspect_parameters import (
     SuspectParameter,
     _scores,

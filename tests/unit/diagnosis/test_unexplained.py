@@ -13,7 +13,7 @@ from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.stepwise import Search
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import (
     DiscrepancySettings,
     FitStoppingSettings,

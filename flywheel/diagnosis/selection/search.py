@@ -1,0 +1,198 @@
+"""The state of a search for effects that a model lacks: scoring, fitting and comparing models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
+from flywheel.diagnosis.fitting.multistart import restarted
+from flywheel.diagnosis.fitting.nuisance import as_said, asked
+from flywheel.diagnosis.fitting.stopping import out_of_reach
+from flywheel.diagnosis.heartbeat import never
+from flywheel.diagnosis.selection.candidates import Candidate, places
+from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, score_test
+from flywheel.diagnosis.settings import SelectionSettings
+from flywheel.effects import Term, Terms
+
+
+@dataclass(frozen=True)
+class Search:
+    """The state of a search for effects that a model lacks.
+
+    Attributes:
+      fitter: of the windows; a later state may have one with shorter time steps.
+      library: what may be added.
+      threshold: score from which an effect counts as seen.
+      settings: tuned numbers.
+      progress: told what has been done.
+      probes: laws that are scored like candidates, and never added.
+      as_built: numbers of the robot that may all be a little off, which are added where they explain more
+        than any effect; none where that is not asked.
+      tolerance: of what is left beyond noise, up to which nobody wants to know more [m].
+      stopped: whether the search was interrupted; what it has is its answer then.
+    """
+
+    fitter: Fitter
+    library: tuple[Candidate, ...]
+    threshold: float
+    settings: SelectionSettings = SelectionSettings()
+    progress: Callable[[str], None] = lambda note: None
+    probes: tuple[Candidate, ...] = ()
+    as_built: Terms = ()
+    tolerance: float = 0.0
+    stopped: Callable[[], bool] = never
+
+    def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
+        """Score all candidates and probes on top of a model, whose Jacobian may be at hand."""
+        fitter = self.fitter
+        jacobian = jacobian or fitter.jacobian(fit)
+        fit = replace(fit, cache=replace(fitter.cached(jacobian), kept=fit.kept))
+        free = fitter.free(fit.terms)
+        by_value = fitter.by_value(fit, free) if free else None
+        numerics = fitter.step_error(fit)
+        known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
+        everything = (*self.library, *self.probes)
+        prior = [Prior(f.value(fit.terms), f.prior) for f in free]
+        test = score_test(fitter, fit, everything, known, jacobian, self.settings.score, prior)
+        count, scores = len(self.library), test.scores()
+        ranking = sorted(scores[:count], key=lambda s: -s.score)
+        self.progress(f"scored {count} candidates on top of {len(fit.terms)} effects")
+        return ScoredModel(fit, jacobian, by_value, test, tuple(ranking), tuple(scores[count:]))
+
+    def tolerates(self, model: ScoredModel) -> bool:
+        """Whether what a model leaves is so little that nobody wants to know more."""
+        return self.tolerance > 0.0 and model.test.beyond_noise(self.fitter) <= self.tolerance
+
+    def criterion(self, fit: Fit) -> float:
+        """Bayesian information criterion (BIC): cost, with what every fitted value costs.
+
+        Values of which something is known cost what they are off by that.
+        """
+        measured = np.isfinite(self.fitter.windows.measured).sum()
+        values = sum(term.unknown for term in fit.terms)
+        return fit.cost + values * float(np.log(measured))
+
+    def fit_until(
+        self, fit: Fit, target: float = np.inf, max_rounds: float | None = None, slight: float = 0.0
+    ) -> Fit:
+        """A fit, fitted on until it converges or its criterion clearly stays above the target.
+
+        A model that is clearly wrong is not fitted to the last digit, and one that still diverges after a
+        round not at all.
+
+        Args:
+          fit: where to begin.
+          target: criterion that is to be reached.
+          max_rounds: further rounds like the last one, within which it must be; None for the settings'.
+          slight: fall of the cost in a round, below which the rest is left for later [sigma^2].
+        """
+        stopping = self.fitter.settings.stopping
+        free = self.fitter.free(fit.terms)
+        if max_rounds is None:
+            max_rounds = stopping.max_rounds_to_target
+        for _ in range(stopping.rounds):
+            if fit.converged:
+                break
+            enough = self.fitter.worthwhile(fit)
+            before, fit = fit, self.fitter.fit(fit, free, rounds=1, enough=enough)
+            fell = before.cost - fit.cost
+            if fell < slight or out_of_reach(self.criterion(fit) - target, fell, max_rounds):
+                break
+        return fit
+
+    def warm_start(self, model: ScoredModel, terms: Terms) -> Fit:
+        """A model with other terms, before anything else is fitted to them.
+
+        Its initial states are the model's, or as first estimated. What is not known exactly begins where it
+        is, or as it was said: what made up for a wrong model may be far off, and hardly finds back.
+        """
+        free = self.fitter.free(terms)
+        begun = (
+            self.fitter.warm_start(model.fit, each, free)
+            for each in dict.fromkeys((terms, as_said(terms)))
+        )
+        return min(begun, key=lambda fit: fit.cost)
+
+    def restarted(self, fit: Fit) -> Fit:
+        """A fit, fitted on where windows that are stuck begin better elsewhere."""
+        elsewhere = restarted(self.fitter, fit)
+        return fit if elsewhere is fit else self.fit_until(elsewhere)
+
+    def without_term(self, fit: Fit, term: Term) -> Fit:
+        """A fit without a term, fitted anew."""
+        return self.fit_until(self.fitter.with_terms(fit, without(fit.terms, term)))
+
+    def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
+        """A fit without a term, as far as that may be as good.
+
+        Args:
+          fit: with the term.
+          term: to be left out.
+          others: further models; one of them may know better initial states.
+        """
+        less = self.fitter.with_terms(fit, without(fit.terms, term))
+        for other in others:
+            if places(other.terms) == places(less.terms):  # fitted, but maybe in other time steps
+                again = self.fitter.with_terms(other, other.terms)
+                less = self.fitter.best_of(less, again)
+        return self.fit_until(less, self.criterion(fit) + self.least_explained(term))
+
+    def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
+        """The model without the terms that it does nearly as well without.
+
+        That may be all of them: initial states that found a better place on the way are no evidence for an
+        effect. What a term explains, fitted, must be as much as the score asks for.
+
+        Args:
+          fit: with all terms.
+          others: further models; one of them may be what is left.
+        """
+        while terms := asked(fit.terms):
+            shorter = [self.dropped(fit, term, others) for term in terms]
+            shares = [self.share(fit, less, t) for less, t in zip(shorter, terms, strict=True)]
+            least = int(np.argmin(shares))
+            if shares[least] > 1.0:
+                break
+            fit = shorter[least]
+        return fit
+
+    def share(self, fit: Fit, less: Fit, term: Term) -> float:
+        """What a term of a fit explains beside one without it, over what counts as seen."""
+        return (less.cost - fit.cost) / self.least_explained(term)
+
+    def least_explained(self, term: Term) -> float:
+        """What a term has to explain to be seen [sigma^2]."""
+        return self.threshold * len(term.effect.sizes)
+
+    def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
+        """The better of two fits of one model, with the initial states that are better in the other."""
+        return self.fit_until(self.fitter.best_of(fit, other), target)
+
+    def shortlist(self, model: ScoredModel) -> list[Score]:
+        """Candidates worth a fit, best first."""
+        settings = self.settings
+        found: list[Score] = []
+        families: dict[str, int] = {}
+        for score in model.scores:
+            family = score.candidate.effect.name
+            enough = score.statistic >= settings.share * model.scores[0].statistic
+            few = families.get(family, 0) < settings.per_family
+            if enough and score.score >= self.threshold and few:
+                found.append(score)
+                families[family] = families.get(family, 0) + 1
+        return found[: settings.shortlist]
+
+
+def added(models: Sequence[ScoredModel]) -> Terms:
+    """Terms of the last model that the first does not have."""
+    before = places(models[0].fit.terms)
+    last = asked(models[-1].fit.terms)
+    return tuple(t for t in last if (t.effect.name, t.place) not in before)
+
+
+def without(terms: Terms, term: Term) -> Terms:
+    """All terms but one."""
+    return tuple(t for t in terms if t is not term)

@@ -1,0 +1,156 @@
+"""An effect whose size differs from cable to cable, or from winch to winch.
+
+Every part has the effect's size times a factor of its own. Of these factors something is known: that they are
+not far from one. So they are drawn to the common size where data say little of them (shrinkage), and the
+effect costs an explanation little more than one of the same size everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from flywheel.effects.effect import (
+    Cables,
+    CommandEffect,
+    Effect,
+    Memory,
+    Parameter,
+    TensionEffect,
+    Term,
+    Values,
+    Where,
+    WinchEffect,
+    Winches,
+    parts_of,
+)
+from flywheel.effects.scales import Scales
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+LOG_FACTOR = "log_factor@"  # before the name of a part
+FARTHEST = 4.0  # of the logarithm of a factor: one part has it and the others hardly
+
+
+def per_part(effect: Effect, robot: Robot) -> PerPart | None:
+    """An effect with a size for each part; None for one that is not of cables or winches, or of one only."""
+    if isinstance(effect, PerPart) or effect.where != "robot" or len(effect.sizes) != 1:
+        return None
+    cables, winches = parts_of(robot, "cable"), parts_of(robot, "winch")
+    if isinstance(effect, TensionEffect) and len(cables) > 1:
+        return TensionPerPart(effect, cables, "cable")
+    if isinstance(effect, CommandEffect) and len(winches) > 1:
+        return CommandPerPart(effect, winches, "winch")
+    if isinstance(effect, WinchEffect) and len(winches) > 1:
+        return RatePerPart(effect, winches, "winch")
+    return None
+
+
+def per_part_term(term: Term, robot: Robot, deviation: float) -> Term | None:
+    """A term with a factor of one for each part; the logarithm of each is known to a standard deviation."""
+    effect = per_part(term.effect, robot)
+    if effect is None:
+        return None
+    factors = len(effect.parameters) - len(term.values)
+    known = (math.inf,) * len(term.values) + (deviation,) * factors
+    return Term(effect, term.place, (*term.values, *(0.0,) * factors), known)
+
+
+def alike(term: Term, model: Term, robot: Robot) -> Term:
+    """A term with the factors of another one, where that has some and both act on the same parts."""
+    if not isinstance(model.effect, PerPart):
+        return term
+    effect, count = per_part(term.effect, robot), len(model.effect.parts)
+    if effect is None or effect.parts != model.effect.parts:
+        return term
+    known = (math.inf,) * len(term.values) + model.known[-count:]
+    return replace(term, effect=effect, values=term.values + model.values[-count:], known=known)
+
+
+class PerPart(Effect):
+    """Base of effects whose size differs from part to part.
+
+    Args:
+      effect: of the same size everywhere.
+      parts: names of the parts that have factors.
+      where: what they are.
+    """
+
+    def __init__(self, effect: Effect, parts: tuple[str, ...], where: Where) -> None:
+        self.even, self.parts = effect, parts
+        self.name, self.equation, self.source = effect.name, effect.equation, effect.source  # type: ignore[misc]
+        self.shown_by = f"{effect.shown_by}, one {where} after the other"  # type: ignore[misc]
+        self.form = f"{effect.form}, different" if effect.form else "different"  # type: ignore[misc]
+        self.form += f" from {where} to {where}"  # type: ignore[misc]
+        self.sizes = effect.sizes  # type: ignore[misc]
+        self.shapes = (*effect.shapes, *map(_log_factor, parts))  # type: ignore[misc]
+
+    @property
+    def family(self) -> str:
+        return self.even.family
+
+    @cached_property
+    def _own(self) -> tuple[str, ...]:
+        """Names of the parameters that the effect has without factors."""
+        return tuple(parameter.name for parameter in self.even.parameters)
+
+    def apart(self, values: Values) -> dict[str, Floats]:
+        """Values (n, parts) of the effect itself, from those with factors."""
+        logs = np.stack(
+            [values[f"{LOG_FACTOR}{part}"][:, i] for i, part in enumerate(self.parts)], 1
+        )
+        size = self.even.sizes[0].name
+        own = {name: values[name] for name in self._own}
+        return {**own, size: own[size] * np.exp(logs)}
+
+
+class TensionPerPart(PerPart, TensionEffect):
+    """On the tension of cables."""
+
+    def __init__(self, effect: TensionEffect, parts: tuple[str, ...], where: Where) -> None:
+        super().__init__(effect, parts, where)
+        self.even: TensionEffect = effect
+        self.remembers = effect.remembers  # type: ignore[misc]
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        return self.even.tension(cables, memory, self.apart(values))
+
+
+class CommandPerPart(PerPart, CommandEffect):
+    """On the commands of winches."""
+
+    def __init__(self, effect: CommandEffect, parts: tuple[str, ...], where: Where) -> None:
+        super().__init__(effect, parts, where)
+        self.even: CommandEffect = effect
+        self.stage = effect.stage  # type: ignore[misc]
+
+    def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
+        return self.even.command(controls, self.apart(values), robot, dt)
+
+
+class RatePerPart(PerPart, WinchEffect):
+    """On the rates of winches."""
+
+    def __init__(self, effect: WinchEffect, parts: tuple[str, ...], where: Where) -> None:
+        super().__init__(effect, parts, where)
+        self.even: WinchEffect = effect
+
+    def rate(self, rate: Floats, winches: Winches, values: Values) -> Floats:
+        return self.even.rate(rate, winches, self.apart(values))
+
+
+def _log_factor(part: str) -> Parameter:
+    return Parameter(f"{LOG_FACTOR}{part}", "-", _one, low=-FARTHEST, high=FARTHEST)
+
+
+def _one(scales: Scales) -> float:
+    return 1.0
+
+
+def has_factors(parameters: Mapping[str, float]) -> bool:
+    """Whether written parameters are of an effect whose size differs from part to part."""
+    return any(name.startswith(LOG_FACTOR) for name in parameters)

@@ -1,0 +1,72 @@
+"""An effect of another form is named as what it is, and no second effect is named for the difference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flywheel.diagnosis import Diagnosis, Verdict, diagnose
+from flywheel.diagnosis.results.answer import Answer
+from flywheel.dynamics.plant import Plant
+from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, PerPart, Scales, Term, per_part_term
+from flywheel.reports.diagnosis_page import diagnosis_page, forms, sentence
+from flywheel.robots import Robot, load_robot
+from tests.unit.diagnosis.conftest import recorded
+
+FEW = {name: EFFECTS[name] for name in ("cable_friction", "capstan", "winch_gain", "weak_cable")}
+FACTORS = (1.0, -0.9, 0.4, -0.5)  # logarithms
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """The smallest one: nothing here is about contacts or rods."""
+    return load_robot("platform4")
+
+
+def of(robot: Robot, effect: Effect, times: float) -> Term:
+    return Term(effect, None, (times * effect.sizes[0].typical(Scales.of(robot)),))
+
+
+def diagnosed(robot: Robot, hidden: Term, seed: int, recordings: int = 2) -> Diagnosis:
+    logs = [recorded(robot, (hidden,), seed + i) for i in range(recordings)]
+    return diagnose(Plant(robot), logs, (), FEW, window_seconds=0.4, seed=seed)
+
+
+@pytest.mark.slow
+def test_friction_that_differs_from_cable_to_cable_is_one_effect(robot: Robot, seed: int) -> None:
+    even = of(robot, EFFECTS["cable_friction"], 8.0)
+    hidden = per_part_term(even, robot, 0.5)
+    assert hidden is not None
+    hidden = replace(hidden, values=even.values + FACTORS)
+    found = diagnosed(robot, hidden, seed, 4)
+    (answer,) = found.answers[0]
+    assert answer.effect == "cable_friction" and isinstance(answer.term.effect, PerPart), seed
+    true = even.values[0] * np.exp(FACTORS)
+    assert found.verdict is Verdict.EFFECT, seed
+    np.testing.assert_allclose([part.value for part in answer.by_part], true, rtol=0.25)
+    assert "different from cable to cable" in sentence(found)
+    page = diagnosis_page(found, {})
+    assert all(part.name in page for part in answer.by_part) and "log_factor" not in page
+    read = Answer.of(found.summary()).chosen(None)[0].written().term(robot, NAMED)
+    assert read.values == answer.term.values and isinstance(read.effect, PerPart)
+
+
+def test_a_form_that_is_not_decided_is_said(robot: Robot, seed: int) -> None:
+    found = diagnosed(robot, of(robot, EFFECTS["cable_friction"], 4.0), seed)
+    (answer,) = found.answers[0]
+    assert answer.effect == "cable_friction" and not answer.form and not answer.by_part
+    assert not found.other_forms and not forms(found)  # all cables of this robot are equally stiff
+    law = of(robot, FORMS["cable_friction_by_stiffness"], 4.0)
+    other = replace(found.answers[0][0], effect=law.effect.name, term=law)
+    open_ = replace(found, other_forms=((other,),))
+    assert law.effect.form in forms(open_) and forms(open_) in diagnosis_page(open_, {})
+    assert open_.summary()["other_forms"][0][0]["family"] == "cable_friction"
+    assert open_.verdict is Verdict.EFFECT
+
+
+def test_a_law_that_a_robot_cannot_show_is_not_asked_about(robot: Robot) -> None:
+    law = FORMS["cable_friction_by_stiffness"]
+    assert law.differs_on(load_robot("prism3")) and not law.differs_on(robot)
+    assert FORMS["creep_on_length"].differs_on(robot)
