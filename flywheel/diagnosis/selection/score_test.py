@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 
 import numpy as np
+from scipy.stats import chi2
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.selection.candidates import Candidate
@@ -25,6 +27,15 @@ from flywheel.records import Floats
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
 CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes are stated
 SURE = 1.645  # standard deviations by which its root is exceeded in 95 of 100 recordings
+
+
+@cache
+def chance(sizes: int) -> float:
+    """How many times as much several sizes must explain as one, to be as unlikely by noise alone.
+
+    The ratio of the quantiles of chi-square with so many degrees of freedom and with one, at `CRITICAL`.
+    """
+    return float(chi2.isf(chi2.sf(CRITICAL, 1), sizes) / CRITICAL)
 
 
 @dataclass(frozen=True)
@@ -145,7 +156,8 @@ class Score:
       shape: index of its best shape.
       statistic: Lagrange-multiplier (LM) statistic: fall of the squared residuals in the linearisation
         [sigma^2].
-      score: the statistic per size and per noise, to compare with `Limits.threshold`.
+      score: the statistic over the noise, of several sizes as that of one that is as unlikely (`chance`), to
+        compare with `Limits.threshold`.
       sizes: one-step estimates, in multiples of the typical sizes.
       errors: their standard deviations.
       smallest: size that these data would have shown (95 %), in multiples of the typical one.
@@ -230,7 +242,7 @@ class ScoreTest:
             candidate,
             shape,
             statistic,
-            statistic / len(sizes) / noise,
+            statistic / chance(len(sizes)) / noise,
             tuple(sizes),
             tuple(np.sqrt(noise * np.diag(inverse).clip(min=0.0))),  # below by rounding only
             smallest_shown(a, noise),
@@ -281,12 +293,12 @@ def smallest_shown(gram: Floats, noise: float = 1.0) -> float:
 
     Noise adds to the root of what is explained, or takes away, one standard deviation: an effect that
     would score exactly that much without noise is missed every second time. Of several sizes, in the
-    combination that shows least; a score is what is explained per size. Infinite for none.
+    combination that shows least. Infinite for none.
     """
     weakest, sizes = np.linalg.eigvalsh(gram)[0], len(gram)
     if weakest <= DEAD**2:
         return np.inf
-    return float((np.sqrt(CRITICAL * sizes) + SURE) * np.sqrt(noise / weakest))
+    return float((np.sqrt(CRITICAL * chance(sizes)) + SURE) * np.sqrt(noise / weakest))
 
 
 def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:

@@ -13,7 +13,7 @@ from flywheel.diagnosis.fitting.nuisance import as_said, asked
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import never
 from flywheel.diagnosis.selection.candidates import Candidate, places
-from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, score_test
+from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, chance, score_test
 from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.effects import Term, Terms
 
@@ -165,7 +165,7 @@ class Search:
 
     def least_explained(self, term: Term) -> float:
         """What a term has to explain to be seen [sigma^2]."""
-        return self.threshold * len(term.effect.sizes)
+        return self.threshold * chance(len(term.effect.sizes))
 
     def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
         """The better of two fits of one model, with the initial states that are better in the other."""
