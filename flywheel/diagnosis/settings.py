@@ -315,10 +315,13 @@ class FormSettings:
       spread: standard deviation of the logarithm of how much larger an effect is at one part than at another:
         most are within a factor of two.
       rivals: further effects that are fitted with a size for each part, where the found one has that.
+      alone: share of the sum over all parts that the largest one must have, for the effect to be tried there
+        alone; factors are drawn to one, so that those of the others do not vanish.
     """
 
     spread: float = 0.5
     rivals: int = 2
+    alone: float = 0.4
 
 
 @dataclass(frozen=True)

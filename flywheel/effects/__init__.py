@@ -52,7 +52,7 @@ from flywheel.effects.ground_effects import (
     RollingResistance,
     Slope,
 )
-from flywheel.effects.per_part import PerPart, alike, per_part_term
+from flywheel.effects.per_part import PerPart, alike, at_largest_part, per_part_term
 from flywheel.effects.scales import Scales
 from flywheel.effects.sensing_effects import MarkerOffset, SensorLatency
 from flywheel.effects.winch_effects import (
@@ -131,6 +131,7 @@ __all__ = [
     "Winches",
     "WrittenTerm",
     "alike",
+    "at_largest_part",
     "per_part_term",
     "place_name",
     "taken_apart",

@@ -80,6 +80,11 @@ class Effect(ABC):
         return self.name
 
     @property
+    def part(self) -> Where:
+        """What it can be at alone: what it is tied to, or what an effect of the whole robot acts on."""
+        return self.where
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters: sizes, then shapes."""
         return self.sizes + self.shapes
@@ -113,6 +118,10 @@ class CommandEffect(Effect):
     """
 
     stage: ClassVar[int]
+
+    @property
+    def part(self) -> Where:
+        return "winch" if self.where == "robot" else self.where
 
     @abstractmethod
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
@@ -180,6 +189,10 @@ class TensionEffect(Effect):
 
     remembers: ClassVar[bool] = False
 
+    @property
+    def part(self) -> Where:
+        return "cable" if self.where == "robot" else self.where
+
     @abstractmethod
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
         """Extra tension (n, C) [N], and the memory (n, C) at the next instant.
@@ -209,6 +222,10 @@ class Winches:
 
 class WinchEffect(Effect):
     """Changes the rate of the winches by where they are and what they carry, step by step."""
+
+    @property
+    def part(self) -> Where:
+        return "winch" if self.where == "robot" else self.where
 
     @abstractmethod
     def rate(self, rate: Floats, winches: Winches, values: Values) -> Floats:
@@ -280,7 +297,7 @@ def parts_of(robot: Robot, where: Where) -> tuple[str, ...]:
 
 def place_name(effect: Effect, place: int | None, robot: Robot) -> str:
     """Name of the part; "" for the whole robot."""
-    return "" if place is None else parts_of(robot, effect.where)[place]
+    return "" if place is None else parts_of(robot, effect.part)[place]
 
 
 Terms = tuple[Term, ...]

@@ -71,6 +71,17 @@ def alike(term: Term, model: Term, robot: Robot) -> Term:
     return replace(term, effect=effect, values=term.values + model.values[-count:], known=known)
 
 
+def at_largest_part(term: Term) -> tuple[Term, float]:
+    """A term at the part where it is largest, without factors; and that part's share of the sum of all."""
+    effect = term.effect
+    assert isinstance(effect, PerPart)
+    count = len(effect.parts)
+    factors = np.exp(term.values[-count:])
+    place, (size, *rest) = int(np.argmax(factors)), term.values[:-count]
+    values = (size * float(factors[place]), *rest)
+    return Term(effect.even, place, values), float(factors[place] / factors.sum())
+
+
 class PerPart(Effect):
     """Base of effects whose size differs from part to part.
 
@@ -92,6 +103,10 @@ class PerPart(Effect):
     @property
     def family(self) -> str:
         return self.even.family
+
+    @property
+    def part(self) -> Where:
+        return self.even.part
 
     @cached_property
     def _own(self) -> tuple[str, ...]:

@@ -12,11 +12,12 @@ import numpy as np
 from flywheel.diagnosis import Verdict
 from flywheel.diagnosis.selection.score_test import Score
 from flywheel.effects import EFFECTS, FORMS
-from flywheel.truth_simulator import EffectTruth
+from flywheel.truth_simulator import OTHER_FORMS, EffectTruth
 
-# Effects that make the same motion exactly, so that naming either is right.
-EQUIVALENT = {"sensor_latency": "command_delay"} | {
-    name: form.family for name, form in FORMS.items()
+# Effects that make the same motion exactly, or have one cause by several laws: naming either is right.
+EQUIVALENT = {
+    "sensor_latency": "command_delay",
+    **{name: form.family for name, form in (*FORMS.items(), *OTHER_FORMS.items())},
 }
 Named = tuple[str, str]  # an effect, and the cable or point that it is at, or ""
 

@@ -20,6 +20,7 @@ from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.selection.score_test import (
     DEAD,
     Projection,
+    chance,
     slices_of,
     smallest_shown,
 )
@@ -66,10 +67,10 @@ class Information:
     def strength(self, index: int) -> Floats:
         """(S,) what a candidate at its typical size would change that nothing known explains [sigma].
 
-        Of several sizes, the combination that shows least, and per size, as scores are.
+        Of several sizes, the combination that shows least, as strong as one that is as unlikely by noise.
         """
         own = self.slices[index][self.usual[index]]
-        return _weakest(self.gram[:, own, own]) / np.sqrt(own.stop - own.start)
+        return _weakest(self.gram[:, own, own]) / np.sqrt(chance(own.stop - own.start))
 
     def separation(self, index: int, rival: int) -> Floats:
         """(S,) what of a candidate at its typical size no size and shape of a rival explains [sigma].

@@ -61,6 +61,11 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
         shorter.append((term, model))
         scores = (*model.scores, *model.probes)
         own = max((s.statistic for s in scores if s.proposes(term)), default=0.0)
+        if not own:  # at one of the parts that it is scored at together
+            family = term.effect.family
+            own = max(
+                (s.statistic for s in scores if s.candidate.effect.family == family), default=0.0
+            )
         least = search.settings.rival * own
         for scores in (model.scores, model.probes):
             near = [s for s in scores if s.statistic > least and not s.proposes(term)]

@@ -17,7 +17,7 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel
 from flywheel.diagnosis.selection.search import Search
-from flywheel.effects import PerPart, Term, Terms, alike, per_part_term
+from flywheel.effects import PerPart, Term, Terms, alike, at_largest_part, per_part_term
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,7 @@ def _in_best_form(
         return model
     others = (_rival_per_part(search, each, uneven) for each in rivals)
     forms = [uneven, *(each for each in others if each is not None)]
+    forms += [each for form in forms if (each := _at_one_part(search, form)) is not None]
     best = min(forms, key=lambda form: search.criterion(form.fit) + form.price)
     gained = search.criterion(model.fit) - search.criterion(best.fit) - best.price
     return search.score_all(best.fit) if gained > search.threshold else model
@@ -98,6 +99,19 @@ def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Te
     alike = size * (own.T @ wanted)  # fall of the squares of what the term changes
     best = int(np.argmax(alike))
     return (*rest, candidate.term((float(size[best]),), best))
+
+
+def _at_one_part(search: Search, found: _Form) -> _Form | None:
+    """The model with the effect at its largest part alone, fitted; None where others have much of it."""
+    fit = found.fit
+    term = next(t for t in fit.terms if isinstance(t.effect, PerPart))
+    alone, share = at_largest_part(term)
+    if share < search.settings.forms.alone:
+        return None
+    search.progress(f"fitting {term.effect.name} at one {term.effect.part}")
+    terms = tuple(alone if each is term else each for each in fit.terms)
+    begun = search.fitter.with_terms(fit, terms)
+    return _Form(search.fit_until(begun, search.criterion(fit) + found.price))
 
 
 def promised_per_part(search: Search, model: ScoredModel, score: Score) -> float:

@@ -135,7 +135,7 @@ class AugmentedPlant:
                 f"{len(terms)}."
             )
         memory = dict(memory or {})
-        groups = grouped(terms, TensionEffect, 1)  # type: ignore[type-abstract]
+        groups = grouped(terms, TensionEffect, len(self.robot.cables))  # type: ignore[type-abstract]
         for law, _, _ in groups:
             if law.remembers and law.name not in memory:
                 memory[law.name] = np.zeros((total, len(self.robot.cables)))

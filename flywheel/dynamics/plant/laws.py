@@ -173,15 +173,22 @@ def has_laws(terms: Sequence[Terms]) -> bool:
 
 
 def grouped(terms: Sequence[Terms], kind: type[E], width: int) -> list[Group[E]]:
-    """Effects of a kind: which simulations have them, and their values (rows, width)."""
-    found: dict[str, tuple[E, dict[int, list[Term]]]] = {}
+    """Effects of a kind: which simulations have them, and their values (rows, width).
+
+    An effect is the same with factors of its parts and without: there they are one.
+    """
+    effects: dict[str, E] = {}
+    found: dict[str, dict[int, list[Term]]] = {}
     for row, each in enumerate(terms):
         for term in each:
             if isinstance(term.effect, kind) and not term.absent:
-                _, by_row = found.setdefault(term.effect.name, (term.effect, {}))
-                by_row.setdefault(row, []).append(term)
+                effect = effects.setdefault(term.effect.name, term.effect)
+                if len(term.effect.parameters) > len(effect.parameters):
+                    effects[effect.name] = term.effect
+                found.setdefault(effect.name, {}).setdefault(row, []).append(term)
     groups: list[Group[E]] = []
-    for effect, by_row in found.values():
+    for effect in effects.values():
+        by_row = found[effect.name]
         names = [parameter.name for parameter in effect.parameters]
         values: dict[str, Floats] = {name: np.zeros((len(by_row), width)) for name in names}
         for index, here in enumerate(by_row.values()):

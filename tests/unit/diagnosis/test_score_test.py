@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.fitting.windows import Recording, Windows
@@ -16,6 +17,7 @@ from flywheel.diagnosis.selection.score_test import (
     Prior,
     Projection,
     ScoreTest,
+    chance,
     score_test,
     smallest_shown,
 )
@@ -285,7 +287,7 @@ def test_a_score_is_what_a_fit_with_the_candidate_explains(case: Case) -> None:
         assert score.statistic == pytest.approx(max(falls), abs=1e-9)
         assert score.sizes == pytest.approx(expected, abs=1e-9)
         assert score.errors == pytest.approx(np.sqrt(max(test.noise, 1.0) * np.diag(inverse)))
-        assert score.score == pytest.approx(score.statistic / count / max(test.noise, 1.0))
+        assert score.score == pytest.approx(score.statistic / chance(count) / max(test.noise, 1.0))
     assert sum(score.statistic > 0 for score in test.scores()) >= 2
 
 
@@ -427,6 +429,12 @@ def test_a_knob_that_hardly_does_anything_shows_in_a_large_size_only() -> None:
     strong, weak = smallest_shown(np.array([[4.0]])), smallest_shown(np.array([[4e-8]]))
     assert weak == pytest.approx(1e4 * strong)
     assert smallest_shown(np.zeros((1, 1))) == np.inf
+
+
+def test_several_sizes_must_explain_as_much_as_is_as_unlikely() -> None:
+    assert chance(1) == pytest.approx(1.0)
+    for sizes in (2, 3):
+        assert chi2.sf(chance(sizes) * CRITICAL, sizes) == pytest.approx(chi2.sf(CRITICAL, 1))
 
 
 def test_the_smallest_size_shown_is_found_in_95_of_100_recordings() -> None:

@@ -45,7 +45,7 @@ def test_what_is_written_is_read_again(name: str) -> None:
     ("effect", "location", "parameters", "message"),
     [
         ("cable_fricton", "", {"force": 1.0}, "no effect 'cable_fricton'.*'cable_friction'"),
-        ("cable_friction", "long_03", {"force": 1.0}, "of the whole robot"),
+        ("ground_friction", "long_03", {"force": 1.0}, "of the whole robot"),
         ("weak_cable", "", {"share": 0.1}, "no place of weak_cable on prism3"),
         ("cable_friction", "", {"fource": 1.0}, "no parameter of cable_friction 'fource'.*'force'"),
         ("cable_friction", "", {}, "also needs force"),

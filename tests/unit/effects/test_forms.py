@@ -20,6 +20,7 @@ from flywheel.effects import (
     Term,
     WrittenTerm,
     alike,
+    at_largest_part,
     per_part_term,
 )
 from flywheel.records import State
@@ -112,16 +113,24 @@ def uneven(robot: Robot, name: str, rng: np.random.Generator) -> Term:
     return replace(term, values=term.values[:own] + tuple(rng.uniform(-1, 1, count).tolist()))
 
 
-def moved(plant: AugmentedPlant, terms: tuple[Term, ...]) -> np.ndarray:
-    """Points of a robot whose winches haul in and pay out."""
-    start = plant.plant.settle(1.0)
-    many = State(*(a[:1] for a in (start.qpos, start.qvel, start.act)))
+def moved_together(plant: AugmentedPlant, terms: tuple[Term, ...]) -> np.ndarray:
+    """Points of robots whose winches haul in and pay out, each with one of the terms."""
+    start, count = plant.plant.settle(1.0), len(terms)
+    many = State(*(np.repeat(a[:1], count, axis=0) for a in (start.qpos, start.qvel, start.act)))
     low, high = plant.robot.control_low, plant.robot.control_high
     way = np.where(np.arange(40) < 20, 0.4, -0.4)[:, None] * (high - low)
-    controls = np.clip(plant.robot.holding(plant.plant.winch(start)[0]) + way, low, high)[None]
-    motion = plant.simulate(many, plant.commands(controls, [terms]), [terms])
+    held = plant.robot.holding(plant.plant.winch(start)[0])
+    controls = np.repeat(np.clip(held + way, low, high)[None], count, axis=0)
+    each = [(term,) for term in terms]
+    motion = plant.simulate(many, plant.commands(controls, each), each)
     assert motion.finite.all()
     return motion.points
+
+
+def moved(plant: AugmentedPlant, terms: tuple[Term, ...]) -> np.ndarray:
+    """The same of one robot; without a term, of the MJCF."""
+    nothing = Term(EFFECTS["cable_friction"], None, (0.0,))
+    return moved_together(plant, terms or (nothing,))
 
 
 @pytest.mark.parametrize("name", ABLE)
@@ -176,3 +185,32 @@ def test_an_effect_at_one_place_or_of_several_sizes_has_no_factors(plant: Augmen
         place = effect.places(plant.robot)[0] if effect.places(plant.robot) else None
         term = Term(effect, place, tuple(0.1 for _ in effect.parameters))
         assert per_part_term(term, plant.robot, 0.5) is None
+
+
+@pytest.mark.parametrize("name", ["cable_friction", "creep", "winch_backlash"])
+def test_at_its_largest_part_alone_it_is_that_of_the_part(name: str, plant: AugmentedPlant) -> None:
+    rng = np.random.default_rng(draws.seed())
+    term = uneven(plant.robot, name, rng)
+    assert isinstance(term.effect, PerPart)
+    count = len(term.effect.parts)
+    only = replace(term, values=term.values[:-count] + (-3.0, 2.0) + (-3.0,) * (count - 2))
+    alone, share = at_largest_part(only)
+    assert alone.place == 1 and alone.effect is NAMED[name]
+    assert alone.values[0] == pytest.approx(term.values[0] * np.exp(2.0))
+    assert share == pytest.approx(np.exp(2.0) / (np.exp(2.0) + (count - 1) * np.exp(-3.0)))
+    near = moved(plant, (only,)) - moved(plant, (alone,))
+    assert np.abs(near).max() < 0.3 * np.abs(moved(plant, (alone,)) - moved(plant, ())).max()
+    written = WrittenTerm.of(alone, plant.robot)
+    assert written.location == term.effect.parts[1]
+    assert written.term(plant.robot, NAMED) == alone
+
+
+def test_factors_and_none_are_one_effect_in_a_batch(plant: AugmentedPlant) -> None:
+    rng = np.random.default_rng(draws.seed())
+    term = uneven(plant.robot, "hysteresis", rng)
+    even = Term(NAMED["hysteresis"], None, term.values[:2])
+    alone, _ = at_largest_part(term)
+    for first, second in ((even, term), (term, even), (alone, term)):
+        want = [moved(plant, (each,)) for each in (first, second)]
+        for got, expected in zip(moved_together(plant, (first, second)), want, strict=True):
+            assert np.array_equal(got, expected[0])
