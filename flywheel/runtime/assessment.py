@@ -17,7 +17,8 @@ from flywheel.truth_simulator import OTHER_FORMS, EffectTruth
 # Effects that make the same motion exactly, or have one cause by several laws: naming either is right.
 EQUIVALENT = {
     "sensor_latency": "command_delay",
-    **{name: form.family for name, form in (*FORMS.items(), *OTHER_FORMS.items())},
+    **{name: form.family for name, form in FORMS.items()},
+    **{name: form.family for name, form in OTHER_FORMS.items()},
 }
 Named = tuple[str, str]  # an effect, and the cable or point that it is at, or ""
 
@@ -67,7 +68,7 @@ def assess(
     named = [tuple(answer) for answer in answers if answer]
     if hidden is None:
         return _of_nothing(verdict, named)
-    if hidden.name not in EFFECTS:
+    if key_of(hidden.name, hidden.place)[0] not in EFFECTS:
         return _of_unknown(hidden, verdict, named)
     return _of_known(hidden, verdict, named, smallest)
 
