@@ -315,6 +315,9 @@ class FormSettings:
       spread: standard deviation of the logarithm of how much larger an effect is at one part than at another:
         most are within a factor of two.
       rivals: further effects that are fitted with a size for each part, where the found one has that.
+      more: times what the best candidate explains, from which another law, or an effect at one part alone, is
+        fitted beside it.
+      enough: share of what is left beyond noise that the best candidate promises, from which none is.
       alone: share of the sum over all parts that the largest one must have, for the effect to be tried there
         alone; factors are drawn to one, so that those of the others do not vanish.
     """
@@ -322,6 +325,8 @@ class FormSettings:
     spread: float = 0.5
     rivals: int = 2
     alone: float = 0.4
+    more: float = 1.2
+    enough: float = 0.9
 
 
 @dataclass(frozen=True)

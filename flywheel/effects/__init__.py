@@ -36,6 +36,7 @@ from flywheel.effects.effect import (
     Terms,
     WinchEffect,
     Winches,
+    parts_of,
     place_name,
 )
 from flywheel.effects.forms import (
@@ -132,6 +133,7 @@ __all__ = [
     "WrittenTerm",
     "alike",
     "at_largest_part",
+    "parts_of",
     "per_part_term",
     "place_name",
     "taken_apart",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
-from flywheel.effects import NAMED, Effect, Scales, Term, Terms, place_name
+from flywheel.effects import NAMED, Effect, Scales, Term, Terms, parts_of, place_name
 from flywheel.errors import DataError
 from flywheel.registry import lookup
 from flywheel.robots import Robot
@@ -80,6 +80,16 @@ def candidates(robot: Robot, library: Mapping[str, Effect]) -> tuple[Candidate, 
             location = place_name(effect, place, robot)
             found.append(Candidate(effect, place, typical, shapes, location))
     return tuple(found)
+
+
+def at_parts(robot: Robot, everywhere: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates of the whole robot at each of its cables or winches alone, with their middle shapes."""
+    return tuple(
+        replace(each, place=place, shapes=(each.shapes[len(each.shapes) // 2],), location=name)
+        for each in everywhere
+        if each.place is None and each.effect.part not in ("robot", each.effect.where)
+        for place, name in enumerate(parts_of(robot, each.effect.part))
+    )
 
 
 def places(terms: Terms) -> set[tuple[str, int | None]]:

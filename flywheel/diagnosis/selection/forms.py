@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel
+from flywheel.diagnosis.selection.candidates import Candidate, at_parts
+from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel, further_scores
 from flywheel.diagnosis.selection.search import Search
 from flywheel.effects import PerPart, Term, Terms, alike, at_largest_part, per_part_term
 
@@ -31,6 +31,22 @@ class _Form:
 
     fit: Fit
     price: float = 0.0
+
+
+def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
+    """Other laws, and effects at one cable or winch alone, that promise clearly more than any candidate.
+
+    They are not asked about where the best candidate promises to explain nearly all that is left.
+    """
+    settings, best = search.settings.forms, model.scores[0]
+    if best.statistic > settings.enough * model.beyond_noise:
+        return []
+    alone = at_parts(search.fitter.windows.robot, search.library)
+    further = further_scores(search.fitter, model.fit, model.test, alone, search.settings.score)
+    laws = [each for each in model.probes if each.candidate.effect.form]
+    promising = [s for s in (*laws, *further) if s.statistic > settings.more * best.statistic]
+    promising.sort(key=lambda each: -each.statistic)
+    return [each.candidate.term(each.sizes, each.shape) for each in promising[: settings.rivals]]
 
 
 def in_other_forms(

@@ -427,6 +427,26 @@ def score_test(
     )
 
 
+def further_scores(
+    fitter: Fitter,
+    fit: Fit,
+    test: ScoreTest,
+    library: Sequence[Candidate],
+    settings: ScoreSettings = ScoreSettings(),
+) -> list[Score]:
+    """Scores of other candidates on top of the fit that a test was made of, in order."""
+    found = sensitivities(fitter, fit, library, test.projection, test.residual, settings)
+    columns, shorter = found
+    other = replace(
+        test,
+        candidates=tuple(library),
+        columns=columns,
+        shorter=shorter,
+        slices=slices_of(library),
+    )
+    return other.scores()
+
+
 def promising_pairs(
     test: ScoreTest,
     scores: Sequence[Score],

@@ -14,7 +14,7 @@ from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.heartbeat import Interrupted
 from flywheel.diagnosis.selection.candidates import places
-from flywheel.diagnosis.selection.forms import in_other_forms, promised_per_part
+from flywheel.diagnosis.selection.forms import in_other_forms, promised_per_part, proposed_forms
 from flywheel.diagnosis.selection.score_test import (
     Projection,
     ScoredModel,
@@ -219,6 +219,7 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
         return search, None
     fitter, settings, short = search.fitter, search.settings, search.shortlist(model)
     proposals: list[Terms] = [(score.candidate.term(score.sizes, score.shape),) for score in short]
+    proposals += [(term,) for term in proposed_forms(search, model)]
     proposals += screened(fitter, model, search.library, short, settings.screening)
     if room > 1:
         proposals += promising_pairs(model.test, model.scores, search.threshold, settings.pairs)
