@@ -53,7 +53,14 @@ from flywheel.effects.ground_effects import (
     RollingResistance,
     Slope,
 )
-from flywheel.effects.per_part import PerPart, alike, at_largest_part, per_part_term
+from flywheel.effects.per_part import (
+    PerPart,
+    acts_on_same_parts,
+    alike,
+    at_largest_part,
+    per_part_term,
+    with_shares,
+)
 from flywheel.effects.scales import Scales
 from flywheel.effects.sensing_effects import MarkerOffset, SensorLatency
 from flywheel.effects.winch_effects import (
@@ -131,6 +138,7 @@ __all__ = [
     "WinchEffect",
     "Winches",
     "WrittenTerm",
+    "acts_on_same_parts",
     "alike",
     "at_largest_part",
     "parts_of",
@@ -138,4 +146,5 @@ __all__ = [
     "place_name",
     "taken_apart",
     "together",
+    "with_shares",
 ]

@@ -33,6 +33,7 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 
 LOG_FACTOR = "log_factor@"  # before the name of a part
+LEAST = 0.01  # of the largest size: what stands for none
 FARTHEST = 4.0  # of the logarithm of a factor: one part has it and the others hardly
 
 
@@ -51,22 +52,48 @@ def per_part(effect: Effect, robot: Robot) -> PerPart | None:
 
 
 def per_part_term(term: Term, robot: Robot, deviation: float) -> Term | None:
-    """A term with a factor of one for each part; the logarithm of each is known to a standard deviation."""
+    """A term with a factor for each part, whose logarithm is known to a standard deviation.
+
+    All are one; of a term at a part alone, two deviations more there than elsewhere.
+    """
     effect = per_part(term.effect, robot)
     if effect is None:
         return None
-    factors = len(effect.parameters) - len(term.values)
-    known = (math.inf,) * len(term.values) + (deviation,) * factors
-    return Term(effect, term.place, (*term.values, *(0.0,) * factors), known)
+    logs = np.zeros(len(effect.parts))
+    (size, *shapes) = term.values
+    if term.place is not None:
+        logs -= deviation
+        logs[term.place] = deviation
+        size *= math.exp(-deviation)
+    known = (math.inf,) * len(term.values) + (deviation,) * len(logs)
+    return Term(effect, None, (size, *shapes, *logs.tolist()), known)
+
+
+def with_shares(term: Term, sizes: Floats, deviation: float) -> Term:
+    """A term with factors whose sizes at its parts (n,) are as given, as far as two deviations allow."""
+    logs = np.log(np.maximum(sizes, LEAST * sizes.max()))
+    common = float(logs.mean())
+    factors = np.clip(logs - common, -2.0 * deviation, 2.0 * deviation)
+    _, *shapes = term.values[: len(term.values) - len(factors)]
+    return replace(term, values=(math.exp(common), *shapes, *factors.tolist()))
+
+
+def acts_on_same_parts(effect: Effect, model: Term, robot: Robot) -> bool:
+    """Whether an effect can have the factors of a term."""
+    uneven = per_part(effect, robot)
+    return (
+        uneven is not None
+        and isinstance(model.effect, PerPart)
+        and uneven.parts == model.effect.parts
+    )
 
 
 def alike(term: Term, model: Term, robot: Robot) -> Term:
     """A term with the factors of another one, where that has some and both act on the same parts."""
-    if not isinstance(model.effect, PerPart):
+    effect = per_part(term.effect, robot)
+    if effect is None or not acts_on_same_parts(term.effect, model, robot):
         return term
-    effect, count = per_part(term.effect, robot), len(model.effect.parts)
-    if effect is None or effect.parts != model.effect.parts:
-        return term
+    count = len(effect.parts)
     known = (math.inf,) * len(term.values) + model.known[-count:]
     return replace(term, effect=effect, values=term.values + model.values[-count:], known=known)
 

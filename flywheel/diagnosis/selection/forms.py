@@ -14,23 +14,39 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.selection.candidates import Candidate, at_parts
+from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
 from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel, further_scores
 from flywheel.diagnosis.selection.search import Search
-from flywheel.effects import PerPart, Term, Terms, alike, at_largest_part, per_part_term
+from flywheel.effects import (
+    Term,
+    Terms,
+    acts_on_same_parts,
+    alike,
+    at_largest_part,
+    parts_of,
+    per_part_term,
+    with_shares,
+)
 
 
 @dataclass(frozen=True)
 class _Form:
-    """A model with another form of an effect.
+    """A model with a form of an effect.
 
     Attributes:
       fit: of it.
+      family: of the effect.
       price: of its factors, to be added to its criterion; 0 without any.
     """
 
     fit: Fit
+    family: str
     price: float = 0.0
+
+    @property
+    def term(self) -> Term:
+        """The effect in the model."""
+        return _of_family(self.fit, self.family)
 
 
 def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
@@ -43,7 +59,9 @@ def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
         return []
     alone = at_parts(search.fitter.windows.robot, search.library)
     further = further_scores(search.fitter, model.fit, model.test, alone, search.settings.score)
+    asked = {each.effect.family for each in search.library}
     laws = [each for each in model.probes if each.candidate.effect.form]
+    laws = [each for each in laws if each.candidate.effect.family in asked]
     promising = [s for s in (*laws, *further) if s.statistic > settings.more * best.statistic]
     promising.sort(key=lambda each: -each.statistic)
     return [each.candidate.term(each.sizes, each.shape) for each in promising[: settings.rivals]]
@@ -60,43 +78,45 @@ def in_other_forms(
       model: the model with it.
       rivals: further effects that may have been the one; they may be it if sizes differ from part to part.
     """
-    had = {(term.effect.name, term.place) for term in before.fit.terms}
-    for term in model.fit.terms:
-        if term.asked and (term.effect.name, term.place) not in had:
-            model = _in_best_form(search, model, term, rivals)
+    had = {family for family, _ in families(before.fit.terms)}
+    new = {family for family, _ in families(model.fit.terms)}
+    for family in sorted(new - had):
+        model = _in_best_form(search, model, family, rivals)
     return model
 
 
 def _in_best_form(
-    search: Search, model: ScoredModel, term: Term, rivals: Sequence[Score]
+    search: Search, model: ScoredModel, family: str, rivals: Sequence[Score]
 ) -> ScoredModel:
-    fit = model.fit
     if max(each.score for each in (*model.scores, *model.probes)) < search.threshold:
         return model  # nothing is seen beside it
-    forms = [_Form(each) for each in _by_other_laws(search, model, term)]
-    best = min((_Form(fit), *forms), key=lambda form: search.criterion(form.fit))
-    if best.fit is not fit and search.criterion(fit) - search.criterion(best.fit) > 0.0:
-        model = search.score_all(best.fit)
-        term = next(t for t in model.fit.terms if t.effect.family == term.effect.family)
-    uneven = _per_part(search, model, term)
+    best = min((model.fit, *_by_other_laws(search, model, family)), key=search.criterion)
+    if best is not model.fit:
+        model = search.score_all(best)
+    uneven = _per_part(search, model, family)
     if uneven is None:
         return model
     others = (_rival_per_part(search, each, uneven) for each in rivals)
     forms = [uneven, *(each for each in others if each is not None)]
     forms += [each for form in forms if (each := _at_one_part(search, form)) is not None]
-    best = min(forms, key=lambda form: search.criterion(form.fit) + form.price)
-    gained = search.criterion(model.fit) - search.criterion(best.fit) - best.price
-    return search.score_all(best.fit) if gained > search.threshold else model
+    form = min(forms, key=lambda each: search.criterion(each.fit) + each.price)
+    gained = search.criterion(model.fit) - search.criterion(form.fit) - form.price
+    return search.score_all(form.fit) if gained > search.threshold else model
 
 
-def _by_other_laws(search: Search, model: ScoredModel, term: Term) -> list[Fit]:
-    """The model with each other law of the family that explains something beside it, fitted."""
+def _of_family(fit: Fit, family: str) -> Term:
+    """The effect of a family that a model has."""
+    return next(term for term in fit.terms if term.asked and term.effect.family == family)
+
+
+def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[Fit]:
+    """The model with each other law of a family that explains something beside it, fitted."""
     fit, found = model.fit, []
-    target = search.criterion(fit)
+    target, term = search.criterion(fit), _of_family(fit, family)
     for score in model.probes:
         effect = score.candidate.effect
-        other = effect.family == term.effect.family and effect.name != term.effect.name
-        if other and score.score >= search.threshold and not isinstance(term.effect, PerPart):
+        other = effect.family == family and effect.name != term.effect.name
+        if other and score.score >= search.threshold:
             search.progress(f"fitting {effect.name}")
             begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, score.candidate))
             found.append(search.fit_until(begun, target))
@@ -112,22 +132,20 @@ def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Te
     columns = fitter.columns(bare, [(*rest, each) for each in (term, *units)])
     wanted, own = columns[..., 0].ravel(), columns[..., 1:].reshape(-1, len(units))
     size = own.T @ wanted / np.maximum((own**2).sum(axis=0), 1e-12)
-    alike = size * (own.T @ wanted)  # fall of the squares of what the term changes
-    best = int(np.argmax(alike))
+    best = int(np.argmax(size * (own.T @ wanted)))  # fall of the squares of what the term changes
     return (*rest, candidate.term((float(size[best]),), best))
 
 
 def _at_one_part(search: Search, found: _Form) -> _Form | None:
     """The model with the effect at its largest part alone, fitted; None where others have much of it."""
-    fit = found.fit
-    term = next(t for t in fit.terms if isinstance(t.effect, PerPart))
+    fit, term = found.fit, found.term
     alone, share = at_largest_part(term)
     if share < search.settings.forms.alone:
         return None
     search.progress(f"fitting {term.effect.name} at one {term.effect.part}")
     terms = tuple(alone if each is term else each for each in fit.terms)
     begun = search.fitter.with_terms(fit, terms)
-    return _Form(search.fit_until(begun, search.criterion(fit) + found.price))
+    return _Form(search.fit_until(begun, search.criterion(fit) + found.price), found.family)
 
 
 def promised_per_part(search: Search, model: ScoredModel, score: Score) -> float:
@@ -140,19 +158,40 @@ def promised_per_part(search: Search, model: ScoredModel, score: Score) -> float
     return explained - price
 
 
-def _per_part(search: Search, model: ScoredModel, term: Term) -> _Form | None:
-    """The model with a size of the term for each part, fitted; None if that promises too little."""
-    fit, fitter = model.fit, search.fitter
-    uneven = per_part_term(term, fitter.windows.robot, search.settings.forms.spread)
+def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
+    """The model with a size of an effect for each part, fitted; None if that promises too little."""
+    fit, fitter, spread = model.fit, search.fitter, search.settings.forms.spread
+    term = _of_family(fit, family)
+    uneven = per_part_term(term, fitter.windows.robot, spread)
     if uneven is None:
         return None
     terms = tuple(uneven if each is term else each for each in fit.terms)
     explained, price = _explained(fitter, model, terms, uneven)
-    if explained - price < search.threshold:
+    if explained - price < search.threshold and term.place is None:
         return None
     search.progress(f"fitting {term.effect.name} {uneven.effect.form}")
-    begun = replace(fitter.with_terms(fit, terms), cache=fit.cache)
-    return _Form(search.fit_until(begun, search.criterion(fit) - price), price)
+    others = tuple(each for each in fit.terms if each is not term)
+    tried = (uneven, _sized_by_part(fitter, model, term, uneven, spread))
+    starts = [fitter.with_terms(fit, (*others, each)) for each in tried]
+    begun = replace(min(starts, key=lambda each: each.cost), cache=fit.cache)
+    return _Form(search.fit_until(begun, search.criterion(fit) - price), family, price)
+
+
+def _sized_by_part(
+    fitter: Fitter, model: ScoredModel, term: Term, uneven: Term, spread: float
+) -> Term:
+    """A term with the size at each part that the linearisation of a model asks for."""
+    size, *shapes = term.values
+    count = len(parts_of(fitter.windows.robot, term.effect.part))
+    present = np.ones(count) if term.place is None else np.eye(count)[term.place]
+    doubled = [  # at a part, a second term of an effect stands in the place of the first
+        (*model.fit.terms, Term(term.effect, place, (size * (1.0 + share), *shapes)))
+        for place, share in enumerate(present)
+    ]
+    columns = model.test.projection(fitter.columns(model.fit, doubled))
+    gram = columns.T @ columns + np.eye(count)  # hardly more than the common size
+    more = np.linalg.solve(gram, columns.T @ model.test.residual)
+    return with_shares(uneven, size * (present + more), spread)
 
 
 def _explained(fitter: Fitter, model: ScoredModel, terms: Terms, term: Term) -> tuple[float, float]:
@@ -176,15 +215,14 @@ def _rival_per_part(search: Search, score: Score, found: _Form) -> _Form | None:
 
     It begins with the same factors: where a cable rubs more, it does so by any law.
     """
-    fit, fitter = found.fit, search.fitter
-    term = next(t for t in fit.terms if isinstance(t.effect, PerPart))
-    if score.candidate.effect.family == term.effect.family:
+    fit, fitter, effect = found.fit, search.fitter, score.candidate.effect
+    robot = fitter.windows.robot
+    if effect.family == found.family or not acts_on_same_parts(effect, found.term, robot):
         return None
-    *rest, even = _exchanged(search, fit, term, score.candidate)
-    other = alike(even, term, fitter.windows.robot)
-    if other is even:
-        return None
+    *rest, even = _exchanged(search, fit, found.term, score.candidate)
+    other = alike(even, found.term, robot)
     search.progress(f"fitting {other.effect.name} {other.effect.form}")
     begun = fitter.with_terms(fit, (*rest, other))
     most = search.settings.max_rounds_to_target_of_law
-    return _Form(search.fit_until(begun, search.criterion(fit), most), found.price)
+    fit = search.fit_until(begun, search.criterion(fit), most)
+    return _Form(fit, effect.family, found.price)
