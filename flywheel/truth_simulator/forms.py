@@ -1,9 +1,9 @@
 """Hidden effects whose law has another form than the library's, and laws that the library has nothing like.
 
 `OTHER_FORMS` are physical causes that a diagnosis has a name for, but by another law: friction in proportion
-to each cable's stiffness, say. Their family should be named; the library has some of these laws as other forms
-of its effects. For `UNKNOWN_LAWS` no candidate stands. None of these may ever be added to the library, or
-nothing would be left to examine it by.
+to each cable's stiffness, say. Their family should be named; some of these laws are other forms of effects of
+the library. For `UNKNOWN_LAWS` no candidate stands. None of these may ever be added to the library, or nothing
+would be left to examine it by.
 """
 
 from __future__ import annotations
