@@ -2,8 +2,8 @@
 
 `OTHER_FORMS` are physical causes that a diagnosis has a name for, but by another law: friction in proportion
 to each cable's stiffness, say. Their family should be named; some of these laws are other forms of effects of
-the library. For `UNKNOWN_LAWS` no candidate stands. None of these may ever be added to the library, or nothing
-would be left to examine it by.
+the library. For `UNKNOWN_LAWS` no candidate stands. None of these may ever be added to the library, or
+nothing would be left to examine it by.
 """
 
 from __future__ import annotations
