@@ -89,8 +89,8 @@ PROBES: dict[str, Effect] = {
 
 
 def is_probe(effect: Effect) -> bool:
-    """Whether it is a question, and not one of the library's effects."""
-    return effect in PROBES.values()
+    """Whether it is a question, by whatever sizes of parts, and not one of the library's effects."""
+    return effect.name in PROBES
 
 
 def probed(terms: Terms) -> Terms:
