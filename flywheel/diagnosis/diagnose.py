@@ -271,7 +271,7 @@ def _concluded(
 
 def _discrepancy(
     fitter: Fitter, last: ScoredModel, kept_aside: HeldOut, under_test: ModelUnderTest
-) -> DiscrepancyModel | None:
+) -> DiscrepancyModel:
     """A learned law on top of the last model, and what it resembles."""
     settings = under_test.settings.checks.discrepancy
     fit = learned_law(fitter, last, under_test.seed, settings)

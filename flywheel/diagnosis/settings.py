@@ -314,7 +314,8 @@ class FormSettings:
     Attributes:
       spread: standard deviation of the logarithm of how much larger an effect is at one part than at another:
         most are within a factor of two.
-      rivals: further effects that are fitted with a size for each part, where the found one has that.
+      rivals: further effects that are fitted with a size for each part, where the found one has that; and
+        forms that are fitted beside the candidates, at most.
       more: times what the best candidate explains, from which another law, or an effect at one part alone, is
         fitted beside it.
       enough: share of what is left beyond noise that the best candidate promises, from which none is.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -108,10 +109,11 @@ class Stiffening(TensionEffect):
     equation = "dT = b T (e / l0)^2"
     source = "Duffing's spring"
     shown_by = "high against low pretension, slowly"
+    power: ClassVar[int] = 2  # of the strain
 
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
         strain = cables.elastic / cables.stiffness / np.maximum(cables.rest, SHORTEST)
-        return values["coefficient"] * cables.elastic * strain**2, memory
+        return values["coefficient"] * cables.elastic * strain**self.power, memory
 
 
 class WeakCable(ModelEffect):

@@ -62,11 +62,13 @@ class Effect(ABC):
       equation: in the symbols of docs/effects.md.
       source: where the law comes from.
       shown_by: the experiment that shows it best.
+      acts_on: kind of part that one of the whole robot acts on, each by itself; "robot" for none.
       form: how it differs from the effect of its family; "" for that effect.
     """
 
     name: ClassVar[str]
     where: ClassVar[Where] = "robot"
+    acts_on: ClassVar[Where] = "robot"
     form: ClassVar[str] = ""
     sizes: ClassVar[tuple[Parameter, ...]]
     shapes: ClassVar[tuple[Parameter, ...]] = ()
@@ -82,7 +84,7 @@ class Effect(ABC):
     @property
     def part(self) -> Where:
         """What it can be at alone: what it is tied to, or what an effect of the whole robot acts on."""
-        return self.where
+        return self.acts_on if self.where == "robot" else self.where
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -119,9 +121,7 @@ class CommandEffect(Effect):
 
     stage: ClassVar[int]
 
-    @property
-    def part(self) -> Where:
-        return "winch" if self.where == "robot" else self.where
+    acts_on = "winch"
 
     @abstractmethod
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
@@ -189,9 +189,7 @@ class TensionEffect(Effect):
 
     remembers: ClassVar[bool] = False
 
-    @property
-    def part(self) -> Where:
-        return "cable" if self.where == "robot" else self.where
+    acts_on = "cable"
 
     @abstractmethod
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
@@ -223,9 +221,7 @@ class Winches:
 class WinchEffect(Effect):
     """Changes the rate of the winches by where they are and what they carry, step by step."""
 
-    @property
-    def part(self) -> Where:
-        return "winch" if self.where == "robot" else self.where
+    acts_on = "winch"
 
     @abstractmethod
     def rate(self, rate: Floats, winches: Winches, values: Values) -> Floats:

@@ -11,14 +11,13 @@ from typing import ClassVar
 import numpy as np
 
 from flywheel.effects.cable_effects import (
-    SHORTEST,
     CableDamping,
     CableFriction,
     Creep,
     Hysteresis,
     Stiffening,
 )
-from flywheel.effects.effect import Cables, Effect, Memory, Parameter, TensionEffect, Values
+from flywheel.effects.effect import Cables, Effect, Memory, TensionEffect, Values
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -111,11 +110,7 @@ class StiffeningByStrain(OtherForm, Stiffening):
     name = "stiffening_by_strain"
     form = "with the first power of the strain, not with the second"
     of = Stiffening.name
-    sizes = (Parameter("coefficient", "-", lambda s: 0.1, low=-5.0),)
     equation = "dT = b T e / l0"
     source = "second order in the extension"
     shown_by = "low against very low pretension, slowly"
-
-    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
-        strain = cables.elastic / cables.stiffness / np.maximum(cables.rest, SHORTEST)
-        return values["coefficient"] * cables.elastic * strain, memory
+    power = 1

@@ -131,10 +131,6 @@ class PerPart(Effect):
     def family(self) -> str:
         return self.even.family
 
-    @property
-    def part(self) -> Where:
-        return self.even.part
-
     @cached_property
     def _own(self) -> tuple[str, ...]:
         """Names of the parameters that the effect has without factors."""

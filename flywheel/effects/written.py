@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.effects.effect import Effect, Term, parts_of, place_name
-from flywheel.effects.per_part import has_factors, per_part
+from flywheel.effects.per_part import PerPart, has_factors, per_part
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds, Name
 from flywheel.registry import lookup
@@ -66,7 +66,7 @@ class WrittenTerm(BaseModel):
         if has_factors(self.parameters):
             effect = per_part(effect, robot) or effect
         places = {place_name(effect, place, robot): place for place in effect.places(robot)}
-        if "" in places and effect.part != effect.where:  # at one part alone
+        if effect.part != effect.where and not isinstance(effect, PerPart):  # at one part alone
             places |= {name: place for place, name in enumerate(parts_of(robot, effect.part))}
         elif "" in places and self.location:
             raise ConfigError(

@@ -166,14 +166,12 @@ def other_form(found: Diagnosis) -> str:
 
 def forms(found: Diagnosis) -> str:
     """Whether the form of what was found is decided; "" where no other was tried, or needed."""
-    others = sorted(
-        {each.described for answer in found.other_forms for each in answer if each.form}
-    )
-    plain = sorted({each.label for answer in found.other_forms for each in answer if not each.form})
-    if not others and not plain:
+    first = {each.described for each in found.answers[0]}
+    others = {each.described for answer in found.other_forms for each in answer} - first
+    if not others:
         return ""
     return (
-        f"The form is not decided: {' or '.join([*plain, *others])} explains these recordings as well. "
+        f"The form is not decided: {' or '.join(sorted(others))} explains these recordings as well. "
         "The cause is the same; what it does in other motions may differ."
     )
 

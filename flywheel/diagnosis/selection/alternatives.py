@@ -59,14 +59,7 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
     for term in added(models):
         model = model_without(search, models[:-1], last, [term])
         shorter.append((term, model))
-        scores = (*model.scores, *model.probes)
-        own = max((s.statistic for s in scores if s.proposes(term)), default=0.0)
-        if not own:  # at one of the parts that it is scored at together
-            family = term.effect.family
-            own = max(
-                (s.statistic for s in scores if s.candidate.effect.family == family), default=0.0
-            )
-        least = search.settings.rival * own
+        least = search.settings.rival * _own_statistic(model, term)
         for scores in (model.scores, model.probes):
             near = [s for s in scores if s.statistic > least and not s.proposes(term)]
             found += _in_place(search, last, term, near, margin)
@@ -74,6 +67,14 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
         if search.criterion(fit) < search.criterion(last):
             last = _from_its_initial_states(search, last, fit)
     return ExchangedModels(last, tuple(found), tuple(shorter))
+
+
+def _own_statistic(model: ScoredModel, term: Term) -> float:
+    """What a term promises on a model; of one at a part alone, what its effect does everywhere."""
+    scores, family = (*model.scores, *model.probes), term.effect.family
+    own = [s.statistic for s in scores if s.proposes(term)]
+    everywhere = [s.statistic for s in scores if s.candidate.effect.family == family]
+    return max(own, default=0.0) or max(everywhere, default=0.0)
 
 
 def model_without(

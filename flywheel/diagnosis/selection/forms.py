@@ -16,7 +16,7 @@ import numpy as np
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
 from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel, further_scores
-from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
     Term,
     Terms,
@@ -60,8 +60,8 @@ def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
     alone = at_parts(search.fitter.windows.robot, search.library)
     further = further_scores(search.fitter, model.fit, model.test, alone, search.settings.score)
     asked = {each.effect.family for each in search.library}
-    laws = [each for each in model.probes if each.candidate.effect.form]
-    laws = [each for each in laws if each.candidate.effect.family in asked]
+    forms = [each for each in model.probes if each.candidate.effect.form]
+    laws = [each for each in forms if each.candidate.effect.family in asked]
     promising = [s for s in (*laws, *further) if s.statistic > settings.more * best.statistic]
     promising.sort(key=lambda each: -each.statistic)
     return [each.candidate.term(each.sizes, each.shape) for each in promising[: settings.rivals]]
@@ -126,7 +126,7 @@ def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[Fit]
 def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Terms:
     """Terms of a fit with a candidate in the place of one of them, of the size that changes as much."""
     fitter = search.fitter
-    rest = tuple(each for each in fit.terms if each is not term)
+    rest = without(fit.terms, term)
     bare = fitter.with_terms(fit, rest)
     units = candidate.unit_terms()
     columns = fitter.columns(bare, [(*rest, each) for each in (term, *units)])
@@ -170,7 +170,7 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
     if explained - price < search.threshold and term.place is None:
         return None
     search.progress(f"fitting {term.effect.name} {uneven.effect.form}")
-    others = tuple(each for each in fit.terms if each is not term)
+    others = without(fit.terms, term)
     tried = (uneven, _sized_by_part(fitter, model, term, uneven, spread))
     starts = [fitter.with_terms(fit, (*others, each)) for each in tried]
     begun = replace(min(starts, key=lambda each: each.cost), cache=fit.cache)

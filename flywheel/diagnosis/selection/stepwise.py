@@ -189,11 +189,10 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
     )
     whole, left = own.unknown(fit.residual[..., None]), own(fit.residual[..., None])
     explained = float((whole**2).sum() - (left**2).sum()) - own.price
-    if explained < search.threshold:
+    more, best = search.settings.pairs.more, max(score.statistic for score in model.scores)
+    if explained < max(search.threshold, more * best):
         return None
-    best = max(score.statistic for score in model.scores)
-    uneven = [promised_per_part(search, model, each) for each in search.shortlist(model)]
-    if explained < search.settings.pairs.more * max(best, *uneven, 0.0):
+    if any(explained < more * promised_per_part(search, model, s) for s in search.shortlist(model)):
         return None
     return search.score_all(begun, model.jacobian)  # effects of no size change nothing in it
 

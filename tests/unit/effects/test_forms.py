@@ -23,6 +23,7 @@ from flywheel.effects import (
     at_largest_part,
     per_part_term,
 )
+from flywheel.errors import ConfigError
 from flywheel.records import State
 from flywheel.robots import Robot, load_robot
 from tests import draws
@@ -164,6 +165,13 @@ def test_written_down_and_read_again_it_has_its_factors(plant: AugmentedPlant) -
     read = WrittenTerm.model_validate_json(written.model_dump_json()).term(plant.robot, NAMED)
     assert isinstance(read.effect, PerPart) and read.values == term.values
     assert np.array_equal(moved(plant, (read,)), moved(plant, (term,)))
+
+
+def test_factors_at_one_part_alone_are_refused(plant: AugmentedPlant) -> None:
+    term = uneven(plant.robot, "cable_friction", np.random.default_rng(draws.seed()))
+    written = WrittenTerm.of(term, plant.robot).model_copy(update={"location": "cable_fl"})
+    with pytest.raises(ConfigError, match="of the whole robot"):
+        written.term(plant.robot, NAMED)
 
 
 def test_another_effect_of_the_same_parts_takes_the_factors_over(plant: AugmentedPlant) -> None:
