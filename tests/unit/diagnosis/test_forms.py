@@ -66,6 +66,10 @@ def test_a_form_that_is_not_decided_is_said(robot: Robot, seed: int) -> None:
     assert law.effect.form in forms(open_) and forms(open_) in diagnosis_page(open_, {})
     assert open_.summary()["other_forms"][0][0]["family"] == "cable_friction"
     assert open_.verdict is Verdict.EFFECT
+    gain = of(robot, EFFECTS["winch_gain"], 1.0)
+    beside = replace(answer, effect=gain.effect.name, term=gain)
+    both = replace(found, answers=((answer, beside),), other_forms=((other, beside),))
+    assert forms(both) == forms(open_)  # what is the same in all of them is decided
 
 
 def test_a_law_that_a_robot_cannot_show_is_not_asked_about(robot: Robot) -> None:
