@@ -34,7 +34,7 @@ from flywheel.runtime.assessment import library_values
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.config.shipped import config_file
 from flywheel.runtime.loop import run
-from flywheel.runtime.pool.progress import Progress, console_progress
+from flywheel.runtime.pool.progress import PieceOfStage, Progress, console_progress
 from flywheel.truth_simulator.written import hidden_effects
 
 CONFIG = "prism3_robot"
@@ -185,7 +185,8 @@ class Study:
             with progress.stage(f"{self.path.name}: {planner} drives", float(len(left))) as stage:
                 for done, seed in enumerate(left):
                     begun = time.process_time()
-                    driven = driver.drive(seed, stage, file.with_suffix(".transcript"))
+                    shown, log = PieceOfStage(stage, float(done)), file.with_suffix(".transcript")
+                    driven = driver.drive(seed, shown, log)
                     append_drive(file, driver.line(seed, driven, begun))
                     stage.update(done + 1.0)
         finally:

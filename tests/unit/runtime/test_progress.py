@@ -1,6 +1,6 @@
 """What people see while they wait."""
 
-from flywheel.runtime.pool.progress import Lines, clock_face, notes_of
+from flywheel.runtime.pool.progress import Lines, PieceOfStage, clock_face, notes_of
 
 
 def test_plain_lines_tell_share_rate_and_time_left():
@@ -27,6 +27,15 @@ def test_a_stage_that_fails_does_not_claim_to_be_done():
     except ValueError:
         pass
     assert lines == []
+
+
+def test_a_piece_of_a_stage_goes_on_where_the_one_before_it_ended():
+    now = [0.0]
+    lines: list[str] = []
+    with Lines(lines.append, every=10, clock=lambda: now[0]).stage("drives", 4) as stage:
+        now[0] = 20
+        PieceOfStage(stage, 1.0).update(0.5, "drive 2")
+    assert lines[0] == "drives:  38% after 0:20, 0:33 left, 0.075/s, drive 2"
 
 
 def test_times_read_like_a_clock():
