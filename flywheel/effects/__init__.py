@@ -58,6 +58,7 @@ from flywheel.effects.per_part import (
     acts_on_same_parts,
     alike,
     at_largest_part,
+    at_same_size,
     per_part_term,
     with_shares,
 )
@@ -141,6 +142,7 @@ __all__ = [
     "acts_on_same_parts",
     "alike",
     "at_largest_part",
+    "at_same_size",
     "parts_of",
     "per_part_term",
     "place_name",

@@ -109,6 +109,15 @@ def at_largest_part(term: Term) -> tuple[Term, float]:
     return Term(effect.even, place, values), float(factors[place] / factors.sum())
 
 
+def at_same_size(term: Term) -> Term:
+    """A term with the geometric mean of its sizes at every part, without factors."""
+    effect = term.effect
+    assert isinstance(effect, PerPart)
+    count = len(effect.parts)
+    (size, *rest), logs = term.values[:-count], term.values[-count:]
+    return Term(effect.even, None, (size * math.exp(float(np.mean(logs))), *rest))
+
+
 class PerPart(Effect):
     """Base of effects whose size differs from part to part.
 

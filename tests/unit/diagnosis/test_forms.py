@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
+from flywheel.diagnosis.checks.held_out import HeldOut
+from flywheel.diagnosis.diagnose import _searched
+from flywheel.diagnosis.fitting.model import ModelUnderTest
+from flywheel.diagnosis.heartbeat import Heartbeat
+from flywheel.diagnosis.judgement import judge, without_unclear_factors
 from flywheel.diagnosis.results.answer import Answer
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, PerPart, Scales, Term, per_part_term
 from flywheel.reports.diagnosis_page import diagnosis_page, forms, sentence
@@ -53,6 +60,24 @@ def test_friction_that_differs_from_cable_to_cable_is_one_effect(robot: Robot, s
     assert all(part.name in page for part in answer.by_part) and "log_factor" not in page
     read = Answer.of(found.summary()).chosen(None)[0].written().term(robot, NAMED)
     assert read.values == answer.term.values and isinstance(read.effect, PerPart)
+
+
+def test_sizes_that_gain_nothing_elsewhere_become_one_size(robot: Robot, seed: int) -> None:
+    hidden = of(robot, EFFECTS["cable_friction"], 4.0)
+    logs = [recorded(robot, (hidden,), seed + i) for i in range(2)]
+    heartbeat = Heartbeat(lambda note: None)
+    under_test = ModelUnderTest(Plant(robot), None, seed, heartbeat.again, Settings())
+    searched = _searched(under_test, logs, 0.4, candidates(robot, FEW), (), heartbeat)
+    search, last = searched.search, searched.models[-1].fit
+    (term,) = last.terms
+    uneven = per_part_term(term, robot, 0.5)
+    assert uneven is not None
+    fit = search.fit_until(search.fitter.with_terms(last, (uneven,)))
+    judged = judge(searched, [searched.models[0], search.score_all(fit)])
+    held_out = HeldOut(under_test, [recorded(robot, (hidden,), seed + 9)], search.fitter.windows)
+    (answer,) = without_unclear_factors(searched, judged, held_out).answer
+    assert isinstance(judged.answer[0].term.effect, PerPart) and not answer.by_part, seed
+    assert answer.term.values == pytest.approx(term.values, rel=0.02)
 
 
 def test_a_form_that_is_not_decided_is_said(robot: Robot, seed: int) -> None:
