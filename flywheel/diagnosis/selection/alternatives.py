@@ -93,9 +93,11 @@ def model_without(
 
 def refitted(search: Search, model: ScoredModel) -> ScoredModel:
     """A model that was given up when it was clearly not the best, fitted to its end; its scores stay."""
-    if model.fit.converged or not model.fit.terms:
+    if not model.fit.terms:
         return model
-    fitter, fit = search.fitter, search.fit_until(model.fit)
+    fitter, fit = search.fitter, search.settled(search.fit_until(model.fit))
+    if fit is model.fit:
+        return model
     jacobian = fitter.jacobian(fit)
     return replace(
         model, fit=fit, jacobian=jacobian, by_value=fitter.by_value(fit, fitter.free(fit.terms))

@@ -88,11 +88,15 @@ def in_other_forms(
 def _in_best_form(
     search: Search, model: ScoredModel, family: str, rivals: Sequence[Score]
 ) -> ScoredModel:
-    if max(each.score for each in (*model.scores, *model.probes)) < search.threshold:
-        return model  # nothing is seen beside it
-    best = min((model.fit, *_by_other_laws(search, model, family)), key=search.criterion)
-    if best is not model.fit:
-        model = search.score_all(best)
+    if not _seen_beside(search, model):
+        return model
+    even = [_Form(model.fit, family), *_by_other_laws(search, model, family)]
+    even += _rivals_in_place(search, model, family, rivals)
+    best = min(even, key=lambda each: search.criterion(each.fit))
+    if best.fit is not model.fit:
+        model, family = search.score_all(search.settled(best.fit)), best.family
+        if not _seen_beside(search, model):
+            return model
     uneven = _per_part(search, model, family)
     if uneven is None:
         return model
@@ -101,7 +105,12 @@ def _in_best_form(
     forms += [each for form in forms if (each := _at_one_part(search, form)) is not None]
     form = min(forms, key=lambda each: search.criterion(each.fit) + each.price)
     gained = search.criterion(model.fit) - search.criterion(form.fit) - form.price
-    return search.score_all(form.fit) if gained > search.threshold else model
+    return search.score_all(search.settled(form.fit)) if gained > search.threshold else model
+
+
+def _seen_beside(search: Search, model: ScoredModel) -> bool:
+    """Whether anything is seen beside what a model has."""
+    return max(each.score for each in (*model.scores, *model.probes)) >= search.threshold
 
 
 def _of_family(fit: Fit, family: str) -> Term:
@@ -109,7 +118,7 @@ def _of_family(fit: Fit, family: str) -> Term:
     return next(term for term in fit.terms if term.asked and term.effect.family == family)
 
 
-def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[Fit]:
+def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[_Form]:
     """The model with each other law of a family that explains something beside it, fitted."""
     fit, found = model.fit, []
     target, term = search.criterion(fit), _of_family(fit, family)
@@ -119,7 +128,28 @@ def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[Fit]
         if other and score.score >= search.threshold:
             search.progress(f"fitting {effect.name}")
             begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, score.candidate))
-            found.append(search.fit_until(begun, target))
+            found.append(_Form(search.fit_until(begun, target), family))
+    return found
+
+
+def _rivals_in_place(
+    search: Search, model: ScoredModel, family: str, rivals: Sequence[Score]
+) -> list[_Form]:
+    """The model with each rival that is seen beside an effect in its place, fitted.
+
+    For a robot as built: what its numbers make up for was compared by sensitivities that were those of
+    another place.
+    """
+    fit, found = model.fit, []
+    if fit.kept is None:
+        return []
+    target, term = search.criterion(fit), _of_family(fit, family)
+    seen = {s.candidate.label for s in model.scores if s.score >= search.threshold}
+    for candidate in (rival.candidate for rival in rivals):
+        if candidate.effect.family != family and candidate.label in seen:
+            search.progress(f"fitting {candidate.label} in the place of {term.effect.name}")
+            begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
+            found.append(_Form(search.fit_until(begun, target), candidate.effect.family))
     return found
 
 

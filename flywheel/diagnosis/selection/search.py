@@ -103,6 +103,20 @@ class Search:
                 break
         return fit
 
+    def settled(self, fit: Fit) -> Fit:
+        """A fit whose kept sensitivities are those where it is.
+
+        What others leave would be seen as an effect.
+        """
+        for _ in range(self.fitter.settings.stopping.rounds):
+            if fit.kept is None:
+                break
+            before, anew = fit, replace(self.fitter.kept_anew(fit), converged=False)
+            fit = self.fit_until(anew)
+            if before.cost - fit.cost < self.threshold:
+                break
+        return fit
+
     def warm_start(self, model: ScoredModel, terms: Terms) -> Fit:
         """A model with other terms, before anything else is fitted to them.
 

@@ -134,9 +134,7 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
     same = places(better.terms) == places(last.fit.terms)
     if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
         models.pop()
-    if better.kept is not None:
-        better = search.fit_until(replace(search.fitter.kept_anew(better), converged=False))
-    model = search.score_all(better)
+    model = search.score_all(search.settled(better))
     shortlist = search.shortlist(last)[: settings.forms.rivals + 1]
     return search, [*models, in_other_forms(search, last, model, shortlist)], True
 
@@ -224,6 +222,8 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
         proposals += promising_pairs(model.test, model.scores, search.threshold, settings.pairs)
     begun = [search.warm_start(model, (*model.fit.terms, *terms)) for terms in proposals]
     fits = [_after_a_round(search, fit) for fit in deduplicated(begun)]
+    if model.fit.kept is not None:
+        fits = _with_sensitivities_of_best(search, fits)
     stopping = fitter.settings.stopping
     last = settings.max_rounds_to_target_of_last
     max_rounds = stopping.max_rounds_to_target if room > 1 else last
@@ -236,6 +236,15 @@ def _after_a_round(search: Search, fit: Fit) -> Fit:
     names = dict.fromkeys(term.effect.name for term in asked(fit.terms))
     search.progress(f"fitting {', '.join(names)}")
     return search.fitter.fit(fit, search.fitter.free(fit.terms), rounds=1)
+
+
+def _with_sensitivities_of_best(search: Search, fits: Sequence[Fit]) -> list[Fit]:
+    """Fits that keep what numbers of the robot change where the best of them is, and not where all began."""
+    kept = search.fitter.kept_anew(min(fits, key=search.criterion)).kept
+    return [
+        replace(fit, cache=replace(search.fitter.renewed(fit), kept=kept), converged=False)
+        for fit in fits
+    ]
 
 
 def _fitted_in_turn(

@@ -9,6 +9,13 @@ import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.adoption import adoptable
+from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.model import ModelUnderTest
+from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
+from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.forms import in_other_forms
+from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.search import Search
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
 from flywheel.errors import DataError
@@ -73,3 +80,44 @@ def test_a_robot_that_is_right_otherwise_is_answered_without_them(robot: Robot) 
     assert found.as_built is None
     ((effect,),) = found.answers
     assert effect.effect == "weak_cable"
+
+
+@pytest.fixture(scope="module")
+def begun(robot: Robot) -> tuple[Search, ScoredModel]:
+    """A search where numbers are off and capstan friction is missing; with the numbers, not fitted yet."""
+    hidden = hidden_effect("capstan").typical(robot, np.random.default_rng(0)).scaled(8.0)
+    numbers = AsBuilt.typical(robot, np.random.default_rng(5)).scaled(2.0)
+    (log,) = logs_of(robot, (numbers, hidden))[:1]
+    fitter, first = ModelUnderTest(Plant(robot), None, 0).fitted([log])
+    library = candidates(robot, {name: EFFECTS[name] for name in ("cable_friction", "capstan")})
+    search = Search(fitter, library, threshold=25.0, as_built=as_built_terms(robot))
+    fit = fitter.keeping(fitter.with_terms(first, search.as_built), search.as_built)
+    return search, search.score_all(fit)
+
+
+def test_sensitivities_that_are_kept_become_those_of_where_the_fit_is(
+    begun: tuple[Search, ScoredModel],
+) -> None:
+    search, model = begun
+
+    def off(fit: Fit) -> float:
+        kept, anew = fit.kept, search.fitter.kept_anew(fit).kept
+        assert kept is not None and anew is not None
+        return float(np.linalg.norm(kept.columns - anew.columns) / np.linalg.norm(anew.columns))
+
+    fit = search.fit_until(model.fit)
+    settled = search.settled(fit)
+    assert off(settled) < 0.3 * off(fit)
+    assert settled.cost <= fit.cost
+
+
+def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, ScoredModel]) -> None:
+    search, model = begun
+    friction = next(s for s in model.scores if s.candidate.label == "cable_friction")
+    term = friction.candidate.term(friction.sizes, friction.shape)
+    fit = search.fitter.with_terms(model.fit, (*model.fit.terms, term))
+    wrong = search.score_all(search.settled(search.fit_until(fit)))
+    right = in_other_forms(search, model, wrong, model.scores).fit
+    (found,) = asked(right.terms)
+    assert found.effect.name == "capstan"
+    assert search.criterion(right) < search.criterion(wrong.fit) - search.threshold
