@@ -222,21 +222,26 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
     """An answer with what it gains on windows that it was not fitted to.
 
     Where the model is known to be wrong, the likelihood promises too much: an effect that does not clearly
-    gain anything there is no part of the answer.
+    gain anything there is no part of the answer. Nor is one that numbers of a robot as built make up for.
     """
     search = searched.search
     unseen = UnseenWindows(search.fitter, judged.models[0], held_out)
     while new := added(judged.models):
         last, known = judged.models[-1], (*judged.models, *judged.shorter)
-        doubted = last.fit.kept is not None or judged.verdict in UNEXPLAINED
+        doubted, built = judged.verdict in UNEXPLAINED, last.fit.kept is not None
         groups = [*([term] for term in new), *([new] if len(new) > 1 else [])]
         less = [model_without(search, known, last.fit, terms) for terms in groups]
-        if doubted:  # compared with one that was given up early, every effect would gain
+        if doubted or built:  # compared with one that was given up early, every effect would gain
             less = [refitted(search, model) for model in less]
         shorter, bare = less[: len(new)], less[-1]
         gains = [unseen.gain(model, last) for model in shorter]
-        unclear = [each for each in zip(gains, shorter, strict=True) if not each[0].clear]
-        if not (doubted and unclear):
+        unclear = [
+            (gain, model)
+            for gain, model, term in zip(gains, shorter, new, strict=True)
+            if (doubted and not gain.clear)
+            or (built and search.share(last.fit, model.fit, term) < 1.0)
+        ]
+        if not unclear:
             return _with_gain(searched, judged, gains, unseen.gain_of_all(bare, last))
         _, model = min(unclear, key=lambda each: each[0].low)
         models = [*_before(judged.models, model.fit), model]

@@ -95,7 +95,8 @@ def refitted(search: Search, model: ScoredModel) -> ScoredModel:
     """A model that was given up when it was clearly not the best, fitted to its end; its scores stay."""
     if not model.fit.terms:
         return model
-    fitter, fit = search.fitter, search.settled(search.fit_until(model.fit))
+    fitter, built = search.fitter, model.fit.kept is not None
+    fit = search.settled(model.fit) if built else search.fit_until(model.fit)
     if fit is model.fit:
         return model
     jacobian = fitter.jacobian(fit)

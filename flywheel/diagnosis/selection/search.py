@@ -108,11 +108,11 @@ class Search:
 
         What others leave would be seen as an effect.
         """
+        free = self.fitter.free(fit.terms)
         for _ in range(self.fitter.settings.stopping.rounds):
             if fit.kept is None:
                 break
-            before, anew = fit, replace(self.fitter.kept_anew(fit), converged=False)
-            fit = self.fit_until(anew)
+            before, fit = fit, self.fitter.fit(self.fitter.kept_anew(fit), free, rounds=1)
             if before.cost - fit.cost < self.threshold:
                 break
         return fit

@@ -150,17 +150,19 @@ def test_a_shortened_answer_loses_what_is_not_shown_in_it(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize(
-    ("verdict", "kept", "left"),
+    ("verdict", "kept", "share", "left"),
     [
-        (Verdict.PARTIAL, False, ["a"]),
-        (Verdict.EFFECT, True, ["a"]),
-        (Verdict.EFFECT, False, ["a", "b"]),
+        (Verdict.PARTIAL, False, 9.0, ["a"]),
+        (Verdict.PARTIAL, True, 9.0, ["a"]),
+        (Verdict.EFFECT, True, 9.0, ["a", "b"]),
+        (Verdict.EFFECT, True, 0.9, ["a"]),  # numbers of a robot as built make up for it
+        (Verdict.EFFECT, False, 0.9, ["a", "b"]),  # that was asked before
     ],
 )
 def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere(
-    monkeypatch: pytest.MonkeyPatch, verdict: Verdict, kept: bool, left: list[str]
+    monkeypatch: pytest.MonkeyPatch, verdict: Verdict, kept: bool, share: float, left: list[str]
 ) -> None:
-    """Of two, b gains nothing on windows that were not fitted."""
+    """Of two, b gains nothing on windows that were not fitted, and explains a share of what counts."""
     terms = {
         "a": Term(EFFECTS["winch_gain"], None, (0.1,)),
         "b": Term(EFFECTS["cable_friction"], None, (0.1,)),
@@ -188,9 +190,13 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
     monkeypatch.setattr(conclusion, "UnseenWindows", Unseen)
     monkeypatch.setattr(conclusion, "judge", judge)
     monkeypatch.setattr(conclusion, "replace", _replaced)
-    searched: Any = SimpleNamespace(
-        search=SimpleNamespace(fitter=None), limits=SimpleNamespace(least_gain=0.1)
+    search = SimpleNamespace(
+        fitter=None,
+        settled=lambda fit: fit,
+        fit_until=lambda fit: fit,
+        share=lambda fit, less, term: share if term is terms["b"] else 9.0,
     )
+    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(least_gain=0.1))
     models = [model(), model("a"), model("a", "b")]
     begun = replace(judge(None, models), shorter=(model("b"),))
     judged = conclusion.with_gains(searched, begun, None)
