@@ -15,6 +15,7 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
+from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel, further_scores
 from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
@@ -105,7 +106,12 @@ def _in_best_form(
     forms += [each for form in forms if (each := _at_one_part(search, form)) is not None]
     form = min(forms, key=lambda each: search.criterion(each.fit) + each.price)
     gained = search.criterion(model.fit) - search.criterion(form.fit) - form.price
-    return search.score_all(search.settled(form.fit)) if gained > search.threshold else model
+    if gained <= search.threshold:
+        return model
+    numbers = promised_as_built(search, model)  # they differ from part to part, too
+    if numbers is not None and numbers.explained > gained:
+        return model
+    return search.score_all(search.settled(form.fit))
 
 
 def _seen_beside(search: Search, model: ScoredModel) -> bool:

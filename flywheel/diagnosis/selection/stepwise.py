@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-import numpy as np
+from scipy.stats import chi2
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Restart
 from flywheel.diagnosis.fitting.nuisance import asked
@@ -15,15 +15,13 @@ from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.heartbeat import Interrupted
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.diagnosis.selection.forms import in_other_forms, promised_per_part, proposed_forms
-from flywheel.diagnosis.selection.score_test import (
-    Projection,
-    ScoredModel,
-    promising_pairs,
-)
+from flywheel.diagnosis.selection.robot_as_built import promised_as_built
+from flywheel.diagnosis.selection.score_test import ScoredModel, promising_pairs
 from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.effects import Terms
 
+UNLIKELY = 1e-3  # of numbers that are right to explain so much
 SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
 
@@ -164,7 +162,11 @@ def _as_given(
         if gained < search.settings.makes_good * missing:
             return None
         model, room = alone.score_all(more), room - 1
-    return _forward(alone, model, first)
+    alone, models = _forward(alone, model, first)
+    # Numbers that are all right explain no more than so many values explain of noise.
+    numbers = sum(len(term.values) for term in search.as_built)
+    by_chance = float(chi2.isf(UNLIKELY, numbers))
+    return None if models[-1].fit.cost - last.fit.cost > by_chance else (alone, models)
 
 
 def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
@@ -172,27 +174,15 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
 
     Nor where the model has these numbers already, or they are not worth what they cost.
     """
-    fitter, fit = search.fitter, model.fit
-    if not search.as_built or fit.kept is not None or model.beyond_noise < search.threshold:
-        return None
-    begun = fitter.with_terms(fit, (*fit.terms, *search.as_built))
-    begun = fitter.keeping(begun, search.as_built)
-    free = [f for f in fitter.free(begun.terms) if f.term >= len(fit.terms)]
-    own = Projection.of(
-        fitter,
-        model.jacobian,
-        fitter.by_value(begun, free),
-        np.ones(len(fit.local)),
-        np.array([f.prior for f in free]),
-    )
-    whole, left = own.unknown(fit.residual[..., None]), own(fit.residual[..., None])
-    explained = float((whole**2).sum() - (left**2).sum()) - own.price
+    promise = promised_as_built(search, model)
     more, best = search.settings.pairs.more, max(score.statistic for score in model.scores)
-    if explained < max(search.threshold, more * best):
+    if promise is None or promise.explained < max(search.threshold, more * best):
         return None
-    if any(explained < more * promised_per_part(search, model, s) for s in search.shortlist(model)):
+    uneven = (promised_per_part(search, model, each) for each in search.shortlist(model))
+    if any(promise.explained < more * explained for explained in uneven):
         return None
-    return search.score_all(begun, model.jacobian)  # effects of no size change nothing in it
+    # Effects of no size change nothing in the Jacobian.
+    return search.score_all(promise.begun, model.jacobian)
 
 
 def _with_other_values(search: Search, first: ScoredModel) -> Fit | None:
