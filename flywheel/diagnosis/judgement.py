@@ -33,7 +33,7 @@ from flywheel.diagnosis.selection.misspecification import (
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.settings import CheckSettings, Limits
-from flywheel.effects import PerPart, Term, Terms, at_same_size, taken_apart
+from flywheel.effects import PerPart, at_same_size, taken_apart
 
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
 # What is said where what is left counts as an error that any model has: it is left all the same.
@@ -160,22 +160,15 @@ def restarted(searched: Searched, judged: Judged, seed: int) -> Judged:
 def without_unclear_factors(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
     """With one size for all parts, where one for each gains nothing on windows it was not fitted to."""
     search, last = searched.search, judged.models[-1]
-    fitter, unseen = search.fitter, UnseenWindows(search.fitter, judged.models[0], held_out)
-    uneven = [term for term in added(judged.models) if isinstance(term.effect, PerPart)]
-    unclear: list[Term] = []
-    for term in uneven:
-        even = search.fit_until(fitter.with_terms(last.fit, _even(last.fit.terms, [term])))
-        if math.isfinite(even.cost) and not unseen.gain_of_all(search.score_all(even), last).clear:
-            unclear.append(term)
-    if not unclear:
-        return judged
-    fit = search.fit_until(fitter.with_terms(last.fit, _even(last.fit.terms, unclear)))
-    return judge(searched, [*_before(judged.models, fit), search.score_all(fit)])
-
-
-def _even(terms: Terms, uneven: Sequence[Term]) -> Terms:
-    """Terms with one size for all parts in the place of some of them."""
-    return tuple(at_same_size(term) if term in uneven else term for term in terms)
+    unseen = UnseenWindows(search.fitter, judged.models[0], held_out)
+    for uneven in (t for t in added(judged.models) if isinstance(t.effect, PerPart)):
+        terms = tuple(at_same_size(t) if t is uneven else t for t in last.fit.terms)
+        fit = search.fit_until(search.fitter.with_terms(last.fit, terms))
+        even = search.score_all(fit)
+        if math.isfinite(fit.cost) and not unseen.gain_of_all(even, last).clear:
+            judged = judge(searched, [*_before(judged.models, fit), even])
+            return without_unclear_factors(searched, judged, held_out)
+    return judged
 
 
 def with_alternatives(searched: Searched, judged: Judged) -> Judged:

@@ -126,15 +126,12 @@ def _of_family(fit: Fit, family: str) -> Term:
 
 def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[_Form]:
     """The model with each other law of a family that explains something beside it, fitted."""
-    fit, found = model.fit, []
-    target, term = search.criterion(fit), _of_family(fit, family)
+    found, term = [], _of_family(model.fit, family)
     for score in model.probes:
         effect = score.candidate.effect
         other = effect.family == family and effect.name != term.effect.name
         if other and score.score >= search.threshold:
-            search.progress(f"fitting {effect.name}")
-            begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, score.candidate))
-            found.append(_Form(search.fit_until(begun, target), family))
+            found.append(_fitted_in_place(search, model.fit, term, score.candidate))
     return found
 
 
@@ -146,17 +143,21 @@ def _rivals_in_place(
     For a robot as built: what its numbers make up for was compared by sensitivities that were those of
     another place.
     """
-    fit, found = model.fit, []
-    if fit.kept is None:
+    if model.fit.kept is None:
         return []
-    target, term = search.criterion(fit), _of_family(fit, family)
+    found, term = [], _of_family(model.fit, family)
     seen = {s.candidate.label for s in model.scores if s.score >= search.threshold}
     for candidate in (rival.candidate for rival in rivals):
         if candidate.effect.family != family and candidate.label in seen:
-            search.progress(f"fitting {candidate.label} in the place of {term.effect.name}")
-            begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
-            found.append(_Form(search.fit_until(begun, target), candidate.effect.family))
+            found.append(_fitted_in_place(search, model.fit, term, candidate))
     return found
+
+
+def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> _Form:
+    """A fit with a candidate in the place of a term, fitted for as long as it may become better."""
+    search.progress(f"fitting {candidate.label} in the place of {term.effect.name}")
+    begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
+    return _Form(search.fit_until(begun, search.criterion(fit)), candidate.effect.family)
 
 
 def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Terms:
