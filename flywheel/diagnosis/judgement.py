@@ -33,7 +33,7 @@ from flywheel.diagnosis.selection.misspecification import (
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.diagnosis.settings import CheckSettings, Limits
-from flywheel.effects import PerPart, at_same_size, taken_apart
+from flywheel.effects import PerPart, Term, at_same_size, taken_apart
 
 EXPLAINED = (Verdict.EFFECT, Verdict.PARTIAL)
 # What is said where what is left counts as an error that any model has: it is left all the same.
@@ -226,6 +226,9 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
         less = [model_without(search, known, last.fit, terms) for terms in groups]
         if doubted or built:  # compared with one that was given up early, every effect would gain
             less = [refitted(search, model) for model in less]
+        if built and (better := _from_shorter(search, last.fit, less, groups)):
+            judged = judge(searched, [*judged.models[:-1], search.score_all(better)])
+            continue
         shorter, bare = less[: len(new)], less[-1]
         gains = [unseen.gain(model, last) for model in shorter]
         unclear = [
@@ -240,6 +243,21 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
         models = [*_before(judged.models, model.fit), model]
         judged = replace(judge(searched, models), shorter=tuple(shorter))
     return judged
+
+
+def _from_shorter(
+    search: Search, fit: Fit, less: Sequence[ScoredModel], groups: Sequence[Sequence[Term]]
+) -> Fit | None:
+    """A fit that begins where one without some of its terms ended clearly better; None if none did.
+
+    Nothing costs less without an effect: it only ended in another minimum.
+    """
+    shorter, terms = min(zip(less, groups, strict=True), key=lambda each: each[0].fit.cost)
+    if shorter.fit.cost > fit.cost - search.threshold:
+        return None
+    begun = search.warm_start(shorter, (*shorter.fit.terms, *terms))
+    found = search.settled(search.fit_until(begun))
+    return found if found.cost < fit.cost - search.threshold else None
 
 
 def _with_gain(searched: Searched, judged: Judged, gains: Sequence[Gain], together: Gain) -> Judged:

@@ -88,8 +88,9 @@ class LeastSquaresSettings:
       max_damping_with_new_jacobian: of a window's own step.
       damping_multipliers: times the damping that suited a window's last step, all of which are tried.
       steps: taken with one Jacobian.
-      reuse_sensitivities_from: number of shared parameters from which their sensitivities, too, are kept
-        for all these steps: simulating them costs the most then.
+      reuse_sensitivities_from: number of shared parameters from which they are many: their sensitivities,
+        too, are kept for all these steps, since simulating them costs the most then, and of the dampings the
+        best is taken.
       prediction_error_tolerance: error of a window's predicted change, relative to the change, above which
         its Jacobian is stale.
       negligible_prediction_error: square of such an error that never matters [sigma^2].

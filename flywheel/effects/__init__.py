@@ -4,7 +4,7 @@ A new one is a class in the file of its family, and one line in `EFFECTS`; the c
 """
 
 from flywheel.effects.adopted import AdoptedPlant
-from flywheel.effects.as_built import AsBuilt, Part, taken_apart, together
+from flywheel.effects.as_built import AsBuilt, Part, handed_back, handed_over, taken_apart, together
 from flywheel.effects.body_effects import AirDrag, BodyMass, Payload
 from flywheel.effects.build_effects import (
     CableEnd,
@@ -143,6 +143,8 @@ __all__ = [
     "alike",
     "at_largest_part",
     "at_same_size",
+    "handed_back",
+    "handed_over",
     "parts_of",
     "per_part_term",
     "place_name",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -87,6 +87,58 @@ def taken_apart(terms: Terms) -> Terms:
     for term in terms:
         found += term.effect.apart(term) if isinstance(term.effect, AsBuilt) else [term]
     return tuple(found)
+
+
+def handed_over(terms: Terms) -> Terms:
+    """Terms in which effects that are asked about have what numbers of a robot as built say at their place.
+
+    The numbers say nothing there then: of the effect nothing is known beforehand, so that it need not be near
+    zero. Sizes that cannot be negative stay.
+    """
+    for term in terms:
+        said = _said(terms, term)
+        if term.asked and said and not any(size.one_sided for size in term.effect.sizes):
+            terms = tuple(_larger(t, said) if t is term else t for t in _saying(terms, term, ()))
+    return terms
+
+
+def handed_back(terms: Terms, term: Term) -> Terms:
+    """Terms without one of them; what it said is said by numbers of a robot as built at its place."""
+    rest = tuple(each for each in terms if each is not term)
+    said = _said(rest, term)
+    return _saying(rest, term, _larger(term, said).values[: len(said)]) if said else rest
+
+
+def _is_number_of(part: Term, term: Term) -> bool:
+    """Whether a part of a robot as built is what a term asks about."""
+    return not part.asked and (part.effect.name, part.place) == (term.effect.name, term.place)
+
+
+def _said(terms: Terms, term: Term) -> tuple[float, ...]:
+    """What numbers of a robot as built say at the place of a term; nothing where there are none."""
+    parts = (part for part in taken_apart(terms) if _is_number_of(part, term))
+    return next((part.values for part in parts), ())
+
+
+def _saying(terms: Terms, term: Term, said: tuple[float, ...]) -> Terms:
+    """Terms whose numbers at the place of a term are as `said`, or zero."""
+    found: list[Term] = []
+    for each in terms:
+        parts = [
+            replace(part, values=said or (0.0,) * len(part.values))
+            if _is_number_of(part, term)
+            else part
+            for part in taken_apart((each,))
+        ]
+        values = tuple(value for part in parts for value in part.values)
+        found.append(each if values == each.values else replace(each, values=values))
+    return tuple(found)
+
+
+def _larger(term: Term, more: tuple[float, ...]) -> Term:
+    """A term with larger sizes."""
+    sizes, shapes = term.values[: len(more)], term.values[len(more) :]
+    return replace(term, values=(*(s + m for s, m in zip(sizes, more, strict=True)), *shapes))
 
 
 def together(robot: Robot, parts: Sequence[Part]) -> Terms:

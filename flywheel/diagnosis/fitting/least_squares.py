@@ -410,8 +410,8 @@ class Fitter(ABC):
     def _step(self, fit: Fit, free: Sequence[FreeParameter], by_value: Floats) -> Fit | None:
         """One step of all parameters; None if none makes the cost fall.
 
-        The shared ones take one common step, as little damped as will do; each window then takes what
-        suits it.
+        The shared ones take one common step, as little damped as will do, or, where they are many, as suits
+        them best: long steps of many lead to poor minima. Each window then takes what suits it.
         """
         assert fit.cache is not None
         settings = self.settings.least_squares
@@ -423,6 +423,7 @@ class Fitter(ABC):
         bounds = np.concatenate(
             [bounds, np.reshape([f.room(fit.terms) for f in free], (-1, 2)).T], 1
         )
+        best, many = None, len(free) >= settings.reuse_sensitivities_from
         for index in cache.tried(len(settings.shared_damping)):
             step = damped_step(matrix, right, settings.shared_damping[index], bounds)
             winch = winches + step[: winches.size].reshape(winches.shape)
@@ -433,12 +434,16 @@ class Fitter(ABC):
             after = self.stepped(fit, cache, left, winch, terms)
             assert after.cache is not None
             cache = replace(cache, damping=after.cache.damping)
+            if best is not None and after.cost >= best.cost:
+                break
             if after.cost < fit.cost:
                 own = np.einsum("kdx,kx->kd", jacobian.by_local, after.local - fit.local)
                 went = replace(cache, shared_damping=index, untried=False)
                 stale = _mispredicted(fit.residual, left - own, after.residual, settings)
-                return replace(after, cache=went.outdated(stale))
-        return None
+                best = replace(after, cache=went.outdated(stale))
+                if not many:
+                    break
+        return best
 
     def _shared_equations(
         self, fit: Fit, jacobian: Jacobian, shared: Floats, free: Sequence[FreeParameter]

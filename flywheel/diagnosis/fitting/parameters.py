@@ -8,7 +8,7 @@ from math import inf
 import numpy as np
 
 from flywheel.diagnosis.settings import JacobianSettings
-from flywheel.effects import Parameter, Scales, Terms
+from flywheel.effects import Parameter, Scales, Terms, taken_apart
 
 Key = tuple[str, int | None, int]
 
@@ -59,7 +59,7 @@ class FreeParameter:
     def step_from(self, terms: Terms) -> float:
         """Units of a finite difference: backwards where a bound is in the way, less between narrow ones."""
         down, up = self.room(terms)
-        if up >= self.step:
+        if up >= self.step or down == up:
             return self.step
         return max(down, -self.step) if -down > up else up
 
@@ -67,12 +67,22 @@ class FreeParameter:
 def free_parameters(
     terms: Terms, scales: Scales, settings: JacobianSettings = JacobianSettings()
 ) -> list[FreeParameter]:
-    """All values of all terms: sizes, then shapes, term by term."""
-    return [
-        _free(number, index, parameter, term.known[index] if term.known else inf, scales, settings)
-        for number, term in enumerate(terms)
-        for index, parameter in enumerate(term.effect.parameters)
-    ]
+    """All values of all terms: sizes, then shapes, term by term.
+
+    Numbers of a robot as built at whose place an effect is asked about stay zero: they are the same thing,
+    and of the effect nothing is known that could hold it back.
+    """
+    asked = {(term.effect.name, term.place) for term in terms if term.asked}
+    found = []
+    for number, term in enumerate(terms):
+        parts = [part for part in taken_apart((term,)) for _ in part.values]
+        for index, (parameter, part) in enumerate(zip(term.effect.parameters, parts, strict=True)):
+            deviation = term.known[index] if term.known else inf
+            value = _free(number, index, parameter, deviation, scales, settings)
+            if not part.asked and (part.effect.name, part.place) in asked:
+                value = replace(value, low=0.0, high=0.0)
+            found.append(value)
+    return found
 
 
 def _free(

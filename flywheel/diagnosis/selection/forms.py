@@ -14,16 +14,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
 from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel, further_scores
 from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
+    PerPart,
     Term,
     Terms,
     acts_on_same_parts,
     alike,
     at_largest_part,
+    at_same_size,
     parts_of,
     per_part_term,
     with_shares,
@@ -83,6 +86,24 @@ def in_other_forms(
     new = {family for family, _ in families(model.fit.terms)}
     for family in sorted(new - had):
         model = _in_best_form(search, model, family, rivals)
+    return model
+
+
+def with_even_sizes(search: Search, model: ScoredModel) -> ScoredModel:
+    """A model of a robot as built in which sizes for each part are one, where that explains nearly as much.
+
+    They were fitted before the numbers were, for which they may have made up.
+    """
+    for term in model.fit.terms:
+        if isinstance(term.effect, PerPart) and model.fit.kept is not None:
+            even = tuple(at_same_size(t) if t is term else t for t in model.fit.terms)
+            begun = search.fitter.with_terms(model.fit, as_said(even))
+            search.progress(f"fitting {term.effect.name} of one size beside numbers as built")
+            fit = search.settled(search.effects_first(begun))
+            less, terms = search.score_all(fit), (*without(model.fit.terms, term), term)
+            _, price = _explained(search.fitter, less, terms, term)
+            if search.criterion(fit) - search.criterion(model.fit) - price <= search.threshold:
+                model = less
     return model
 
 

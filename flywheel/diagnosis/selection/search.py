@@ -15,7 +15,7 @@ from flywheel.diagnosis.heartbeat import never
 from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, chance, score_test
 from flywheel.diagnosis.settings import SelectionSettings
-from flywheel.effects import Term, Terms
+from flywheel.effects import Term, Terms, handed_back, handed_over
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,15 @@ class Search:
                 break
         return fit
 
+    def effects_first(self, fit: Fit) -> Fit:
+        """A fit of effects and initial states alone, whose numbers of a robot as built stay where they are.
+
+        So many numbers would make up for an effect that is not fitted yet, and hardly find back.
+        """
+        effects = [each for each in self.fitter.free(fit.terms) if fit.terms[each.term].asked]
+        fit = self.fitter.fit(fit, effects, enough=self.fitter.worthwhile(fit))
+        return replace(fit, converged=False)
+
     def settled(self, fit: Fit) -> Fit:
         """A fit whose kept sensitivities are those where it is.
 
@@ -123,6 +132,7 @@ class Search:
         Its initial states are the model's, or as first estimated. What is not known exactly begins where it
         is, or as it was said: what made up for a wrong model may be far off, and hardly finds back.
         """
+        terms = handed_over(terms)
         free = self.fitter.free(terms)
         begun = (
             self.fitter.warm_start(model.fit, each, free)
@@ -135,9 +145,17 @@ class Search:
         elsewhere = restarted(self.fitter, fit)
         return fit if elsewhere is fit else self.fit_until(elsewhere)
 
+    def begun_without(self, fit: Fit, term: Term) -> Fit:
+        """A fit without a term, before anything is fitted: numbers of the same thing make up for it."""
+        terms = handed_back(fit.terms, term)
+        if fit.kept is not None:
+            for value in self.fitter.free(terms):
+                terms = value.moved(terms, 0.0)  # within its bounds
+        return self.fitter.with_terms(fit, terms)
+
     def without_term(self, fit: Fit, term: Term) -> Fit:
         """A fit without a term, fitted anew."""
-        return self.fit_until(self.fitter.with_terms(fit, without(fit.terms, term)))
+        return self.fit_until(self.begun_without(fit, term))
 
     def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
         """A fit without a term, as far as that may be as good.
@@ -147,7 +165,7 @@ class Search:
           term: to be left out.
           others: further models; one of them may know better initial states.
         """
-        less = self.fitter.with_terms(fit, without(fit.terms, term))
+        less = self.begun_without(fit, term)
         for other in others:
             if places(other.terms) == places(less.terms):  # fitted, but maybe in other time steps
                 again = self.fitter.with_terms(other, other.terms)

@@ -14,7 +14,12 @@ from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.heartbeat import Interrupted
 from flywheel.diagnosis.selection.candidates import places
-from flywheel.diagnosis.selection.forms import in_other_forms, promised_per_part, proposed_forms
+from flywheel.diagnosis.selection.forms import (
+    in_other_forms,
+    promised_per_part,
+    proposed_forms,
+    with_even_sizes,
+)
 from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import ScoredModel, promising_pairs
 from flywheel.diagnosis.selection.screening import screened
@@ -133,6 +138,8 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
     if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
         models.pop()
     model = search.score_all(search.settled(better))
+    if built:
+        model = with_even_sizes(search, model)
     shortlist = search.shortlist(last)[: settings.forms.rivals + 1]
     return search, [*models, in_other_forms(search, last, model, shortlist)], True
 
@@ -211,7 +218,10 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
     if room > 1:
         proposals += promising_pairs(model.test, model.scores, search.threshold, settings.pairs)
     begun = [search.warm_start(model, (*model.fit.terms, *terms)) for terms in proposals]
-    fits = [_after_a_round(search, fit) for fit in deduplicated(begun)]
+    begun = deduplicated(begun)
+    if model.fit.kept is not None:
+        begun = _with_sensitivities_of_best(search, [search.effects_first(fit) for fit in begun])
+    fits = [_after_a_round(search, fit) for fit in begun]
     if model.fit.kept is not None:
         fits = _with_sensitivities_of_best(search, fits)
     stopping = fitter.settings.stopping

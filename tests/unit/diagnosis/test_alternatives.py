@@ -170,7 +170,7 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
 
     def model(*names: str) -> Any:
         fit = SimpleNamespace(
-            terms=tuple(terms[n] for n in names), kept=kept or None, converged=True
+            terms=tuple(terms[n] for n in names), kept=kept or None, converged=True, cost=0.0
         )
         return SimpleNamespace(fit=fit, names=set(names))
 
@@ -192,6 +192,7 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
     monkeypatch.setattr(conclusion, "replace", _replaced)
     search = SimpleNamespace(
         fitter=None,
+        threshold=25.0,
         settled=lambda fit: fit,
         fit_until=lambda fit: fit,
         share=lambda fit, less, term: share if term is terms["b"] else 9.0,
@@ -204,6 +205,28 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
     assert all(each.gain is not None for each in judged.answer)
     assert judged.gain is not None
     assert judged.gain.clear == (left == ["a"])  # of both together, this double says that of b
+
+
+@pytest.mark.parametrize(("less", "ends"), [(60.0, 50.0), (90.0, None), (60.0, 80.0)])
+def test_a_model_that_costs_more_than_one_without_an_effect_begins_where_that_ended(
+    less: float, ends: float | None
+) -> None:
+    """One that costs 100 begins anew where one without its effect clearly ended lower; so it has to end."""
+    term = Term(EFFECTS["winch_gain"], None, (0.1,))
+    begun: list[Any] = []
+
+    def warm_start(model: Any, terms: Any) -> Any:
+        begun.append((model, terms))
+        return SimpleNamespace(cost=ends)
+
+    search: Any = SimpleNamespace(
+        threshold=25.0, warm_start=warm_start, fit_until=lambda fit: fit, settled=lambda fit: fit
+    )
+    shorter: Any = SimpleNamespace(fit=SimpleNamespace(terms=(), cost=less))
+    fit: Any = SimpleNamespace(terms=(term,), cost=100.0)
+    found = conclusion._from_shorter(search, fit, [shorter], [[term]])
+    assert begun == ([] if ends is None else [(shorter, (term,))])
+    assert (found.cost if found else None) == (50.0 if ends == 50.0 else None)
 
 
 def _replaced(record: Any, **changes: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,11 +14,11 @@ from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.forms import in_other_forms
+from flywheel.diagnosis.selection.forms import in_other_forms, with_even_sizes
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS
+from flywheel.effects import EFFECTS, PerPart, Term, per_part_term, taken_apart
 from flywheel.errors import DataError
 from flywheel.records import Trajectory
 from flywheel.reports.diagnosis_page import as_built, diagnosis_page, sentence
@@ -121,3 +122,59 @@ def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, Sco
     (found,) = asked(right.terms)
     assert found.effect.name == "capstan"
     assert search.criterion(right) < search.criterion(wrong.fit) - search.threshold
+
+
+def with_effect(search: Search, model: ScoredModel, name: str) -> Fit:
+    """A model and an effect as large as its score says, before anything is fitted."""
+    score = next(s for s in model.scores if s.candidate.label == name)
+    term = score.candidate.term(score.sizes, score.shape)
+    return search.fitter.with_terms(model.fit, (*model.fit.terms, term))
+
+
+def test_an_effect_is_fitted_before_numbers_may_make_up_for_it(
+    begun: tuple[Search, ScoredModel],
+) -> None:
+    search, model = begun
+    fit = with_effect(search, model, "capstan")
+    found = search.effects_first(fit)
+    (before,), (after,) = asked(fit.terms), asked(found.terms)
+    assert after.values != before.values
+    assert not any(v for t in found.terms if t is not after for v in t.values)
+    assert found.cost < fit.cost
+    assert not found.converged  # the numbers are yet to come
+    assert found.kept is not None
+
+
+def test_what_an_effect_said_is_said_by_its_number_within_what_is_believed(
+    begun: tuple[Search, ScoredModel],
+) -> None:
+    search, model = begun
+    weak = Term(EFFECTS["weak_cable"], 1, (0.6,))
+    fit = search.fitter.with_terms(model.fit, (*model.fit.terms, weak))
+    free = [f for f in search.fitter.free(fit.terms) if not any(f.room(fit.terms))]
+    assert len(free) == 1  # its number says nothing beside it
+    less = search.begun_without(fit, weak)
+    assert not asked(less.terms)
+    number = next(
+        t for t in taken_apart(less.terms) if t.effect.name == "weak_cable" and t.place == 1
+    )
+    assert number.values[0] == pytest.approx(search.fitter.settings.jacobian.believed * 0.08)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_sizes_for_each_cable_become_one_where_numbers_explain_what_they_did(
+    robot: Robot, begun: tuple[Search, ScoredModel], uneven: bool
+) -> None:
+    search, model = begun
+    fit = search.fitter.with_terms(model.fit, with_effect(search, model, "capstan").terms)
+    (term,) = asked(fit.terms)
+    sizes = per_part_term(term, robot, 0.5)
+    assert sizes is not None
+    terms = tuple(sizes if each is term else each for each in fit.terms)
+    each = search.score_all(
+        search.settled(search.effects_first(search.fitter.with_terms(fit, terms)))
+    )
+    if uneven:  # as if sizes for each cable explained a great deal
+        each = replace(each, fit=replace(each.fit, cost=0.5 * each.fit.cost))
+    (found,) = asked(with_even_sizes(search, each).fit.terms)
+    assert isinstance(found.effect, PerPart) == uneven

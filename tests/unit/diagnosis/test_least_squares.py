@@ -53,6 +53,28 @@ def test_sensitivities_to_many_values_are_kept_until_the_next_jacobian(
     assert after.cost < begun.cost, seed
 
 
+@pytest.mark.parametrize(("many", "taken"), [(1, 80.0), (9, 90.0)])
+def test_many_values_take_the_step_that_suits_them_best_and_few_the_first_that_does(
+    fitter: PlantFitter, monkeypatch, many: int, taken: float
+) -> None:
+    few = replace(
+        fitter.settings, least_squares=LeastSquaresSettings(reuse_sensitivities_from=many)
+    )
+    fitter = PlantFitter(fitter.simulator, fitter.first, few)
+    begun = fitter.first_estimate((Term(EFFECTS["winch_gain"], None, (0.1,)),))
+    begun = replace(begun, cache=fitter.cached(fitter.jacobian(begun)), cost=100.0)
+    costs = iter([110.0, 90.0, 80.0, 85.0, 10.0])  # from the least damped on
+
+    def stepped(fit: Fit, cache: JacobianCache, *_) -> Fit:
+        return replace(fit, cost=next(costs), cache=cache)
+
+    monkeypatch.setattr(fitter, "stepped", stepped)
+    free = fitter.free(begun.terms)
+    after = fitter._step(begun, free, fitter.by_value(begun, free))
+    assert after is not None
+    assert after.cost == taken
+
+
 def test_what_was_moved_is_what_lies_between(fitter: PlantFitter, seed: int) -> None:
     rng = np.random.default_rng(seed)
     position, velocity = rng.normal(0, 0.3, (2, len(fitter.first.qpos), fitter.first.qvel.shape[1]))

@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flywheel.diagnosis.fitting.nuisance import as_built_terms
+from flywheel.diagnosis.fitting.parameters import free_parameters
 from flywheel.dynamics.plant import AugmentedPlant, Plant, PlantParameters
-from flywheel.effects import NAMED, AsBuilt, Part, Term, Terms, taken_apart, together
+from flywheel.effects import (
+    NAMED,
+    AsBuilt,
+    Part,
+    Scales,
+    Term,
+    Terms,
+    handed_back,
+    handed_over,
+    taken_apart,
+    together,
+)
 from flywheel.effects.effect import parts_of
 from flywheel.records import Floats, State
 from flywheel.robots import Robot, load_robot
@@ -147,3 +161,24 @@ def test_a_number_stays_within_the_bounds_of_its_effect() -> None:
     (size,) = term.effect.sizes
     assert size.low * 0.4 == pytest.approx(-0.5)
     assert size.high == 10.0  # standard deviations
+
+
+def test_an_effect_and_a_number_of_its_place_say_the_same() -> None:
+    robot = load_robot("prism3")
+    parts = [Part(NAMED["weak_cable"], place, 0.08) for place in (0, 1)]
+    (numbers,) = together(robot, [*parts, Part(NAMED["ground_friction"], None, 0.2)])
+    numbers = replace(numbers, values=(0.05, -0.02, 0.1))
+    weak = Term(NAMED["weak_cable"], 1, (0.4,))
+    creep = Term(NAMED["creep"], None, (0.1, 0.3))
+    left, larger, same = handed_over((numbers, weak, creep))
+    assert left.values == (0.05, 0.0, 0.1)
+    assert larger.values == (pytest.approx(0.38),)
+    assert same is creep
+    assert handed_back((left, larger), larger) == (replace(numbers, values=(0.05, 0.38, 0.1)),)
+    assert handed_back((numbers, creep), creep) == (numbers,)
+    known = replace(weak, known=(0.1,))  # a number itself
+    assert handed_over((numbers, known)) == (numbers, known)
+    room = [
+        value.room((left, larger)) for value in free_parameters((left, larger), Scales.of(robot))
+    ]
+    assert [high - low > 0.0 for low, high in room] == [True, False, True, True]
