@@ -4,7 +4,15 @@ A new one is a class in the file of its family, and one line in `EFFECTS`; the c
 """
 
 from flywheel.effects.adopted import AdoptedPlant
-from flywheel.effects.as_built import AsBuilt, Part, handed_back, handed_over, taken_apart, together
+from flywheel.effects.as_built import (
+    AsBuilt,
+    Part,
+    handed_back,
+    handed_over,
+    taken_apart,
+    together,
+    usual,
+)
 from flywheel.effects.body_effects import AirDrag, BodyMass, Payload
 from flywheel.effects.build_effects import (
     CableEnd,
@@ -150,5 +158,6 @@ __all__ = [
     "place_name",
     "taken_apart",
     "together",
+    "usual",
     "with_shares",
 ]

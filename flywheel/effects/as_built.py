@@ -109,6 +109,21 @@ def handed_back(terms: Terms, term: Term) -> Terms:
     return _saying(rest, term, _larger(term, said).values[: len(said)]) if said else rest
 
 
+def usual(term: Term, numbers: Terms, deviations: float) -> bool:
+    """Whether a term is no larger than a number of a robot as built may be off.
+
+    Args:
+      term: asked about.
+      numbers: of the robot.
+      deviations: standard deviations of a number that it may be off.
+    """
+    known = next((n.known for n in taken_apart(numbers) if _is_number_of(n, term)), ())
+    return bool(known) and all(
+        abs(size) <= deviations * known_to
+        for size, known_to in zip(term.values, known, strict=False)
+    )
+
+
 def _is_number_of(part: Term, term: Term) -> bool:
     """Whether a part of a robot as built is what a term asks about."""
     return not part.asked and (part.effect.name, part.place) == (term.effect.name, term.place)

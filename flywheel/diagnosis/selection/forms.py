@@ -127,12 +127,7 @@ def _in_best_form(
     forms += [each for form in forms if (each := _at_one_part(search, form)) is not None]
     form = min(forms, key=lambda each: search.criterion(each.fit) + each.price)
     gained = search.criterion(model.fit) - search.criterion(form.fit) - form.price
-    if gained <= search.threshold:
-        return model
-    numbers = promised_as_built(search, model)  # they differ from part to part, too
-    if numbers is not None and numbers.explained > gained:
-        return model
-    return search.score_all(search.settled(form.fit))
+    return model if gained <= search.threshold else search.score_all(search.settled(form.fit))
 
 
 def _seen_beside(search: Search, model: ScoredModel) -> bool:
@@ -217,7 +212,10 @@ def promised_per_part(search: Search, model: ScoredModel, score: Score) -> float
 
 
 def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
-    """The model with a size of an effect for each part, fitted; None if that promises too little."""
+    """The model with a size of an effect for each part, fitted; None if that promises too little.
+
+    Numbers of a robot as built differ from part to part, too: it has to promise about as much as they do.
+    """
     fit, fitter, spread = model.fit, search.fitter, search.settings.forms.spread
     term = _of_family(fit, family)
     uneven = per_part_term(term, fitter.windows.robot, spread)
@@ -226,6 +224,9 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
     terms = tuple(uneven if each is term else each for each in fit.terms)
     explained, price = _explained(fitter, model, terms, uneven)
     if explained - price < search.threshold and term.place is None:
+        return None
+    numbers = promised_as_built(search, model)
+    if numbers is not None and numbers.explained > search.settings.pairs.more * (explained - price):
         return None
     search.progress(f"fitting {term.effect.name} {uneven.effect.form}")
     others = without(fit.terms, term)

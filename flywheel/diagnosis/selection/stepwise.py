@@ -24,7 +24,7 @@ from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import ScoredModel, promising_pairs
 from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search, added
-from flywheel.effects import Terms
+from flywheel.effects import Terms, usual
 
 UNLIKELY = 1e-3  # of numbers that are right to explain so much
 SAME = 1e-9  # relative difference of the costs of two models that predict the same
@@ -151,6 +151,7 @@ def _as_given(
 
     Numbers of a robot that are all a little off can make up for an effect, too. So what was found beside
     them is fitted without them, and more effects are added for as long as they promise to make good for it.
+    An effect that is one of these numbers, and no larger than numbers usually are off, is no answer.
     """
     first, last = models[0], models[-1]
     alone = replace(search, as_built=())
@@ -173,7 +174,11 @@ def _as_given(
     # Numbers that are all right explain no more than so many values explain of noise.
     numbers = sum(len(term.values) for term in search.as_built)
     by_chance = float(chi2.isf(UNLIKELY, numbers))
-    return None if models[-1].fit.cost - last.fit.cost > by_chance else (alone, models)
+    found, off = added(models), search.settings.usually_off
+    numbers_say_so = any(usual(term, search.as_built, off) for term in found)
+    if numbers_say_so or models[-1].fit.cost - last.fit.cost > by_chance:
+        return None
+    return alone, models
 
 
 def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:

@@ -21,6 +21,7 @@ from flywheel.effects import (
     handed_over,
     taken_apart,
     together,
+    usual,
 )
 from flywheel.effects.effect import parts_of
 from flywheel.records import Floats, State
@@ -176,6 +177,11 @@ def test_an_effect_and_a_number_of_its_place_say_the_same() -> None:
     assert same is creep
     assert handed_back((left, larger), larger) == (replace(numbers, values=(0.05, 0.38, 0.1)),)
     assert handed_back((numbers, creep), creep) == (numbers,)
+    assert [usual(replace(weak, values=(size,)), (numbers,), 2.0) for size in (-0.16, 0.2)] == [
+        True,
+        False,
+    ]
+    assert not usual(creep, (numbers,), 2.0)
     known = replace(weak, known=(0.1,))  # a number itself
     assert handed_over((numbers, known)) == (numbers, known)
     room = [
