@@ -185,6 +185,9 @@ class NuisanceSettings:
       rounds: further ones for every beginning beside what was found.
       repeats: times that a fit begins beside what was found, at most.
       worth: fall of the cost that this must bring to be repeated [sigma^2].
+      shakes: times that a fit of a robot as built begins beside what was found.
+      shake: standard deviation of these moves, in those of what is known of the numbers: as little as takes a
+        fit off the edges that contacts make in its cost.
     """
 
     beside: tuple[float, ...] = (-1.0, 1.0)
@@ -193,6 +196,8 @@ class NuisanceSettings:
     rounds: int = 2
     repeats: int = 4
     worth: float = 4.0
+    shakes: int = 3
+    shake: float = 0.1
 
 
 @dataclass(frozen=True)

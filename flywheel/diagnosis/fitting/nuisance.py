@@ -6,6 +6,8 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.multistart import restarted
 from flywheel.diagnosis.fitting.parameters import FreeParameter
@@ -109,6 +111,30 @@ def as_said(terms: Terms) -> Terms:
 
 def _said(value: float, known: float) -> float:
     return value if math.isinf(known) else 0.0
+
+
+def shaken_terms(terms: Terms, share: float, rng: np.random.Generator) -> Terms:
+    """Terms with what is not known exactly moved at random.
+
+    Contacts make the cost rough: a fit ends at an edge of it, where sensitivities are those of the edge.
+
+    Args:
+      terms: of a fit.
+      share: standard deviation, in those of what is known.
+      rng: of the moves.
+    """
+    return tuple(
+        replace(
+            term,
+            values=tuple(
+                value if math.isinf(known) else value + share * known * float(rng.normal())
+                for value, known in zip(term.values, term.known, strict=True)
+            ),
+        )
+        if term.known
+        else term
+        for term in terms
+    )
 
 
 def asked(terms: Terms) -> Terms:

@@ -9,7 +9,7 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.fitting.multistart import restarted
-from flywheel.diagnosis.fitting.nuisance import as_said, asked
+from flywheel.diagnosis.fitting.nuisance import as_said, asked, shaken_terms
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import never
 from flywheel.diagnosis.selection.candidates import Candidate, places
@@ -113,18 +113,28 @@ class Search:
         return replace(fit, converged=False)
 
     def settled(self, fit: Fit) -> Fit:
-        """A fit whose kept sensitivities are those where it is.
+        """A fit whose kept sensitivities are those where it is, or beside it, where that ends lower.
 
         What others leave would be seen as an effect.
         """
-        free = self.fitter.free(fit.terms)
+        if fit.kept is None:
+            return fit
         for _ in range(self.fitter.settings.stopping.rounds):
-            if fit.kept is None:
-                break
-            before, fit = fit, self.fitter.fit(self.fitter.kept_anew(fit), free, rounds=1)
+            before, fit = fit, self._after_a_round_anew(fit)
             if before.cost - fit.cost < self.threshold:
                 break
+        settings = self.fitter.settings.nuisance
+        rng = np.random.default_rng(0)
+        for _ in range(settings.shakes):
+            terms = self.within_bounds(shaken_terms(fit.terms, settings.shake, rng))
+            begun = self.fitter.with_terms(fit, terms).outdated(np.ones(len(fit.local), bool))
+            found = self._after_a_round_anew(self._after_a_round_anew(begun))
+            fit = min(fit, found, key=lambda each: each.cost)
         return fit
+
+    def _after_a_round_anew(self, fit: Fit) -> Fit:
+        """A fit after another round, with all sensitivities computed anew."""
+        return self.fitter.fit(self.fitter.kept_anew(fit), self.fitter.free(fit.terms), rounds=1)
 
     def warm_start(self, model: ScoredModel, terms: Terms) -> Fit:
         """A model with other terms, before anything else is fitted to them.
@@ -147,11 +157,14 @@ class Search:
 
     def begun_without(self, fit: Fit, term: Term) -> Fit:
         """A fit without a term, before anything is fitted: numbers of the same thing make up for it."""
-        terms = handed_back(fit.terms, term)
-        if fit.kept is not None:
-            for value in self.fitter.free(terms):
-                terms = value.moved(terms, 0.0)  # within its bounds
-        return self.fitter.with_terms(fit, terms)
+        return self.fitter.with_terms(fit, self.within_bounds(handed_back(fit.terms, term)))
+
+    def within_bounds(self, terms: Terms) -> Terms:
+        """Terms whose values that are known, if not exactly, are no farther off than is believed."""
+        for value in self.fitter.free(terms):
+            if value.prior < np.inf:
+                terms = value.moved(terms, 0.0)
+        return terms
 
     def without_term(self, fit: Fit, term: Term) -> Fit:
         """A fit without a term, fitted anew."""

@@ -117,11 +117,34 @@ def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, Sco
     friction = next(s for s in model.scores if s.candidate.label == "cable_friction")
     term = friction.candidate.term(friction.sizes, friction.shape)
     fit = search.fitter.with_terms(model.fit, (*model.fit.terms, term))
-    wrong = search.score_all(search.settled(search.fit_until(fit)))
+    wrong = search.score_all(search.fit_until(fit))
     right = in_other_forms(search, model, wrong, model.scores).fit
     (found,) = asked(right.terms)
     assert found.effect.name == "capstan"
     assert search.criterion(right) < search.criterion(wrong.fit) - search.threshold
+
+
+def test_a_fit_that_is_stuck_goes_on_from_beside_itself(
+    begun: tuple[Search, ScoredModel], monkeypatch
+) -> None:
+    """Nothing helps where it is; beside it, with numbers moved a little and within their bounds, it does."""
+    search, model = begun
+    weak = Term(EFFECTS["weak_cable"], 1, (0.6,))
+    stuck = search.fitter.with_terms(model.fit, (*model.fit.terms, weak))
+
+    def after_a_round(_: Search, fit: Fit) -> Fit:
+        return fit if fit.terms == stuck.terms else replace(fit, cost=stuck.cost - 9.0)
+
+    monkeypatch.setattr(Search, "_after_a_round_anew", after_a_round)
+    found = search.settled(stuck)
+    assert found.cost == stuck.cost - 9.0
+    assert asked(found.terms) == (weak,)
+    moved = [v / k for t in found.terms if t.known for v, k in zip(t.values, t.known, strict=True)]
+    assert np.std(moved) == pytest.approx(search.fitter.settings.nuisance.shake, rel=0.4)
+    number = next(
+        t for t in taken_apart(found.terms) if t.effect.name == "weak_cable" and t.place == 1
+    )
+    assert number.values == (0.0,)  # held
 
 
 def with_effect(search: Search, model: ScoredModel, name: str) -> Fit:
