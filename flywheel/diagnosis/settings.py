@@ -324,7 +324,8 @@ class FormSettings:
         forms that are fitted beside the candidates, at most.
       more: times what the best candidate explains, from which another law, or an effect at one part alone, is
         fitted beside it.
-      enough: share of what is left beyond noise that the best candidate promises, from which none is.
+      enough: share of what is left beyond noise that the best candidate promises, from which no effect at one
+        part alone is asked about.
       alone: share of the sum over all parts that the largest one must have, for the effect to be tried there
         alone; factors are drawn to one, so that those of the others do not vanish.
     """

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
 from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted_and_refined
+from flywheel.diagnosis.fitting.multistart import restarted_with_care
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.effects import Terms
@@ -97,7 +98,8 @@ class HeldOut:
             discrepancy=self._like.discrepancy,
         )
         if under_test.model is None:
-            self._plant = found
+            fitter, fit = found
+            self._plant = found = fitter, self._begun_elsewhere(fitter, fit)
         return found
 
     def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> tuple[Fitter, Fit]:
@@ -110,7 +112,16 @@ class HeldOut:
             rounds = fitter.settings.multistart.after
             return fitter, fitter.fit(fitter.with_terms(fit, terms), rounds=rounds)
         begun = fitter.warm_start(before, terms)
-        return fitted_and_refined(fitter, begun, self._under_test.seed)
+        fitter, fit = fitted_and_refined(fitter, begun, self._under_test.seed)
+        return fitter, self._begun_elsewhere(fitter, fit)
+
+    def _begun_elsewhere(self, fitter: Fitter, fit: Fit) -> Fit:
+        """A fit whose loud windows begin elsewhere, where that helps: a stuck one is no error of a model."""
+        stuck = self._under_test.settings.selection.restart_mean_square
+        restart = Restart(self._under_test.seed + 1, stuck=stuck, usual=1.0)
+        begun = restarted_with_care(fitter, fit, restart)
+        rounds = fitter.settings.multistart.after
+        return fit if begun is fit else fitter.fit(begun, rounds=rounds)
 
 
 def beyond_noise(fitter: Fitter, squares: Floats) -> Floats:

@@ -56,17 +56,17 @@ class _Form:
 def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
     """Other laws, and effects at one cable or winch alone, that promise clearly more than any candidate.
 
-    They are not asked about where the best candidate promises to explain nearly all that is left.
+    Effects at one part alone, which take simulations, are not asked about where the best candidate promises
+    to explain nearly all that is left.
     """
     settings, best = search.settings.forms, model.scores[0]
-    if best.statistic > settings.enough * model.beyond_noise:
-        return []
-    alone = at_parts(search.fitter.windows.robot, search.library)
-    further = further_scores(search.fitter, model.fit, model.test, alone, search.settings.score)
     asked = {each.effect.family for each in search.library}
     forms = [each for each in model.probes if each.candidate.effect.form]
-    laws = [each for each in forms if each.candidate.effect.family in asked]
-    promising = [s for s in (*laws, *further) if s.statistic > settings.more * best.statistic]
+    found = [each for each in forms if each.candidate.effect.family in asked]
+    if best.statistic <= settings.enough * model.beyond_noise:
+        alone = at_parts(search.fitter.windows.robot, search.library)
+        found += further_scores(search.fitter, model.fit, model.test, alone, search.settings.score)
+    promising = [s for s in found if s.statistic > settings.more * best.statistic]
     promising.sort(key=lambda each: -each.statistic)
     return [each.candidate.term(each.sizes, each.shape) for each in promising[: settings.rivals]]
 

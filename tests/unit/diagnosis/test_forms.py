@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +16,9 @@ from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.judgement import judge, without_unclear_factors
 from flywheel.diagnosis.results.answer import Answer
+from flywheel.diagnosis.selection import forms as module
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.settings import Settings
+from flywheel.diagnosis.settings import FormSettings, Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, PerPart, Scales, Term, per_part_term
 from flywheel.reports.diagnosis_page import diagnosis_page, forms, sentence
@@ -95,6 +98,35 @@ def test_a_form_that_is_not_decided_is_said(robot: Robot, seed: int) -> None:
     beside = replace(answer, effect=gain.effect.name, term=gain)
     both = replace(found, answers=((answer, beside),), other_forms=((other, beside),))
     assert forms(both) == forms(open_)  # what is the same in all of them is decided
+
+
+@pytest.mark.parametrize(
+    ("beyond_noise", "asked"), [(90.0, ["other law"]), (900.0, ["at one part", "other law"])]
+)
+def test_a_law_that_promises_clearly_more_is_fitted_whatever_the_best_candidate_promises(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, beyond_noise: float, asked: list[str]
+) -> None:
+    """What is simulated for it, effects at one part alone, is not where the best explains nearly all."""
+    settings = FormSettings()
+
+    def score(name: str, statistic: float, form: str = "") -> Any:
+        effect = SimpleNamespace(form=form, family="creep", name=name)
+        candidate = SimpleNamespace(effect=effect, term=lambda *_: name)
+        return SimpleNamespace(candidate=candidate, statistic=statistic, sizes=(), shape=0)
+
+    best = score("creep", 100.0)
+    laws = [score("other law", 130.0, "on length"), score("weaker law", 110.0, "by tension")]
+    monkeypatch.setattr(module, "further_scores", lambda *_: [score("at one part", 140.0)])
+    search: Any = SimpleNamespace(
+        settings=SimpleNamespace(forms=settings, score=None),
+        library=[best.candidate],
+        fitter=SimpleNamespace(windows=SimpleNamespace(robot=robot)),
+    )
+    monkeypatch.setattr(module, "at_parts", lambda *_: ())
+    model: Any = SimpleNamespace(
+        scores=[best], probes=laws, beyond_noise=beyond_noise, fit=None, test=None
+    )
+    assert module.proposed_forms(search, model) == asked
 
 
 def test_a_law_that_a_robot_cannot_show_is_not_asked_about(robot: Robot) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from flywheel.diagnosis import diagnose
+from flywheel.diagnosis.checks import held_out
 from flywheel.diagnosis.checks.held_out import HeldOut
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.windows import Windows
@@ -45,6 +47,33 @@ def test_a_model_with_more_begins_where_the_one_before_ended(robot: Robot, seed:
     worse = Term(gain.effect, None, tuple(-value for value in gain.values))
     alone = HeldOut(ModelUnderTest(Plant(robot), None, seed), [log], windows)
     assert judge.errors((worse,)) == alone.errors((worse,)), seed
+
+
+@pytest.mark.slow
+def test_a_window_that_is_stuck_begins_elsewhere_before_it_is_judged(
+    robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gain = Term(NAMED["winch_gain"], None, (0.2,))
+    log = recorded(robot, (gain,), seed)
+    windows = Windows.cut(robot, [log], seconds=0.4)
+
+    def augmented() -> float:
+        found = HeldOut(ModelUnderTest(Plant(robot), None, seed), [log], windows).errors((gain,))
+        assert found is not None
+        return found.augmented
+
+    right, fitted = augmented(), held_out.fitted_and_refined
+
+    def stuck(*asked: Any) -> Any:
+        fitter, fit = fitted(*asked)
+        local = fit.local.copy()
+        local[0, :3] += 0.3  # the platform is somewhere else
+        off = fitter.with_local(fit, local)
+        assert fitter.rms(off) > 3 * right
+        return fitter, off
+
+    monkeypatch.setattr(held_out, "fitted_and_refined", stuck)
+    assert augmented() == pytest.approx(right, rel=0.05), seed
 
 
 def test_without_recordings_nothing_is_judged(robot: Robot, windows: Windows, seed: int) -> None:
