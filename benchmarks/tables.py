@@ -87,6 +87,9 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "demo": lambda: demo.table(read_rows(DemoRow, DEMO)),
     "robot-errors": lambda: robot.errors_table(read_rows(ErrorRow, ROBOT_ERRORS), "library"),
     "robot-drives": lambda: robot.drives_table(read_rows(DriveRow, ROBOT_DRIVES), "library"),
+    "robot-errors-cogging": lambda: robot.errors_table(
+        read_rows(ErrorRow, ROBOT_ERRORS), "cogging"
+    ),
     "networks": networks.table,
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
     "navigation": lambda: navigation.run_table(
@@ -154,10 +157,25 @@ def collect_diagnosis(folder: Path, of_set: str) -> None:
 
 
 def collect_robot(folder: Path) -> None:
-    """Take the finished studies of a folder over."""
+    """Take the finished studies of a folder over; others stay."""
     studies = robot.found_studies(folder)
-    write_rows(ROBOT_ERRORS, [row for study in studies for row in study.errors()])
-    write_rows(ROBOT_DRIVES, [row for study in studies for row in study.driven()])
+    new = {(study.set, study.seed) for study in studies}
+    errors = read_rows(ErrorRow, ROBOT_ERRORS) if ROBOT_ERRORS.exists() else []
+    drives = read_rows(DriveRow, ROBOT_DRIVES) if ROBOT_DRIVES.exists() else []
+    write_rows(
+        ROBOT_ERRORS,
+        [
+            *(row for row in errors if (row.set, row.seed) not in new),
+            *(row for study in studies for row in study.errors()),
+        ],
+    )
+    write_rows(
+        ROBOT_DRIVES,
+        [
+            *(row for row in drives if (row.set, row.seed) not in new),
+            *(row for study in studies for row in study.driven()),
+        ],
+    )
 
 
 def _texts(folder: Path) -> list[str]:
