@@ -7,11 +7,14 @@ import runpy
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from benchmarks import tables
 from benchmarks.diagnosis.case_result import CaseResult, Named
 from benchmarks.diagnosis.case_row import CaseRow
+from benchmarks.robot import DriveRow, ErrorRow
 from benchmarks.rows import read_rows, write_rows
 from benchmarks.tables import BLOCK, PAGES, TABLES, with_tables
 from flywheel.errors import UnknownNameError
@@ -35,6 +38,29 @@ def test_a_table_has_rows_as_long_as_its_head(name: str) -> None:
     head, rule, *rows = "\n".join(TABLES[name]()).splitlines()
     assert rows and set(rule) == set("|-")
     assert {row.count("|") for row in rows} == {head.count("|")}
+
+
+def test_runs_on_a_robot_that_were_collected_before_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of the folder take the place of their own rows."""
+
+    def study(of_set: str, e_pos: float) -> SimpleNamespace:
+        error = ErrorRow(of_set, 0, "plant", 0, 1.0, e_pos, 1.0, 1.0, "")
+        drive = DriveRow(of_set, 0, "plant", 4, 1, 9.0, 30.0)
+        return SimpleNamespace(set=of_set, seed=0, errors=lambda: [error], driven=lambda: [drive])
+
+    monkeypatch.setattr(tables, "ROBOT_ERRORS", tmp_path / "errors.csv")
+    monkeypatch.setattr(tables, "ROBOT_DRIVES", tmp_path / "drives.csv")
+    for studies in ([study("library", 2.0), study("cogging", 3.0)], [study("cogging", 4.0)]):
+        monkeypatch.setattr(tables.robot, "found_studies", lambda _, found=studies: found)
+        tables.collect_robot(tmp_path)
+    errors = read_rows(ErrorRow, tmp_path / "errors.csv")
+    assert [(row.set, row.e_pos) for row in errors] == [("library", 2.0), ("cogging", 4.0)]
+    assert [row.set for row in read_rows(DriveRow, tmp_path / "drives.csv")] == [
+        "library",
+        "cogging",
+    ]
 
 
 def test_a_table_of_another_name_is_refused() -> None:
