@@ -374,7 +374,7 @@ class SelectionSettings:
       makes_good: share of what a robot as built explains more than the effects found beside it, that one more
         effect must explain in its place.
       usually_off: standard deviations of a number of a robot as built, up to which an effect that changes the
-        same is no answer in the place of these numbers.
+        same is no answer beside another one in the place of these numbers.
       rival: share of an effect's LM statistic from which another is tried in its place.
       suspect_share: share by which a number of the MJCF is off at most.
       restart_mean_square: of a window, from which its initial state is doubted before anything is said to

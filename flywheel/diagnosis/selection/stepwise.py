@@ -151,7 +151,7 @@ def _as_given(
 
     Numbers of a robot that are all a little off can make up for an effect, too. So what was found beside
     them is fitted without them, and more effects are added for as long as they promise to make good for it.
-    An effect that is one of these numbers, and no larger than numbers usually are off, is no answer.
+    Beside another effect, one that is such a number, and within what is usual for it, is no answer.
     """
     first, last = models[0], models[-1]
     alone = replace(search, as_built=())
@@ -175,7 +175,7 @@ def _as_given(
     numbers = sum(len(term.values) for term in search.as_built)
     by_chance = float(chi2.isf(UNLIKELY, numbers))
     found, off = added(models), search.settings.usually_off
-    numbers_say_so = any(usual(term, search.as_built, off) for term in found)
+    numbers_say_so = len(found) > 1 and any(usual(t, search.as_built, off) for t in found)
     if numbers_say_so or models[-1].fit.cost - last.fit.cost > by_chance:
         return None
     return alone, models
