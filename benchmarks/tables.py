@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
@@ -53,6 +53,8 @@ ROBOT_ERRORS = RESULTS / "robot_errors.csv"
 ROBOT_DRIVES = RESULTS / "robot_drives.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
+
+RobotRow = TypeVar("RobotRow", ErrorRow, DriveRow)
 
 
 def diagnosis(of_set: str, groups: Iterable[str], size: str = "") -> list[CaseRow]:
@@ -159,23 +161,19 @@ def collect_diagnosis(folder: Path, of_set: str) -> None:
 def collect_robot(folder: Path) -> None:
     """Take the finished studies of a folder over; others stay."""
     studies = robot.found_studies(folder)
-    new = {(study.set, study.seed) for study in studies}
-    errors = read_rows(ErrorRow, ROBOT_ERRORS) if ROBOT_ERRORS.exists() else []
-    drives = read_rows(DriveRow, ROBOT_DRIVES) if ROBOT_DRIVES.exists() else []
-    write_rows(
-        ROBOT_ERRORS,
-        [
-            *(row for row in errors if (row.set, row.seed) not in new),
-            *(row for study in studies for row in study.errors()),
-        ],
-    )
-    write_rows(
-        ROBOT_DRIVES,
-        [
-            *(row for row in drives if (row.set, row.seed) not in new),
-            *(row for study in studies for row in study.driven()),
-        ],
-    )
+    taken = {(study.set, study.seed) for study in studies}
+    errors = [row for study in studies for row in study.errors()]
+    drives = [row for study in studies for row in study.driven()]
+    write_rows(ROBOT_ERRORS, [*_of_others(ErrorRow, ROBOT_ERRORS, taken), *errors])
+    write_rows(ROBOT_DRIVES, [*_of_others(DriveRow, ROBOT_DRIVES, taken), *drives])
+
+
+def _of_others(
+    kind: type[RobotRow], file: Path, taken: Collection[tuple[str, int]]
+) -> list[RobotRow]:
+    """The rows that a file has of other sets and seeds than those taken over."""
+    there = read_rows(kind, file) if file.exists() else []
+    return [row for row in there if (row.set, row.seed) not in taken]
 
 
 def _texts(folder: Path) -> list[str]:
