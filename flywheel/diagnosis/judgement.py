@@ -11,8 +11,8 @@ from flywheel.diagnosis.checks.adequacy import Adequacy, adequacy
 from flywheel.diagnosis.checks.held_out import HeldOut
 from flywheel.diagnosis.checks.held_out_gain import Gain, UnseenWindows
 from flywheel.diagnosis.checks.uncertainty import uncertainty
-from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian, Restart
-from flywheel.diagnosis.fitting.multistart import restarted_with_care
+from flywheel.diagnosis.fitting.least_squares import Fit, Jacobian
+from flywheel.diagnosis.fitting.multistart import restarted_where_loud
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.results.verdict import (
     Alternative,
@@ -149,8 +149,8 @@ def restarted(searched: Searched, judged: Judged, seed: int) -> Judged:
     search, last = searched.search, judged.models[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
-    restart = Restart(seed + 1, stuck=search.settings.restart_mean_square, usual=1.0)
-    begun = restarted_with_care(search.fitter, last.fit, restart)
+    loud = search.settings.restart_mean_square
+    begun = restarted_where_loud(search.fitter, last.fit, loud, seed)
     if begun is last.fit:
         return judged
     fit = search.fit_until(replace(begun, converged=False))

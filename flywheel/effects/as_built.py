@@ -117,21 +117,21 @@ def usual(term: Term, numbers: Terms, deviations: float) -> bool:
       numbers: of the robot.
       deviations: standard deviations of a number that it may be off.
     """
-    known = next((n.known for n in taken_apart(numbers) if _is_number_of(n, term)), ())
+    known = next((n.known for n in taken_apart(numbers) if is_number_of(n, term)), ())
     return bool(known) and all(
         abs(size) <= deviations * known_to
         for size, known_to in zip(term.values, known, strict=False)
     )
 
 
-def _is_number_of(part: Term, term: Term) -> bool:
+def is_number_of(part: Term, term: Term) -> bool:
     """Whether a part of a robot as built is what a term asks about."""
     return not part.asked and (part.effect.name, part.place) == (term.effect.name, term.place)
 
 
 def _said(terms: Terms, term: Term) -> tuple[float, ...]:
     """What numbers of a robot as built say at the place of a term; nothing where there are none."""
-    parts = (part for part in taken_apart(terms) if _is_number_of(part, term))
+    parts = (part for part in taken_apart(terms) if is_number_of(part, term))
     return next((part.values for part in parts), ())
 
 
@@ -141,7 +141,7 @@ def _saying(terms: Terms, term: Term, said: tuple[float, ...]) -> Terms:
     for each in terms:
         parts = [
             replace(part, values=said or (0.0,) * len(part.values))
-            if _is_number_of(part, term)
+            if is_number_of(part, term)
             else part
             for part in taken_apart((each,))
         ]

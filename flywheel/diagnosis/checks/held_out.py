@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted_and_refined
-from flywheel.diagnosis.fitting.multistart import restarted_with_care
+from flywheel.diagnosis.fitting.multistart import restarted_where_loud
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import places
 from flywheel.effects import Terms
@@ -116,10 +116,9 @@ class HeldOut:
         return fitter, self._begun_elsewhere(fitter, fit)
 
     def _begun_elsewhere(self, fitter: Fitter, fit: Fit) -> Fit:
-        """A fit whose loud windows begin elsewhere, where that helps: a stuck one is no error of a model."""
-        stuck = self._under_test.settings.selection.restart_mean_square
-        restart = Restart(self._under_test.seed + 1, stuck=stuck, usual=1.0)
-        begun = restarted_with_care(fitter, fit, restart)
+        """A fit whose loud windows begin elsewhere, where that helps."""
+        loud = self._under_test.settings.selection.restart_mean_square
+        begun = restarted_where_loud(fitter, fit, loud, self._under_test.seed)
         rounds = fitter.settings.multistart.after
         return fit if begun is fit else fitter.fit(begun, rounds=rounds)
 

@@ -14,6 +14,18 @@ def restarted(fitter: Fitter, fit: Fit, restart: Restart = Restart()) -> Fit:
     return fitter.restarted(fit, restart)
 
 
+def restarted_where_loud(fitter: Fitter, fit: Fit, loud: float, seed: int) -> Fit:
+    """A fit in which every window that leaves more than noise begins elsewhere, where that helps.
+
+    Args:
+      fitter: of the windows.
+      fit: of a model of which something is to be said: a stuck window is no error of it.
+      loud: mean square of a window from which it may be stuck [sigma^2].
+      seed: of the model under test; other initial states are drawn than before.
+    """
+    return restarted_with_care(fitter, fit, Restart(seed + 1, stuck=loud, usual=1.0))
+
+
 def restarted_with_care(fitter: Fitter, fit: Fit, restart: Restart) -> Fit:
     """A fit in which windows that are stuck begin elsewhere, or the fit itself.
 

@@ -8,7 +8,7 @@ from math import inf
 import numpy as np
 
 from flywheel.diagnosis.settings import JacobianSettings
-from flywheel.effects import Parameter, Scales, Terms, taken_apart
+from flywheel.effects import Parameter, Scales, Terms, is_number_of, taken_apart
 
 Key = tuple[str, int | None, int]
 
@@ -72,14 +72,14 @@ def free_parameters(
     Numbers of a robot as built at whose place an effect is asked about stay zero: they are the same thing,
     and of the effect nothing is known that could hold it back.
     """
-    asked = {(term.effect.name, term.place) for term in terms if term.asked}
+    asked = [term for term in terms if term.asked]
     found = []
     for number, term in enumerate(terms):
         parts = [part for part in taken_apart((term,)) for _ in part.values]
         for index, (parameter, part) in enumerate(zip(term.effect.parameters, parts, strict=True)):
             deviation = term.known[index] if term.known else inf
             value = _free(number, index, parameter, deviation, scales, settings)
-            if not part.asked and (part.effect.name, part.place) in asked:
+            if any(is_number_of(part, each) for each in asked):
                 value = replace(value, low=0.0, high=0.0)
             found.append(value)
     return found

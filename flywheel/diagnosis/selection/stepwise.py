@@ -151,7 +151,6 @@ def _as_given(
 
     Numbers of a robot that are all a little off can make up for an effect, too. So what was found beside
     them is fitted without them, and more effects are added for as long as they promise to make good for it.
-    Beside another effect, one that is such a number, and within what is usual for it, is no answer.
     """
     first, last = models[0], models[-1]
     alone = replace(search, as_built=())
@@ -171,14 +170,20 @@ def _as_given(
             return None
         model, room = alone.score_all(more), room - 1
     alone, models = _forward(alone, model, first)
-    # Numbers that are all right explain no more than so many values explain of noise.
+    return None if _numbers_are_needed(search, models, last) else (alone, models)
+
+
+def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: ScoredModel) -> bool:
+    """Whether the numbers of the `last` model say what effects `alone` do not.
+
+    They do where one of several effects is such a number, and no farther off than is usual, or where they
+    explain more beyond those effects than so many numbers that are right explain of noise.
+    """
+    found, off = added(alone), search.settings.usually_off
+    if len(found) > 1 and any(usual(term, search.as_built, off) for term in found):
+        return True
     numbers = sum(len(term.values) for term in search.as_built)
-    by_chance = float(chi2.isf(UNLIKELY, numbers))
-    found, off = added(models), search.settings.usually_off
-    numbers_say_so = len(found) > 1 and any(usual(t, search.as_built, off) for t in found)
-    if numbers_say_so or models[-1].fit.cost - last.fit.cost > by_chance:
-        return None
-    return alone, models
+    return alone[-1].fit.cost - last.fit.cost > float(chi2.isf(UNLIKELY, numbers))
 
 
 def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:

@@ -10,13 +10,16 @@ import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.adoption import adoptable
-from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.least_squares import Fit, JacobianCache
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
+from flywheel.diagnosis.judgement import _from_shorter
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.forms import in_other_forms, with_even_sizes
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.selection.stepwise import _numbers_are_needed
+from flywheel.diagnosis.settings import AsBuiltSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, PerPart, Term, per_part_term, taken_apart
 from flywheel.errors import DataError
@@ -201,3 +204,71 @@ def test_sizes_for_each_cable_become_one_where_numbers_explain_what_they_did(
         each = replace(each, fit=replace(each.fit, cost=0.5 * each.fit.cost))
     (found,) = asked(with_even_sizes(search, each).fit.terms)
     assert isinstance(found.effect, PerPart) == uneven
+
+
+def alone_beside(
+    begun: tuple[Search, ScoredModel], share: float, others: tuple[Term, ...], more: float
+) -> bool:
+    """Whether numbers are needed beside a weak cable alone, with others, where they explain `more`."""
+    search, model = begun
+    first = search.score_all(search.fitter.first_estimate())
+    terms = (Term(EFFECTS["weak_cable"], 1, (share,)), *others)
+    fit = replace(search.fitter.with_terms(first.fit, terms), cost=model.fit.cost + more)
+    return _numbers_are_needed(search, [first, replace(first, fit=fit)], model)
+
+
+def test_beside_another_effect_one_that_is_a_number_within_what_is_usual_is_none(
+    begun: tuple[Search, ScoredModel],
+) -> None:
+    friction = Term(EFFECTS["capstan"], None, (0.1,))
+    usual = begun[0].settings.usually_off * AsBuiltSettings().stiffness
+    assert alone_beside(begun, 0.9 * usual, (friction,), 0.0)
+    assert not alone_beside(begun, 1.1 * usual, (friction,), 0.0)
+    assert not alone_beside(begun, 0.9 * usual, (), 0.0)
+
+
+def test_effects_alone_leave_no_more_than_numbers_explain_of_noise(
+    begun: tuple[Search, ScoredModel],
+) -> None:
+    numbers = sum(len(term.values) for term in begun[0].as_built)
+    assert not alone_beside(begun, 0.6, (), numbers)
+    assert alone_beside(begun, 0.6, (), 2.0 * numbers)
+
+
+def test_a_model_begins_where_one_without_its_effect_ended_lower(
+    begun: tuple[Search, ScoredModel],
+) -> None:
+    """Nothing costs less without an effect: that it did says that the fit with it is stuck."""
+    search, model = begun
+    fitter, weak = search.fitter, Term(EFFECTS["weak_cable"], 1, (0.6,))
+    stuck = fitter.with_terms(model.fit, (*model.fit.terms, weak))
+    less = replace(model, fit=search.settled(search.fit_until(model.fit)))
+    assert less.fit.cost < stuck.cost - search.threshold
+    found = _from_shorter(search, stuck, [less], [[weak]])
+    assert found is not None
+    assert [term.effect.name for term in asked(found.terms)] == ["weak_cable"]
+    assert found.cost < less.fit.cost + search.threshold
+    as_low = replace(stuck, cost=less.fit.cost)
+    assert _from_shorter(search, as_low, [less], [[weak]]) is None
+
+
+def test_of_many_values_the_step_is_damped_as_suits_them_best(
+    begun: tuple[Search, ScoredModel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Few values take the longest step that makes the cost fall."""
+    search, model = begun
+    fitter = search.fitter
+    least = fitter.settings.least_squares
+    costs = iter([9.0, 5.0, 7.0])
+
+    def stepped(fit: Fit, cache: JacobianCache, *_: object) -> Fit:
+        return replace(fit, cost=next(costs), cache=cache)
+
+    monkeypatch.setattr(fitter, "stepped", stepped)
+    free = fitter.free(model.fit.terms)
+    assert len(free) >= least.reuse_sensitivities_from
+    after = fitter._step(model.fit, free, fitter.by_value(model.fit, free))
+    assert after is not None and after.cost == 5.0
+    costs = iter([9.0, 5.0, 7.0])
+    after = fitter._step(model.fit, free[:1], fitter.by_value(model.fit, free[:1]))
+    assert after is not None and after.cost == 9.0
