@@ -33,15 +33,18 @@ def uncertainty(fitter: Fitter, fit: Fit, jacobian: Jacobian | None = None) -> U
 
     From the curvature of the fit, or from how much the windows disagree (sandwich), whichever is
     larger: curvature alone trusts the model to be right. What time steps add is extrapolated from half
-    the step, for an error in proportion to it (Richardson); half of that again is doubted.
+    the step, for an error in proportion to it (Richardson); half of that again is doubted. So is all of
+    the next Gauss-Newton step: it is next to nothing at a minimum, but contacts make fits of many numbers
+    end before one.
     """
     free = fitter.free(fit.terms)
     columns = fitter.by_value(fit, free)
     jacobian = jacobian or fitter.jacobian(fit)
     projection = Projection.of(fitter, jacobian, None, np.ones(len(columns)))
     left, residual = projection(columns), projection(fit.residual[..., None])[:, 0]
-    known = np.diag([1.0 / f.prior**2 for f in free])
-    inverse = np.linalg.pinv(left.T @ left + known, rcond=1e-12)
+    known = np.array([1.0 / f.prior**2 for f in free])
+    inverse = np.linalg.pinv(left.T @ left + np.diag(known), rcond=1e-12)
+    further = inverse @ (left.T @ residual - known * [f.value(fit.terms) for f in free])
     freedom = max(1, int(np.isfinite(fitter.windows.measured).sum()) - fit.local.size)
     curvature = inverse * max(1.0, float(residual @ residual) / freedom)
     by_window = (left * residual[:, None]).reshape(len(columns), -1, len(free)).sum(axis=1)
@@ -49,6 +52,6 @@ def uncertainty(fitter: Fitter, fit: Fit, jacobian: Jacobian | None = None) -> U
     few = len(columns) / max(1, len(columns) - 1)
     sandwich = inverse @ (few * by_window.T @ by_window) @ inverse
     by_step = HALVINGS * inverse @ (left.T @ projection(fitter.step_error(fit))[:, 0])
-    variance = np.maximum(np.diag(curvature), np.diag(sandwich)) + (by_step / 2) ** 2
+    variance = np.maximum(np.diag(curvature), np.diag(sandwich)) + (by_step / 2) ** 2 + further**2
     unit = np.array([f.unit for f in free])
     return Uncertainty(np.sqrt(variance) * unit, by_step * unit)
