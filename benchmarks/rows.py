@@ -31,6 +31,11 @@ def write_rows(path: Path, rows: Iterable[DataclassInstance]) -> None:
     write_output(path, text.getvalue())
 
 
+def rows_there(kind: type[R], path: Path) -> list[R]:
+    """The records of a file, as `read_rows` has them; none where there is no file."""
+    return read_rows(kind, path) if path.exists() else []
+
+
 def read_rows(kind: type[R], path: Path) -> list[R]:
     """Read records of a class whose fields are texts, whole numbers, numbers and truth values."""
     hints = get_type_hints(kind)

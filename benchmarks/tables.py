@@ -32,7 +32,7 @@ from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.robot import DriveRow, ErrorRow
-from benchmarks.rows import RESULTS, read_rows, write_rows
+from benchmarks.rows import RESULTS, read_rows, rows_there, write_rows
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
 from benchmarks.sysid.table import ContenderRow
@@ -152,7 +152,7 @@ def collect(kind: str, folder: Path) -> None:
 
 def collect_diagnosis(folder: Path, of_set: str) -> None:
     """Take the cases of a folder over, as those of one set."""
-    there = read_rows(CaseRow, DIAGNOSIS) if DIAGNOSIS.exists() else []
+    there = rows_there(CaseRow, DIAGNOSIS)
     cases = [CaseResult.model_validate_json(text) for text in _texts(folder)]
     new = [CaseRow.of(case, of_set) for case in cases]
     write_rows(DIAGNOSIS, [*(row for row in there if row.set != of_set), *new])
@@ -172,8 +172,7 @@ def _of_others(
     kind: type[RobotRow], file: Path, taken: Collection[tuple[str, int]]
 ) -> list[RobotRow]:
     """The rows that a file has of other sets and seeds than those taken over."""
-    there = read_rows(kind, file) if file.exists() else []
-    return [row for row in there if (row.set, row.seed) not in taken]
+    return [row for row in rows_there(kind, file) if (row.set, row.seed) not in taken]
 
 
 def _texts(folder: Path) -> list[str]:
@@ -185,8 +184,8 @@ def _texts(folder: Path) -> list[str]:
 
 def collect_navigation(name: str, source: Path, seed: int) -> None:
     """Take the episodes of a run's folder, or of a file of `flywheel navigate --results`, over."""
-    models = read_rows(ModelRow, MODELS) if MODELS.exists() else []
-    episodes = read_rows(EpisodeRow, EPISODES) if EPISODES.exists() else []
+    models = rows_there(ModelRow, MODELS)
+    episodes = rows_there(EpisodeRow, EPISODES)
     if source.is_dir():
         result = RunResult.load(source)
         seed = result.config["seed"]

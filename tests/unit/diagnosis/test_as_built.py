@@ -211,7 +211,7 @@ def alone_beside(
 ) -> bool:
     """Whether numbers are needed beside a weak cable alone, with others, where they explain `more`."""
     search, model = begun
-    first = search.score_all(search.fitter.first_estimate())
+    first = replace(model, fit=search.fitter.first_estimate())
     terms = (Term(EFFECTS["weak_cable"], 1, (share,)), *others)
     fit = replace(search.fitter.with_terms(first.fit, terms), cost=model.fit.cost + more)
     return _numbers_are_needed(search, [first, replace(first, fit=fit)], model)

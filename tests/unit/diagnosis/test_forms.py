@@ -58,9 +58,8 @@ def test_friction_that_differs_from_cable_to_cable_is_one_effect(robot: Robot, s
     sizes = [part.value for part in answer.by_part]
     np.testing.assert_allclose(sizes[1:], true[1:], rtol=0.1)
     wide = [part.high / part.low for part in answer.by_part]
-    assert (
-        np.argmax(wide) == 0
-    )  # that cable is often slack: its size is hardly seen, and that is said
+    # The first cable is often slack: its size is hardly seen, and that is said.
+    assert np.argmax(wide) == 0
     assert "different from cable to cable" in sentence(found)
     page = diagnosis_page(found, {})
     assert all(part.name in page for part in answer.by_part) and "log_factor" not in page
