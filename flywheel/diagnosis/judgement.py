@@ -292,7 +292,8 @@ def effects_of(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Al
     if not fit.terms:
         return ()
     fitter = search.fitter
-    sure = uncertainty(fitter, fit, jacobian)
+    known_to = 0.0 if fit.kept is None else search.threshold  # see `Search.settled`
+    sure = uncertainty(fitter, fit, jacobian, known_to)
     robot, believed = fitter.windows.robot, fitter.settings.jacobian.believed
     effects, start = [], 0
     for term in taken_apart(fit.terms):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
+from flywheel.diagnosis.results.verdict import QUANTILE
 from flywheel.diagnosis.selection.score_test import Projection
 from flywheel.records import Floats
 
@@ -28,14 +29,24 @@ class Uncertainty:
     by_step: Floats
 
 
-def uncertainty(fitter: Fitter, fit: Fit, jacobian: Jacobian | None = None) -> Uncertainty:
-    """How sure the values of a fit are, whose `jacobian` is computed where it is not at hand.
+def uncertainty(
+    fitter: Fitter, fit: Fit, jacobian: Jacobian | None = None, known_to: float = 0.0
+) -> Uncertainty:
+    """How sure the values of a fit are.
 
     From the curvature of the fit, or from how much the windows disagree (sandwich), whichever is
     larger: curvature alone trusts the model to be right. What time steps add is extrapolated from half
     the step, for an error in proportion to it (Richardson); half of that again is doubted. So is all of
     the next Gauss-Newton step: it is next to nothing at a minimum, but contacts make fits of many numbers
-    end before one.
+    end before one. Where the cost of such a fit is not known better, its 95 % interval holds all values that
+    cost no more than that (profile likelihood, linearised).
+
+    Args:
+      fitter: of its windows.
+      fit: at which.
+      jacobian: computed where it is not at hand.
+      known_to: how far the cost may be above its minimum, for values of which nothing is known before
+        [sigma^2].
     """
     free = fitter.free(fit.terms)
     columns = fitter.by_value(fit, free)
@@ -52,6 +63,8 @@ def uncertainty(fitter: Fitter, fit: Fit, jacobian: Jacobian | None = None) -> U
     few = len(columns) / max(1, len(columns) - 1)
     sandwich = inverse @ (few * by_window.T @ by_window) @ inverse
     by_step = HALVINGS * inverse @ (left.T @ projection(fitter.step_error(fit))[:, 0])
-    variance = np.maximum(np.diag(curvature), np.diag(sandwich)) + (by_step / 2) ** 2 + further**2
+    ended = np.where(known == 0.0, known_to, 0.0) / QUANTILE**2 * np.diag(inverse)
+    spread = np.maximum.reduce([np.diag(curvature), np.diag(sandwich), ended])
+    variance = spread + (by_step / 2) ** 2 + further**2
     unit = np.array([f.unit for f in free])
     return Uncertainty(np.sqrt(variance) * unit, by_step * unit)
