@@ -16,6 +16,7 @@ from flywheel.robots import Robot
 ORDER = 4  # of the differences that show the noise: motion that is smooth over five samples cancels
 GAIN = np.sqrt(70.0)  # standard deviation of a fourth difference of unit white noise
 NORMAL = 0.6745  # median absolute deviation of a unit normal
+UNIFORM = 12.0**-0.5  # standard deviation of what rounding to whole numbers adds
 DOUBT = 3.2  # by simulation: neighbouring differences share samples, and a median wastes some
 FEWEST = 50  # differences below which an estimate means nothing
 
@@ -177,20 +178,23 @@ def noise_floor(points: Sequence[Floats]) -> float:
     """Standard deviation of the noise of each coordinate [m].
 
     From the median of fourth differences in time, which neither smooth motion nor a few leaps change.
-    Gaps leave out the differences that reach over them.
+    Gaps leave out the differences that reach over them. A sensor that counts in steps is no better than they
+    are, however often it repeats a value. Coordinates that never change say nothing: a planar robot's third
+    one, or a marker on the frame.
 
     Args:
       points: (T + 1, P, 3) of each recording, at regular times; NaN where missing [m].
 
     Raises:
-      DataError: too few samples in a row.
+      DataError: too few samples in a row, or nothing in them ever changes.
     """
     known = _differences(points)
     if len(known) < FEWEST:
         raise DataError(
-            f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}."
+            f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}; "
+            "coordinates that never change do not count."
         )
-    return float(np.median(np.abs(known)) / (NORMAL * GAIN))
+    return max(float(np.median(np.abs(known)) / (NORMAL * GAIN)), _step(points) * UNIFORM)
 
 
 def noise_doubt(points: Sequence[Floats]) -> float:
@@ -199,6 +203,18 @@ def noise_doubt(points: Sequence[Floats]) -> float:
 
 
 def _differences(points: Sequence[Floats]) -> Floats:
-    """(n,) fourth differences of everything that was measured five times in a row."""
-    differences = [np.diff(p, ORDER, axis=0).ravel() for p in points if len(p) > ORDER]
-    return np.concatenate([d[np.isfinite(d)] for d in differences] or [np.empty(0)])
+    """(n,) fourth differences of everything that was measured five times in a row, and changes."""
+    found = [np.diff(_changing(p), ORDER, axis=0).ravel() for p in points if len(p) > ORDER]
+    return np.concatenate([d[np.isfinite(d)] for d in found] or [np.empty(0)])
+
+
+def _step(points: Sequence[Floats]) -> float:
+    """Smallest difference of two values in a row [m]."""
+    steps = np.concatenate([np.abs(np.diff(p, axis=0)).ravel() for p in points])
+    return float(steps.min(where=steps > 0.0, initial=np.inf))
+
+
+def _changing(points: Floats) -> Floats:
+    """(T + 1, n) coordinates of points (T + 1, P, 3) of which some two values in a row differ."""
+    flat = points.reshape(len(points), -1)
+    return flat[:, (np.abs(np.diff(flat, axis=0)) > 0.0).any(axis=0)]

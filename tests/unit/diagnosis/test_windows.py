@@ -72,6 +72,21 @@ def test_gaps_and_leaps_do_not_change_the_noise_much(rng: np.random.Generator) -
     assert noise_floor([points]) == pytest.approx(0.005, rel=0.15)
 
 
+def test_coordinates_that_never_change_say_nothing_of_the_noise(rng: np.random.Generator) -> None:
+    """A planar robot's third one, and a marker on the frame."""
+    points = moving(rng) + rng.normal(0, 0.005, (400, 3, 3))
+    points[:, :, 1], points[:, 2] = 0.3, [1.0, 2.0, 0.3]
+    assert noise_floor([points]) == pytest.approx(0.005, rel=0.15)
+    points[:] = points[0]
+    with pytest.raises(DataError, match="got 0; coordinates that never change"):
+        noise_floor([points])
+
+
+def test_a_sensor_that_counts_in_steps_is_no_better_than_they_are(rng: np.random.Generator) -> None:
+    counted = np.round(moving(rng) / 20.0, 2)  # most values are those before
+    assert noise_floor([counted]) == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-3)
+
+
 def test_too_few_samples_for_the_noise_are_refused(rng: np.random.Generator) -> None:
     with pytest.raises(DataError, match="differences over 5 samples in a row, got"):
         noise_floor([moving(rng, 6)])
