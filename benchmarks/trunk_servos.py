@@ -7,8 +7,8 @@
 
 The log (MIT licence) has the angles that the motors were told and those that they had, at 100 Hz. The trunk
 bends and its tendons pass several discs, which no cable of `flywheel` can. So each motor is looked at by
-itself: an MJCF of six weights, each on the cable of one winch, with the motor's measured angle for the height
-of its weight. Nothing measures the winches after the first row. What the motors lack, a regression of measured
+itself: an MJCF of six weights, each on the cable of one winch, with the measured angle for the height
+of its weight. Nothing measures the winches after the first row. What motors lack, a regression of measured
 on told angles says, too, which the diagnosis does not see.
 """
 
@@ -34,7 +34,7 @@ STIFFNESS, DAMPING, MASS = (
     1.0,
 )  # of a cable and its weight: 16 Hz, half of critical [N/m, N s/m, kg]
 LOGS = {"monday": (20.0, 3.0), "tuesday": (60.0, 3.0), "friday": (125.0, 3.0)}  # begin, length [s]
-DELAYS = np.arange(0, 41)  # rows of the log
+DELAYS = range(41)  # rows of the log
 LAGS = np.arange(0.0, 0.11, 0.01)  # time constants [s]
 
 
