@@ -28,11 +28,8 @@ DT = 0.01  # of the log [s]
 MOTORS = 6
 DRUM = 0.1  # of all winches: weights fall behind no motor [m]
 LENGTH, CEILING, APART = 1.0, 2.0, 0.2  # of a cable at angle 0; of the anchors [m]
-STIFFNESS, DAMPING, MASS = (
-    1e4,
-    100.0,
-    1.0,
-)  # of a cable and its weight: 16 Hz, half of critical [N/m, N s/m, kg]
+# Of a cable and its weight: 16 Hz, half of critical [N/m, N s/m, kg].
+STIFFNESS, DAMPING, MASS = 1e4, 100.0, 1.0
 LOGS = {"monday": (20.0, 3.0), "tuesday": (60.0, 3.0), "friday": (125.0, 3.0)}  # begin, length [s]
 DELAYS = range(41)  # rows of the log
 LAGS = np.arange(0.0, 0.11, 0.01)  # time constants [s]
