@@ -194,7 +194,7 @@ def noise_floor(points: Sequence[Floats]) -> float:
             f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}; "
             "coordinates that never change do not count."
         )
-    return max(float(np.median(np.abs(known)) / (NORMAL * GAIN)), _step(points) * UNIFORM)
+    return max(float(np.median(np.abs(known)) / (NORMAL * GAIN)), _resolution(points) * UNIFORM)
 
 
 def noise_doubt(points: Sequence[Floats]) -> float:
@@ -208,7 +208,7 @@ def _differences(points: Sequence[Floats]) -> Floats:
     return np.concatenate([d[np.isfinite(d)] for d in found] or [np.empty(0)])
 
 
-def _step(points: Sequence[Floats]) -> float:
+def _resolution(points: Sequence[Floats]) -> float:
     """Smallest difference of two values in a row [m]."""
     steps = np.concatenate([np.abs(np.diff(p, axis=0)).ravel() for p in points])
     return float(steps.min(where=steps > 0.0, initial=np.inf))
