@@ -21,6 +21,19 @@ def seen_poses(robot: Robot, points: Floats) -> Floats:
     return np.stack(each, axis=1)
 
 
+def at_points(robot: Robot, poses: Floats, points: Floats) -> Floats:
+    """Poses (B, bodies, 7), moved without a turn to where the bodies' points are, at (B, P, 3) [m].
+
+    A turn about a line moves points that are not on it: markers that do not sit on the axis of their rod.
+    """
+    moved = poses.copy()
+    for index, body in enumerate(robot.bodies):
+        center = robot.offsets_of(body).mean(axis=0)
+        seen = points[:, list(body.points)].mean(axis=1)
+        moved[:, index, :3] = seen - rotate(poses[:, index, 3:], center)
+    return moved
+
+
 def cable_lengths(robot: Robot, poses: Floats) -> Floats:
     """(B, C) lengths of the cables between bodies at poses (B, bodies, 7) [m]."""
     ends = [[_place(poses, end) for end in cable.ends] for cable in robot.cables]

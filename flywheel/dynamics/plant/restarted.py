@@ -8,14 +8,15 @@ well it predicts, because cables end on the surface of the rods.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from flywheel.dynamics.plant.grounds import simulated_on
 from flywheel.dynamics.plant.plant import Plant
-from flywheel.dynamics.plant.poses import seen_poses
+from flywheel.dynamics.plant.poses import FREE_POSITIONS, at_points, seen_poses
 from flywheel.dynamics.plant.roll import ON_A_LINE, relaxed, unseen_axes
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, Past, Rollout, State, Trajectory
@@ -24,6 +25,7 @@ from flywheel.rotations import about_axis, conjugate, multiply, rotate
 from flywheel.smoothing import causal_polynomial
 
 FREE_VELOCITIES = 6
+SAME_PLACE = 1e-9  # of a point on its body, but for rounding [m]
 LOOK_BACK = 0.36  # of a plant that sees velocities through noise [sqrt(L / g)]
 
 
@@ -69,6 +71,20 @@ class RestartedPlant:
     @property
     def robot(self) -> Robot:
         return self.plant.robot
+
+    @cached_property
+    def _seen(self) -> Robot:
+        """The robot with its tracked points where the plant has them: an effect may move markers."""
+        robot, rest = self.robot, self.plant.rest()
+        points = self.plant.observe(rest).points[0]
+        poses = rest.qpos[0].reshape(-1, FREE_POSITIONS)[[point.body for point in robot.points]]
+        offsets = rotate(conjugate(poses[:, 3:]), points - poses[:, :3])
+        if np.allclose(
+            offsets, [point.offset for point in robot.points], rtol=0.0, atol=SAME_PLACE
+        ):
+            return robot
+        moved = zip(robot.points, offsets, strict=True)
+        return replace(robot, points=tuple(replace(point, offset=there) for point, there in moved))
 
     @property
     def dt(self) -> float:
@@ -117,16 +133,18 @@ class RestartedPlant:
 
     def _poses(self, points: Floats, winch: Floats) -> Floats:
         """(B, bodies, 7) positions and quaternions of the bodies whose points are at (B, P, 3)."""
-        robot = self.robot
+        robot = self._seen
         stacked, axes = seen_poses(robot, points), unseen_axes(robot)
+        if self.roll == "keyframe":
+            return stacked
         if self.roll == "relaxed":
-            return relaxed(robot, stacked, winch, axes)
-        if self.roll == "random":
-            angles = _angles(self.seed, points, len(robot.bodies))
+            turned = relaxed(robot, stacked, winch, axes)
+        else:
+            turned, angles = stacked.copy(), _angles(self.seed, points, len(robot.bodies))
             for i, axis in axes.items():
                 turn = about_axis(axis, angles[:, i])
-                stacked[:, i, 3:] = multiply(stacked[:, i, 3:], turn)
-        return stacked
+                turned[:, i, 3:] = multiply(stacked[:, i, 3:], turn)
+        return turned if robot is self.robot else at_points(robot, turned, points)
 
     def _velocity(self, body: Body, pose: Floats, points: Floats, speeds: Floats) -> Floats:
         """(B, 6) velocity of the body frame [m/s] and turning rate in it [rad/s].
@@ -134,7 +152,7 @@ class RestartedPlant:
         The rate is the smallest that fits the points' speeds best: none about a line they lie on.
         """
         turn = pose[:, 3:]
-        offsets = self.robot.offsets_of(body)
+        offsets = self._seen.offsets_of(body)
         arms = rotate(turn[:, None], offsets - offsets.mean(axis=0))
         mean = speeds.mean(axis=1)
         spread = np.cross(arms, speeds - mean[:, None]).sum(axis=1)

@@ -5,7 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flywheel.dynamics.plant import MeasurementModel, Plant, PlantDynamics, RestartedPlant
+from flywheel.dynamics.plant import (
+    MeasurementModel,
+    Plant,
+    PlantDynamics,
+    RestartedPlant,
+    with_effects,
+)
+from flywheel.effects import EFFECTS, Term
 from flywheel.errors import ModelError, RobotError
 from flywheel.records import Observation, Past, State, Trajectory
 from flywheel.robots import Robot, load_robot, read_robot
@@ -42,6 +49,28 @@ def test_poses_fit_the_points_exactly(name: str) -> None:
     points = plant.observe(state).points
     np.testing.assert_allclose(points, truth.observations.points[:, 100], atol=1e-9)
     np.testing.assert_allclose(state.act, truth.states.act[:, 100], atol=1e-12)
+
+
+def test_a_plant_whose_markers_sit_elsewhere_is_restarted_where_they_are_seen() -> None:
+    robot = load_robot("prism3")
+    marker = Term(EFFECTS["marker_offset"], 0, (0.02, 0.03, -0.03))
+    plant = with_effects(Plant(robot), (marker,))
+    truth, past = moving(robot, seed=4, batch=8)  # markers change no motion
+    at, states = slice(100, 140), truth.states
+    seen = plant.observe(State(states.qpos[:, at], states.qvel[:, at], states.act[:, at])).points
+    begun = plant.observe(
+        State(states.qpos[:, 80:101], states.qvel[:, 80:101], states.act[:, 80:101])
+    )
+    past = dataclasses.replace(past, observations=begun)
+
+    def off(model: Plant) -> float:
+        restarted = RestartedPlant(model, roll="relaxed")
+        points = restarted.rollout(past, truth.controls[:, 100:139]).points
+        return float(np.median(np.abs(points - seen)))
+
+    at_once = plant.observe(RestartedPlant(plant, roll="relaxed").estimate(past)).points
+    np.testing.assert_allclose(at_once, seen[:, 0], atol=1e-9)
+    assert off(plant) < 0.5 * off(Plant(robot))
 
 
 @pytest.mark.parametrize("name", ["prism3", "platform4"])
