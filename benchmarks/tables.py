@@ -72,6 +72,11 @@ def _of_set(name: str) -> list[CaseRow]:
     return [row for row in read_rows(CaseRow, DIAGNOSIS) if row.set == name]
 
 
+def robot_errors(of_set: str) -> list[str]:
+    """Errors of the models of runs on a robot with a set of hidden effects."""
+    return robot.errors_table(read_rows(ErrorRow, ROBOT_ERRORS), of_set)
+
+
 TABLES: dict[str, Callable[[], list[str]]] = {
     "diagnosis": lambda: rates_table(diagnosis("main", ("none", "single"), "x1")),
     "diagnosis-half": lambda: rates_table(diagnosis("main", ("single",), "x0.5")),
@@ -87,11 +92,10 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "adoption": lambda: adoption.table(read_rows(AdoptionRow, ADOPTION)),
     "residual": lambda: residual.table(read_rows(ResidualRow, RESIDUAL)),
     "demo": lambda: demo.table(read_rows(DemoRow, DEMO)),
-    "robot-errors": lambda: robot.errors_table(read_rows(ErrorRow, ROBOT_ERRORS), "library"),
+    "robot-errors": lambda: robot_errors("library"),
     "robot-drives": lambda: robot.drives_table(read_rows(DriveRow, ROBOT_DRIVES), "library"),
-    "robot-errors-cogging": lambda: robot.errors_table(
-        read_rows(ErrorRow, ROBOT_ERRORS), "cogging"
-    ),
+    "robot-errors-cogging": lambda: robot_errors("cogging"),
+    "robot-errors-rod_flex": lambda: robot_errors("rod_flex"),
     "networks": networks.table,
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
     "navigation": lambda: navigation.run_table(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flywheel.diagnosis import Diagnosis, Verdict
@@ -15,6 +15,7 @@ from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.results import DiagnosisNote
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.outcomes import Tally
+from flywheel.runtime.stages.scoring import KnownPlant, score_jobs, scored
 from flywheel.runtime.workers.episode_plan import Effects
 
 EXPECTED_SECONDS = 60.0  # of one diagnosis; for the remaining time that is shown
@@ -37,9 +38,49 @@ def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
     if job.id not in report.results:
         return None
     found: Diagnosis = report.results[job.id]
+    note = _note(found, before)
+    if note.adopted:
+        note = unless_worse(note, before, *_off(run, iteration, tally, (before, note.effects)))
     about = {"recordings": ", ".join(fit), "held out": ", ".join(held_out) or "none"}
     page = diagnosis_page(found, about)
-    return run.folder.keep_diagnosis(iteration, _note(found, before), page)
+    return run.folder.keep_diagnosis(iteration, note, page)
+
+
+def _off(run: Run, iteration: int, tally: Tally, plants: Sequence[Effects]) -> list[float]:
+    """How far predictions of the held-out recordings by plants are off [% of the length]; NaN without any."""
+    episodes = run.recordings("test", iteration)
+    jobs = [
+        score_jobs(run, f"i{iteration:04d}-plant-{i}", KnownPlant(each), episodes, each, full=False)
+        for i, each in enumerate(plants)
+    ]
+    title = f"{iteration}: predict what was held out"
+    report = tally.add(run.do([job for each in jobs for job in each], title))
+    errors = [scored(report, each) for each in jobs]
+    return [math.nan if each is None else each.short.e_pos_rmse for each in errors]
+
+
+def unless_worse(
+    note: DiagnosisNote, before: Effects, off_before: float, off_after: float
+) -> DiagnosisNote:
+    """A diagnosis of which nothing is adopted where the plant would then predict worse.
+
+    With fitted starts an effect may gain, and yet mislead predictions from what was measured: one that only
+    imitates what is missing does.
+
+    Args:
+      note: adopts something.
+      before: effects of the plant without it.
+      off_before, off_after: errors of predictions of held-out recordings without and with it [% of the
+        length]; NaN where nothing could be predicted, which speaks against nothing.
+    """
+    if not off_after > off_before:
+        return note
+    found = ", ".join(effect.label for effect in note.effects)
+    reason = (
+        f"{note.verdict}: {found} is not adopted, as predictions of what was held out would be "
+        f"{off_after:.2f} % off instead of {off_before:.2f} %."
+    )
+    return note.model_copy(update={"effects": before, "adopted": False, "reason": reason})
 
 
 def _used(run: Run, recordings: list[str]) -> list[str]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+import math
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -9,11 +12,13 @@ from pydantic import ValidationError
 from flywheel.data.recordings import read_recording, store_recording
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.results import DiagnosisNote
 from flywheel.runtime.workers.stored_episodes import effects_of
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
 from tests.unit.runtime.tiny_run import TINY, Bench
 
+stage = importlib.import_module("flywheel.runtime.stages.diagnose")
 FEW = ["winch_gain", "slope"]
 LEAST = {"evaluate": {**TINY["evaluate"], "floor": False}}
 
@@ -67,6 +72,24 @@ def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path):
     again = run.turn(resume=True)
     assert "i0001-diagnose" not in run.backend.done, "an answer that is there is not sought again"
     assert [i.model for i in again.iterations] == models
+
+
+@pytest.mark.slow
+def test_what_would_make_predictions_worse_is_not_adopted(tmp_path, monkeypatch):
+    """With fitted starts an effect gains that only imitates what is missing; the plant stays as it was."""
+    monkeypatch.setattr(stage, "_off", lambda *_: [4.0, 5.0])
+    run, _ = bench(tmp_path, "winch_gain")
+    note = run.turn().iterations[1].diagnosis
+    assert (note.verdict, note.adopted, note.effects) == ("EFFECT", False, ())
+    assert any("winch_gain is not adopted" in line and "5.00 %" in line for line in run.said)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [(4.0, 4.0), (4.0, 3.0), (math.nan, 5.0), (4.0, math.nan)]
+)
+def test_what_predicts_as_well_or_cannot_be_compared_is_adopted(before, after):
+    note = DiagnosisNote(verdict="EFFECT", adopted=True, noise=1.0, baseline=2.0, augmented=1.0)
+    assert stage.unless_worse(note, (), before, after) is note
 
 
 @pytest.mark.slow
