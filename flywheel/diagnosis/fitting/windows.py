@@ -16,6 +16,7 @@ from flywheel.robots import Robot
 ORDER = 4  # of the differences that show the noise: motion that is smooth over five samples cancels
 GAIN = np.sqrt(70.0)  # standard deviation of a fourth difference of unit white noise
 NORMAL = 0.6745  # median absolute deviation of a unit normal
+ROUNDING = 1e-12  # of numbers that are computed, relative to them
 UNIFORM = 12.0**-0.5  # standard deviation of what rounding to whole numbers adds
 DOUBT = 3.2  # by simulation: neighbouring differences share samples, and a median wastes some
 FEWEST = 50  # differences below which an estimate means nothing
@@ -178,9 +179,9 @@ def noise_floor(points: Sequence[Floats]) -> float:
     """Standard deviation of the noise of each coordinate [m].
 
     From the median of fourth differences in time, which neither smooth motion nor a few leaps change.
-    Gaps leave out the differences that reach over them. A sensor that counts in steps is no better than they
-    are, however often it repeats a value. Coordinates that never change say nothing: a planar robot's third
-    one, or a marker on the frame.
+    Gaps leave out the differences that reach over them. A sensor that counts in steps and mostly repeats a
+    value is as good as its steps. Coordinates that never change say nothing: a planar robot's third one, or a
+    marker on the frame.
 
     Args:
       points: (T + 1, P, 3) of each recording, at regular times; NaN where missing [m].
@@ -194,7 +195,8 @@ def noise_floor(points: Sequence[Floats]) -> float:
             f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}; "
             "coordinates that never change do not count."
         )
-    return max(float(np.median(np.abs(known)) / (NORMAL * GAIN)), _resolution(points) * UNIFORM)
+    noise = float(np.median(np.abs(known)) / (NORMAL * GAIN))
+    return noise if noise > _rounding(points) else _resolution(points) * UNIFORM
 
 
 def noise_doubt(points: Sequence[Floats]) -> float:
@@ -211,10 +213,15 @@ def _differences(points: Sequence[Floats]) -> Floats:
 def _resolution(points: Sequence[Floats]) -> float:
     """Smallest difference of two values in a row [m]."""
     steps = np.concatenate([np.abs(np.diff(p, axis=0)).ravel() for p in points])
-    return float(steps.min(where=steps > 0.0, initial=np.inf))
+    return float(steps.min(where=steps > _rounding(points), initial=np.inf))
 
 
 def _changing(points: Floats) -> Floats:
     """(T + 1, n) coordinates of points (T + 1, P, 3) of which some two values in a row differ."""
     flat = points.reshape(len(points), -1)
-    return flat[:, (np.abs(np.diff(flat, axis=0)) > 0.0).any(axis=0)]
+    return flat[:, (np.abs(np.diff(flat, axis=0)) > _rounding([points])).any(axis=0)]
+
+
+def _rounding(points: Sequence[Floats]) -> float:
+    """What numbers of this size may differ by for how they were computed [m]."""
+    return ROUNDING * max(float(np.abs(p).max(where=np.isfinite(p), initial=0.0)) for p in points)

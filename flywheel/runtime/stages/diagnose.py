@@ -71,14 +71,15 @@ def unless_worse(
       note: adopts something.
       before: effects of the plant without it.
       off_before, off_after: errors of predictions of held-out recordings without and with it [% of the
-        length]; NaN where nothing could be predicted, which speaks against nothing.
+        length]; NaN where a plant cannot predict them. Where the old one cannot, nothing speaks against
+        the new one.
     """
-    if not off_after > off_before:
+    if math.isnan(off_before) or off_after <= off_before:
         return note
     found = ", ".join(effect.label for effect in note.effects)
     reason = (
-        f"{note.verdict}: {found} is not adopted, as predictions of what was held out would be "
-        f"{off_after:.2f} % off instead of {off_before:.2f} %."
+        f"{note.verdict}: the plant stays as it is. Its predictions of what was held out are "
+        f"{off_before:.2f} % off; with {found} they would be {off_after:.2f} %."
     )
     return note.model_copy(update={"effects": before, "adopted": False, "reason": reason})
 

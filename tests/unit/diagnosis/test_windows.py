@@ -82,9 +82,16 @@ def test_coordinates_that_never_change_say_nothing_of_the_noise(rng: np.random.G
         noise_floor([points])
 
 
-def test_a_sensor_that_counts_in_steps_is_no_better_than_they_are(rng: np.random.Generator) -> None:
-    counted = np.round(moving(rng) / 20.0, 2)  # most values are those before
+def test_a_sensor_that_counts_in_steps_is_as_good_as_they_are(rng: np.random.Generator) -> None:
+    counted = np.round(moving(rng) / 100.0, 2)  # most values are those before
     assert noise_floor([counted]) == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-3)
+
+
+def test_steady_motion_is_no_step_of_a_sensor(rng: np.random.Generator) -> None:
+    steady = np.arange(400.0)[:, None, None] * 0.01 + rng.normal(0, 1e-5, (400, 1, 1))
+    points = np.concatenate([steady, np.full((400, 1, 2), 0.3)], axis=2)
+    points[::2, 0, 1] += 1e-16  # computed, and not measured
+    assert noise_floor([points]) == pytest.approx(1e-5, rel=0.2)
 
 
 def test_too_few_samples_for_the_noise_are_refused(rng: np.random.Generator) -> None:
