@@ -10,6 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from flywheel.data.recordings import read_recording, store_recording
+from flywheel.effects import WrittenTerm
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.results import DiagnosisNote
@@ -44,9 +45,19 @@ def bench(folder, *effects: str) -> tuple[Bench, list[str]]:
 
 
 @pytest.mark.slow
-def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path):
+def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path, monkeypatch):
     run, names = bench(tmp_path, "winch_gain")
+    compared = []
+
+    def spied(note, before, *off):
+        compared.append(off)
+        return unless_worse(note, before, *off)
+
+    unless_worse = stage.unless_worse
+    monkeypatch.setattr(stage, "unless_worse", spied)
     result = run.turn()
+    ((before, after),) = compared
+    assert 0.0 < after < before, "predictions of what was held out, from measured starts"
     note = result.iterations[1].diagnosis
     assert result.iterations[0].diagnosis is None
     assert note.adopted and [e.effect for e in note.effects] == ["winch_gain"]
@@ -74,14 +85,17 @@ def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path):
     assert [i.model for i in again.iterations] == models
 
 
-@pytest.mark.slow
-def test_what_would_make_predictions_worse_is_not_adopted(tmp_path, monkeypatch):
+def test_what_makes_predictions_worse_is_not_adopted():
     """With fitted starts an effect gains that only imitates what is missing; the plant stays as it was."""
-    monkeypatch.setattr(stage, "_off", lambda *_: [4.0, 5.0])
-    run, _ = bench(tmp_path, "winch_gain")
-    note = run.turn().iterations[1].diagnosis
-    assert (note.verdict, note.adopted, note.effects) == ("EFFECT", False, ())
-    assert any("the plant stays as it is" in line and "5.00 %" in line for line in run.said)
+    gain, slope = (
+        WrittenTerm(effect=name, location="", parameters={}) for name in ("winch_gain", "slope")
+    )
+    adopting = DiagnosisNote(
+        verdict="EFFECT", effects=(slope,), adopted=True, noise=1.0, baseline=2.0, augmented=1.0
+    )
+    note = stage.unless_worse(adopting, (gain,), 4.0, 5.0)
+    assert (note.verdict, note.adopted, note.effects) == ("EFFECT", False, (gain,))
+    assert "4.00 % off; with slope they would be 5.00 %" in note.reason
 
 
 @pytest.mark.parametrize(
