@@ -15,14 +15,15 @@ on told angles says, too, which the diagnosis does not see.
 from __future__ import annotations
 
 import argparse
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.signal import lfilter
 
-from flywheel.records import Floats
+from flywheel.data.recordings import write_recording
+from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
+from flywheel.robots import GRAVITY, Robot, read_robot
 
 DT = 0.01  # of the log [s]
 MOTORS = 6
@@ -75,7 +76,7 @@ def mjcf() -> str:
     gain = f'gainprm="{STIFFNESS:g}" biastype="affine" biasprm="0 -{STIFFNESS:g} -{DAMPING:g}"'
     limits = 'ctrlrange="0.2 1.8" forcerange="-1000 0"'
     at = [APART * k for k in range(MOTORS)]
-    low = CEILING - LENGTH - MASS * 9.81 / STIFFNESS
+    low = CEILING - LENGTH - MASS * GRAVITY / STIFFNESS
     anchors = [f'<site name="anchor_{k}" pos="{x:g} 0 {CEILING:g}"/>' for k, x in enumerate(at)]
     weights = [
         f'<body name="weight_{k}" pos="{x:g} 0 {low:.6f}"><freejoint name="weight_{k}"/>'
@@ -106,20 +107,17 @@ def mjcf() -> str:
     return "\n".join(parts) + "\n"
 
 
-def write_log(path: Path, log: ServoLog) -> None:
-    """Write a part of the log as `flywheel` reads it: cables that get longer as motors turn."""
-    heads = [f"ctrl.motor_{k}" for k in range(MOTORS)]
-    heads += [f"m{k}.{axis}" for k in range(MOTORS) for axis in "xyz"]
-    heads += [f"position_{k}" for k in range(MOTORS)]
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time", *heads])
-        for step, had in enumerate(LENGTH + DRUM * log.had):
-            told = LENGTH + DRUM * log.told[step] if step < len(log.told) else [""] * MOTORS
-            low = CEILING - had - MASS * 9.81 / STIFFNESS
-            places = [cell for k in range(MOTORS) for cell in (APART * k, 0.0, low[k])]
-            wound = [""] * MOTORS if step else had
-            writer.writerow([f"{step * DT:.2f}", *told, *places, *wound])
+def write_log(path: Path, log: ServoLog, robot: Robot) -> None:
+    """Write a part of the log, instead of a file that is there: cables that get longer as motors turn."""
+    lengths = LENGTH + DRUM * log.had
+    heights = CEILING - lengths - MASS * GRAVITY / STIFFNESS
+    across = np.broadcast_to(APART * np.arange(MOTORS), heights.shape)
+    points = np.stack([across, np.zeros_like(heights), heights], axis=2)
+    wound = np.full_like(lengths, np.nan)
+    wound[0] = lengths[0]
+    track = Trajectory(Observation(points, wound), LENGTH + DRUM * log.told, DT)
+    path.unlink(missing_ok=True)
+    write_recording(Episode(path.stem, track, Provenance(robot.digest), "train"), path, robot)
 
 
 def main() -> None:
@@ -136,10 +134,11 @@ def main() -> None:
     print(f"A delay of {delay:.2f} s, a lag of {lag:.2f} s, and gains that are {shown} off.")
     given.folder.mkdir(parents=True, exist_ok=True)
     (given.folder / "servos.xml").write_text(mjcf())
+    robot = read_robot(mjcf())
     for name, (begin, seconds) in LOGS.items():
         first, last = round(begin / DT), round((begin + seconds) / DT)
         part = ServoLog(log.told[first:last], log.had[first : last + 1])
-        write_log(given.folder / f"{name}.csv", part)
+        write_log(given.folder / f"{name}.csv", part, robot)
 
 
 if __name__ == "__main__":

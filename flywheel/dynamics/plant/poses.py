@@ -17,21 +17,18 @@ def seen_poses(robot: Robot, points: Floats) -> Floats:
 
     What the points leave open is as in the keyframe, with the least turn from there.
     """
-    each = [_pose(robot, i, body, points) for i, body in enumerate(robot.bodies)]
-    return np.stack(each, axis=1)
+    turns = [_turn(robot, i, body, points) for i, body in enumerate(robot.bodies)]
+    return at_points(robot, np.stack(turns, axis=1), points)
 
 
-def at_points(robot: Robot, poses: Floats, points: Floats) -> Floats:
-    """Poses (B, bodies, 7), moved without a turn to where the bodies' points are, at (B, P, 3) [m].
-
-    A turn about a line moves points that are not on it: markers that do not sit on the axis of their rod.
-    """
-    moved = poses.copy()
+def at_points(robot: Robot, turns: Floats, points: Floats) -> Floats:
+    """(B, bodies, 7) poses with quaternions (B, bodies, 4), where the bodies' points are at (B, P, 3) [m]."""
+    each = []
     for index, body in enumerate(robot.bodies):
         center = robot.offsets_of(body).mean(axis=0)
-        seen = points[:, list(body.points)].mean(axis=1)
-        moved[:, index, :3] = seen - rotate(poses[:, index, 3:], center)
-    return moved
+        seen_center = points[:, list(body.points)].mean(axis=1)
+        each.append(seen_center - rotate(turns[:, index], center))
+    return np.concatenate([np.stack(each, axis=1), turns], axis=2)
 
 
 def cable_lengths(robot: Robot, poses: Floats) -> Floats:
@@ -48,13 +45,12 @@ def _place(poses: Floats, end: Attachment) -> Floats:
     return np.asarray(pose[:, :3] + rotate(pose[:, 3:], end.offset))
 
 
-def _pose(robot: Robot, index: int, body: Body, points: Floats) -> Floats:
-    """(B, 7) of one body; points (B, P, 3) are those of all."""
-    own, offsets = points[:, list(body.points)], robot.offsets_of(body)
-    center, seen_center = offsets.mean(axis=0), own.mean(axis=1)
+def _turn(robot: Robot, index: int, body: Body, points: Floats) -> Floats:
+    """(B, 4) quaternions of one body; points (B, P, 3) are those of all."""
+    own = points[:, list(body.points)]
     joint = slice(FREE_POSITIONS * index + 3, FREE_POSITIONS * (index + 1))
-    turn = _orientation(offsets, own - seen_center[:, None], robot.keyframe.qpos[joint])
-    return np.concatenate([seen_center - rotate(turn, center), turn], axis=1)
+    seen = own - own.mean(axis=1)[:, None]
+    return _orientation(robot.offsets_of(body), seen, robot.keyframe.qpos[joint])
 
 
 def _orientation(offsets: Floats, seen: Floats, reference: Floats) -> Floats:

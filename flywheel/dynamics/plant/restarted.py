@@ -144,7 +144,10 @@ class RestartedPlant:
             for i, axis in axes.items():
                 turn = about_axis(axis, angles[:, i])
                 turned[:, i, 3:] = multiply(stacked[:, i, 3:], turn)
-        return turned if robot is self.robot else at_points(robot, turned, points)
+        if robot is self.robot:
+            return turned
+        # A turn about the line of markers that do not sit on the axis of their rod moves them.
+        return at_points(robot, turned[..., 3:], points)
 
     def _velocity(self, body: Body, pose: Floats, points: Floats, speeds: Floats) -> Floats:
         """(B, 6) velocity of the body frame [m/s] and turning rate in it [rad/s].

@@ -31,7 +31,7 @@ def test_delay_and_gains_are_found_again(log: ServoLog) -> None:
 
 def test_the_log_is_one_of_the_robot(log: ServoLog, tmp_path: Path) -> None:
     robot = read_robot(mjcf())
-    write_log(tmp_path / "monday.csv", log)
+    write_log(tmp_path / "monday.csv", log, robot)
     (read,) = read_logs([tmp_path / "monday.csv"], robot, DT, console())
     seen = read.trajectory.observations
     height = robot.keyframe.qpos[2] - seen.points[:, 0, 2]
