@@ -225,7 +225,8 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
         groups = [*([term] for term in new), *([new] if len(new) > 1 else [])]
         less = [model_without(search, known, last.fit, terms) for terms in groups]
         if doubted or built:  # compared with one that was given up early, every effect would gain
-            less = [refitted(search, model) for model in less]
+            target = search.criterion(last.fit) + search.threshold
+            less = [refitted(search, model, target) for model in less]
         if built and (better := _from_shorter(search, last.fit, less, groups)):
             judged = judge(searched, [*judged.models[:-1], search.score_all(better)])
             continue

@@ -55,6 +55,7 @@ from flywheel.effects.forms import (
     HysteresisByStiffness,
     OtherForm,
     StiffeningByStrain,
+    WinchGainOnLength,
 )
 from flywheel.effects.ground_effects import (
     ContactSoftness,
@@ -123,6 +124,7 @@ FORMS: dict[str, OtherForm] = {
     "hysteresis_by_stiffness": HysteresisByStiffness(),
     "creep_on_length": CreepOnLength(),
     "stiffening_by_strain": StiffeningByStrain(),
+    "winch_gain_on_length": WinchGainOnLength(),
 }
 NAMED: dict[str, Effect] = {**EFFECTS, **CALIBRATIONS, **FORMS}
 

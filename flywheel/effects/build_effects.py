@@ -9,6 +9,7 @@ import numpy as np
 
 from flywheel.effects.cable_effects import pulls_on
 from flywheel.effects.effect import CommandEffect, ModelEffect, Parameter, Values
+from flywheel.effects.winch_effects import wound_on
 from flywheel.records import Floats
 from flywheel.robots import Robot, moving_bodies, turn_of
 
@@ -133,11 +134,7 @@ class CentreOfMass(ModelEffect):
 
 
 class DrumRadius(CommandEffect):
-    """One winch whose drum is larger or smaller than it should be.
-
-    A rate winch is faster. A position winch winds up another length than it was told, counted from where
-    the keyframe has it.
-    """
+    """One winch whose drum is larger or smaller than it should be, see `wound_on`."""
 
     name = "drum_radius"
     where = "winch"
@@ -148,8 +145,7 @@ class DrumRadius(CommandEffect):
     shown_by = "long strokes of one winch after the other"
 
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
-        still = robot.holding(robot.winch_of(robot.keyframe))
-        return controls + values["share"][:, None] * (controls - still)
+        return wound_on(controls, values["share"], robot)
 
 
 def _pieces(model: mujoco.MjModel, place: int | None) -> list[int]:

@@ -18,6 +18,7 @@ from flywheel.effects.cable_effects import (
     Stiffening,
 )
 from flywheel.effects.effect import Cables, Effect, Memory, TensionEffect, Values
+from flywheel.effects.winch_effects import WinchGain, wound_on
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -114,3 +115,22 @@ class StiffeningByStrain(OtherForm, Stiffening):
     source = "second order in the extension"
     shown_by = "low against very low pretension, slowly"
     power = 1
+
+
+class WinchGainOnLength(OtherForm, WinchGain):
+    """Position winches that wind up more, or less, than they are told: the drum has another radius.
+
+    Rate winches have the gain of their family.
+    """
+
+    name = "winch_gain_on_length"
+    form = "on the length that is wound up, not on the rate"
+    of = WinchGain.name
+    equation = "l -> l_k + (1 + g) (l - l_k), l_k: length in the keyframe"
+    shown_by = "long strokes, held"
+
+    def differs_on(self, robot: Robot) -> bool:
+        return not robot.rate_driven.all()
+
+    def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
+        return wound_on(controls, values["share"], robot)

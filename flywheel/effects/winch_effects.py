@@ -113,6 +113,16 @@ class TorqueSpeed(WinchEffect):
         return np.where(rate < 0, rate * slower, rate)
 
 
+def wound_on(controls: Floats, share: Floats, robot: Robot) -> Floats:
+    """Commands (n, T, W) to winches whose drums are larger by a share (n, W) than they should be.
+
+    A rate winch is faster. A position winch winds up another length than it was told, counted from where
+    the keyframe has it.
+    """
+    still = robot.holding(robot.winch_of(robot.keyframe))
+    return np.asarray(controls + share[:, None] * (controls - still))
+
+
 def delayed(controls: Floats, steps: Floats, robot: Robot) -> Floats:
     """Commands (n, T, W), `steps` (n, W) control steps later; parts of a step are shared out."""
     steps = np.round(steps, 9)  # 0.07 / 0.01 is a little more than seven

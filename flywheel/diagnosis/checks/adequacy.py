@@ -59,8 +59,7 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
     draws = fitter.own_errors
     if not draws.shape[2]:
         return None
-    measured = np.isfinite(fitter.windows.measured)
-    by_window = measured.sum(axis=(1, 2, 3))
+    by_window = fitter.windows.known_in_each
     found = []
     for draw in np.moveaxis(draws, 2, 0):
         residual = test.projection(draw[..., None])[:, 0]
@@ -68,7 +67,7 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
         best = max(s.score for s in replace(test, residual=residual, noise=noise).scores())
         left = test.whole(draw[..., None])[:, 0]
         loud = float(left @ left) / max(test.freedom, 1.0)
-        correlation = sample_correlation(left, measured.shape)
+        correlation = sample_correlation(left, fitter.windows.measured.shape)
         found.append((best, loud, correlation, loudest(left, by_window, test.freedom)))
     quantile = fitter.settings.network.quantile
     return OwnErrors(*np.quantile(found, quantile, axis=0).tolist())
@@ -92,12 +91,11 @@ def adequacy(
     windows = fitter.windows
     shape = windows.measured.shape
     squares = fit.residual.reshape(shape) ** 2
-    measured = np.isfinite(windows.measured)
-    by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(measured.sum(axis=(0, 1, 3)), 1)
+    by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(windows.known.sum(axis=(0, 1, 3)), 1)
     return Adequacy(
         noise=test.left_noise,
         doubt=windows.doubt,
-        loudest=loudest(test.left, measured.sum(axis=(1, 2, 3)), test.left_freedom),
+        loudest=loudest(test.left, windows.known_in_each, test.left_freedom),
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, by_value, settings.rare),
         beyond_noise=test.beyond_noise(fitter),

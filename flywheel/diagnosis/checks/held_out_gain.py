@@ -79,12 +79,17 @@ class UnseenWindows:
         return _gain(first, less - more, 0, self._seed)
 
     def gain_of_all(self, bare: ScoredModel, model: ScoredModel) -> Gain:
-        """What a model gains beside one without any of its new effects, on held-out windows, too."""
+        """What a model gains beside one without any of its new effects, on held-out windows, too.
+
+        Where numbers of a robot as built, fitted in the stead of effects, do harm there, it is what the model
+        gains beside the one as it was.
+        """
         windows = []
         for each in (self._first, bare, model):
             held_out = self._held_out.squares(each.fit.terms)
             windows.append(np.concatenate([held_out, self._left_out(each)]))
-        first, less, more = windows
+        first, bare_there, more = windows
+        less = min(first, bare_there, key=lambda each: float(each.sum()))
         return _gain(first, less - more, len(first) - len(self._fitter.windows), self._seed)
 
     def _left_out(self, model: ScoredModel) -> Floats:

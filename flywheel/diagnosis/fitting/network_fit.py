@@ -166,8 +166,9 @@ class NetworkFitter(Fitter):
     def rms(self, fit: Fit) -> float:
         """Root mean square of what it is off [m], its own errors included: as it is used."""
         off = self.windows.residual(fit.points)
-        measured = np.isfinite(self.windows.measured).sum()
-        return float(np.sqrt((off**2).sum() / max(1, measured))) * self.windows.sigma
+        return (
+            float(np.sqrt((off**2).sum() / max(1, self.windows.known.sum()))) * self.windows.sigma
+        )
 
     def _unseen(self, worlds: Floats) -> Floats:
         """What the network does not see coming in worlds (n, K, steps + 1, P, 3) [m]."""
@@ -211,7 +212,7 @@ class NetworkFitter(Fitter):
         half = len(points) // 2
         if half < 2:
             raise ModelError("The plant stays finite from too few starts to try the network on.")
-        known = np.isfinite(self.windows.measured).reshape(count, -1, 1)
+        known = self.windows.known.reshape(count, -1, 1)
         own = errors[..., half:]
         return errors[..., :half] / np.sqrt(half), own + known * rng.normal(size=own.shape)
 

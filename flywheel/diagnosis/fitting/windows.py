@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -55,6 +56,7 @@ class Windows:
       recording: (K,) index of each window's recording.
       first: (K,) the step of the recording at which each begins.
       measured: (K, steps + 1, P, 3) [m].
+      filled: (K, P, 3) bool, coordinates of it that were `filled_in`.
       sigma: that a coordinate may be off: by noise, and by what no model explains [m].
       doubt: standard deviation of one over the noise's square, relative to that; 0 where it was given.
       discrepancy: what no model explains, see `with_discrepancy` [m].
@@ -67,6 +69,7 @@ class Windows:
     recording: np.ndarray
     first: np.ndarray
     measured: Floats
+    filled: np.ndarray
     sigma: float
     doubt: float = 0.0
     discrepancy: float = 0.0
@@ -112,12 +115,13 @@ class Windows:
             for first in range(0, len(log.controls) - steps + 1, steps)
         ]
         measured = np.stack([recordings[i].points[f : f + steps + 1] for i, f in places])
-        known = np.isfinite(measured).all(axis=-1).mean(axis=(1, 2))
-        if (known < settings.least_measured).all():
+        full = np.isfinite(measured).all(axis=-1).mean(axis=(1, 2))
+        if (full < settings.least_measured).all():
             raise DataError(
                 f"No window has {settings.least_measured:.0%} of its points measured; the fullest has "
-                f"{known.max():.0%}."
+                f"{full.max():.0%}."
             )
+        filled = filled_in([log.points for log in recordings])[[i for i, _ in places]]
         return cls(
             robot=robot,
             recordings=recordings,
@@ -126,6 +130,7 @@ class Windows:
             recording=np.array([i for i, _ in places]),
             first=np.array([f for _, f in places]),
             measured=measured,
+            filled=filled,
             sigma=noise_floor([log.points for log in recordings]) if sigma is None else sigma,
             doubt=noise_doubt([log.points for log in recordings]) if sigma is None else 0.0,
         )
@@ -150,27 +155,37 @@ class Windows:
         return [np.flatnonzero(number == rank) for rank in range(number.max() + 1)]
 
     def mean_square(self, off: Floats) -> Floats:
-        """(K, ...) of what each window is off (K, D, ...), per measured coordinate."""
-        measured = np.isfinite(self.measured).sum(axis=(1, 2, 3))
+        """(K, ...) of what each window is off (K, D, ...), per known coordinate."""
         whole: Floats = (off**2).sum(axis=1)
-        return (whole.T / np.maximum(measured, 1)).T
+        return (whole.T / np.maximum(self.known_in_each, 1)).T
+
+    @cached_property
+    def known(self) -> np.ndarray:
+        """(K, steps + 1, P, 3) bool: what is neither missing nor filled in."""
+        return np.isfinite(self.measured) & ~self.filled[:, None]
+
+    @cached_property
+    def known_in_each(self) -> np.ndarray:
+        """(K,) number of known coordinates in each window."""
+        return np.asarray(self.known.sum(axis=(1, 2, 3)))
 
     def residual(self, points: Floats) -> Floats:
-        """(K, D) measured minus predicted (K, steps + 1, P, 3), in sigmas; 0 where missing."""
+        """(K, D) measured minus predicted (K, steps + 1, P, 3), in sigmas; 0 where not known."""
         return self.residual_of(np.arange(len(self)), points)
 
     def residual_of(self, members: np.ndarray, points: Floats) -> Floats:
         """The same of windows `members` (n,): (n, D) of (n, steps + 1, P, 3)."""
         off = (self.measured[members] - points) / self.sigma
-        return np.nan_to_num(off, nan=0.0).reshape(len(members), -1)
+        return np.nan_to_num(np.where(self.known[members], off, 0.0), nan=0.0).reshape(
+            len(members), -1
+        )
 
     def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
         """(n, D, m) in sigmas, of windows `members` (n,) that differ by (n, m, steps + 1, P, 3) in a step.
 
-        0 where nothing was measured, or predicted.
+        0 where nothing is known, or predicted.
         """
-        seen = np.isfinite(self.measured[members])[:, None]
-        slope = np.where(seen, difference / (step * self.sigma), 0.0)
+        slope = np.where(self.known[members][:, None], difference / (step * self.sigma), 0.0)
         flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
         return flat.swapaxes(1, 2)
 
@@ -195,8 +210,21 @@ def noise_floor(points: Sequence[Floats]) -> float:
             f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}; "
             "coordinates that never change do not count."
         )
-    noise = float(np.median(np.abs(known)) / (NORMAL * GAIN))
+    noise = _spread(known)
     return noise if noise > _rounding(points) else _resolution(points) * UNIFORM
+
+
+def filled_in(points: Sequence[Floats]) -> np.ndarray:
+    """(R, P, 3) bool: coordinates that never change in a recording, though what was measured is noisy.
+
+    So they were not measured: a planar robot's third one, say. Of a sensor that mostly repeats a value nobody
+    can tell.
+
+    Args:
+      points: (T + 1, P, 3) of each of R recordings; NaN where missing [m].
+    """
+    still = np.stack([~_changes(p).reshape(p.shape[1:]) for p in points])
+    return still & (_spread(_differences(points)) > _rounding(points))
 
 
 def noise_doubt(points: Sequence[Floats]) -> float:
@@ -206,7 +234,8 @@ def noise_doubt(points: Sequence[Floats]) -> float:
 
 def _differences(points: Sequence[Floats]) -> Floats:
     """(n,) fourth differences of everything that was measured five times in a row, and changes."""
-    found = [np.diff(_changing(p), ORDER, axis=0).ravel() for p in points if len(p) > ORDER]
+    flat = [p.reshape(len(p), -1)[:, _changes(p)] for p in points if len(p) > ORDER]
+    found = [np.diff(p, ORDER, axis=0).ravel() for p in flat]
     return np.concatenate([d[np.isfinite(d)] for d in found] or [np.empty(0)])
 
 
@@ -216,10 +245,15 @@ def _resolution(points: Sequence[Floats]) -> float:
     return float(steps.min(where=steps > _rounding(points), initial=np.inf))
 
 
-def _changing(points: Floats) -> Floats:
-    """(T + 1, n) coordinates of points (T + 1, P, 3) of which some two values in a row differ."""
+def _spread(differences: Floats) -> float:
+    """Standard deviation of the noise that shows in fourth differences (n,) [m]; 0 without any."""
+    return float(np.median(np.abs(differences)) / (NORMAL * GAIN)) if len(differences) else 0.0
+
+
+def _changes(points: Floats) -> np.ndarray:
+    """(3 P,) bool: whether some two values in a row of points (T + 1, P, 3) differ."""
     flat = points.reshape(len(points), -1)
-    return flat[:, (np.abs(np.diff(flat, axis=0)) > _rounding([points])).any(axis=0)]
+    return np.asarray((np.abs(np.diff(flat, axis=0)) > _rounding([points])).any(axis=0))
 
 
 def _rounding(points: Sequence[Floats]) -> float:

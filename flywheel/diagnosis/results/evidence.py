@@ -40,6 +40,7 @@ class Evidence:
       dt: [s].
       sigma: noise [m].
       measured, before, after: (K, T + 1, P, 3) [m].
+      known: (K, T + 1, P, 3) bool, what counts of what was measured.
       ladder: of models.
       rivals: the best candidates.
       likeness: (n, n) |cosine| between them, of what they change and nothing else explains.
@@ -54,6 +55,7 @@ class Evidence:
     dt: float
     sigma: float
     measured: Floats
+    known: np.ndarray
     before: Floats
     after: Floats
     ladder: tuple[Rung, ...]
@@ -77,6 +79,7 @@ class Evidence:
             dt=windows.dt,
             sigma=windows.noise,
             measured=windows.measured,
+            known=windows.known,
             before=first.points,
             after=last.points,
             ladder=tuple(
@@ -87,14 +90,16 @@ class Evidence:
             likeness=likeness,
             lags_before=_autocorrelation(windows, first),
             lags_after=_autocorrelation(windows, last),
-            band=float(1.96 / np.sqrt(np.isfinite(windows.measured).sum())),
+            band=float(1.96 / np.sqrt(windows.known.sum())),
         )
 
     def squares(self, points: Floats) -> Floats:
-        """(K, P) mean square of measured minus these points, in noise variances."""
-        with np.errstate(invalid="ignore"):
-            off = ((self.measured - points) / self.sigma) ** 2
-        return np.nanmean(np.where(np.isfinite(off), off, np.nan), axis=(1, 3))
+        """(K, P) mean square of measured minus these points, in noise variances; NaN of nothing."""
+        off = (self.measured - points) / self.sigma
+        known = self.known & np.isfinite(off)
+        count = known.sum(axis=(1, 3))
+        whole = np.where(known, off**2, 0.0).sum(axis=(1, 3))
+        return np.where(count, whole / np.maximum(count, 1), np.nan)
 
 
 def _label(windows: Windows, models: Sequence[ScoredModel], index: int) -> str:

@@ -91,12 +91,19 @@ def model_without(
     return search.score_all(search.fit_until(search.fitter.with_terms(fit, rest)))
 
 
-def refitted(search: Search, model: ScoredModel) -> ScoredModel:
-    """A model that was given up when it was clearly not the best, fitted to its end; its scores stay."""
+def refitted(search: Search, model: ScoredModel, target: float) -> ScoredModel:
+    """A model that was given up when it was clearly not the best, fitted to its end; its scores stay.
+
+    Args:
+      search: that made it.
+      model: given up.
+      target: criterion from which on it would be as good; beside numbers of a robot as built, of which a fit
+        takes a minute, one that clearly stays above is not fitted to the last digit.
+    """
     if not model.fit.terms:
         return model
     fitter, built = search.fitter, model.fit.kept is not None
-    fit = search.settled(model.fit) if built else search.fit_until(model.fit)
+    fit = search.settled(model.fit, target) if built else search.fit_until(model.fit)
     if fit is model.fit:
         return model
     jacobian = fitter.jacobian(fit)

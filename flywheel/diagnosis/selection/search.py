@@ -71,9 +71,8 @@ class Search:
 
         Values of which something is known cost what they are off by that.
         """
-        measured = np.isfinite(self.fitter.windows.measured).sum()
         values = sum(term.unknown for term in fit.terms)
-        return fit.cost + values * float(np.log(measured))
+        return fit.cost + values * float(np.log(self.fitter.windows.known.sum()))
 
     def fit_until(
         self, fit: Fit, target: float = np.inf, max_rounds: float | None = None, slight: float = 0.0
@@ -112,18 +111,27 @@ class Search:
         fit = self.fitter.fit(fit, effects, enough=self.fitter.worthwhile(fit))
         return replace(fit, converged=False)
 
-    def settled(self, fit: Fit) -> Fit:
+    def settled(self, fit: Fit, target: float = np.inf) -> Fit:
         """A fit whose kept sensitivities are those where it is, or beside it, where that ends lower.
 
         What others leave would be seen as an effect.
+
+        Args:
+          fit: where to begin.
+          target: criterion that is to be reached; one that clearly stays above it is left where it is.
         """
         if fit.kept is None:
             return fit
-        for _ in range(self.fitter.settings.stopping.rounds):
+        settings, stopping = self.fitter.settings.nuisance, self.fitter.settings.stopping
+        for _ in range(stopping.rounds):
             before, fit = fit, self._after_a_round_anew(fit)
-            if before.cost - fit.cost < self.threshold:
+            fell = before.cost - fit.cost
+            if fell < self.threshold:
                 break
-        settings = self.fitter.settings.nuisance
+            if out_of_reach(self.criterion(fit) - target, fell, settings.max_rounds):
+                return fit
+        if self.criterion(fit) - target > settings.shaken_off:
+            return fit
         rng = np.random.default_rng(0)
         for _ in range(settings.shakes):
             terms = self.within_bounds(shaken_terms(fit.terms, settings.shake, rng))

@@ -193,7 +193,8 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
     search = SimpleNamespace(
         fitter=None,
         threshold=25.0,
-        settled=lambda fit: fit,
+        criterion=lambda fit: fit.cost,
+        settled=lambda fit, target: fit,
         fit_until=lambda fit: fit,
         share=lambda fit, less, term: share if term is terms["b"] else 9.0,
     )

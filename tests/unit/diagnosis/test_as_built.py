@@ -227,6 +227,27 @@ def test_beside_another_effect_one_that_is_a_number_within_what_is_usual_is_none
     assert not alone_beside(begun, 0.9 * usual, (), 0.0)
 
 
+@pytest.mark.parametrize(
+    ("missing", "fall", "rounds"),
+    [(9.0, 0.0, 1 + 3 * 2), (501.0, 0.0, 1), (2100.0, 200.0, 2), (2500.0, 200.0, 1)],
+)
+def test_a_fit_that_clearly_stays_above_its_target_is_left_where_it_is(
+    begun: tuple[Search, ScoredModel], monkeypatch, missing: float, fall: float, rounds: int
+) -> None:
+    """One that ended near it begins beside itself; one that falls too slowly has no further round."""
+    search, model = begun
+    falls = iter([fall])
+
+    def after_a_round(_: Search, fit: Fit) -> Fit:
+        done.append(fit)
+        return replace(fit, cost=fit.cost - next(falls, 0.0))
+
+    done: list[Fit] = []
+    monkeypatch.setattr(Search, "_after_a_round_anew", after_a_round)
+    search.settled(model.fit, search.criterion(model.fit) - missing)
+    assert len(done) == rounds
+
+
 def test_effects_alone_leave_no_more_than_numbers_explain_of_noise(
     begun: tuple[Search, ScoredModel],
 ) -> None:

@@ -67,6 +67,17 @@ def test_friction_that_differs_from_cable_to_cable_is_one_effect(robot: Robot, s
     assert read.values == answer.term.values and isinstance(read.effect, PerPart)
 
 
+@pytest.mark.slow
+def test_winches_that_wind_up_less_than_they_are_told_have_a_gain(robot: Robot, seed: int) -> None:
+    """Servo motors do: the gain of the rates of a position winch says nothing of where it ends."""
+    found = diagnosed(robot, of(robot, FORMS["winch_gain_on_length"], -1.0), seed)
+    (answer,) = found.answers[0]
+    assert answer.effect == "winch_gain_on_length" and answer.family == "winch_gain", seed
+    assert found.verdict is Verdict.EFFECT, seed
+    assert answer.term.values[0] == pytest.approx(-0.1, abs=0.01), seed
+    assert "on the length that is wound up" in sentence(found)
+
+
 def test_sizes_that_gain_nothing_elsewhere_become_one_size(robot: Robot, seed: int) -> None:
     hidden = of(robot, EFFECTS["cable_friction"], 4.0)
     logs = [recorded(robot, (hidden,), seed + i) for i in range(2)]
@@ -135,3 +146,5 @@ def test_a_law_that_a_robot_cannot_show_is_not_asked_about(robot: Robot) -> None
     law = FORMS["cable_friction_by_stiffness"]
     assert law.differs_on(load_robot("prism3")) and not law.differs_on(robot)
     assert FORMS["creep_on_length"].differs_on(robot)
+    gain = FORMS["winch_gain_on_length"]
+    assert gain.differs_on(robot) and not gain.differs_on(load_robot("prism3"))

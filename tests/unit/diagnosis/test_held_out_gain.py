@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.checks import held_out_gain
-from flywheel.diagnosis.checks.held_out_gain import Gain, left_out_squares
+from flywheel.diagnosis.checks.held_out_gain import Gain, UnseenWindows, left_out_squares
 from flywheel.diagnosis.results.verdict import worth_having
 from flywheel.diagnosis.settings import Limits
 from tests.unit.diagnosis.test_score_test import LOCAL, WINDOWS, Case, case  # noqa: F401
@@ -81,6 +81,24 @@ def test_nothing_is_gained_of_nothing() -> None:
         gain = gains_of(first, np.ones(4), np.asarray(model))
         assert not gain.clear
         assert gain.summary()["share"] is None
+
+
+@pytest.mark.parametrize(("bare", "share"), [(50.0, 0.4), (300.0, 0.9)])
+def test_numbers_that_harm_where_they_were_not_fitted_make_no_effect_look_better(
+    bare: float, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside them it would gain more than there is."""
+    left = {"first": 100.0, "bare": bare, "model": 10.0}
+
+    def model(name: str) -> Any:
+        return SimpleNamespace(fit=SimpleNamespace(terms=name))
+
+    held_out: Any = SimpleNamespace(squares=lambda terms: np.full(3, left[terms]))
+    fitter: Any = SimpleNamespace(windows=range(4))
+    unseen = UnseenWindows(fitter, model("first"), held_out)
+    monkeypatch.setattr(unseen, "_left_out", lambda each: np.full(4, left[each.fit.terms]))
+    gain = unseen.gain_of_all(model("bare"), model("model"))
+    assert gain.share == pytest.approx(share) and (gain.windows, gain.held_out) == (7, 3)
 
 
 @pytest.mark.parametrize(

@@ -111,6 +111,7 @@ def windows_of(robot: Robot, rng: np.random.Generator) -> Windows:
         np.array([0, 0, 0, 1, 1]),
         np.arange(5),
         measured,
+        np.zeros((WINDOWS, POINTS, 3), bool),
         SIGMA,
     )
 

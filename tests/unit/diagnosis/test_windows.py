@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.fitting.windows import Windows, noise_floor
+from flywheel.diagnosis.fitting.windows import Windows, filled_in, noise_floor
 from flywheel.errors import DataError
 from flywheel.records import Observation, Trajectory
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
 from tests import draws
 
 
@@ -80,6 +80,17 @@ def test_coordinates_that_never_change_say_nothing_of_the_noise(rng: np.random.G
     points[:] = points[0]
     with pytest.raises(DataError, match="got 0; coordinates that never change"):
         noise_floor([points])
+
+
+def test_what_never_changes_beside_noise_was_filled_in(rng: np.random.Generator) -> None:
+    points = moving(rng) + rng.normal(0, 0.005, (400, 3, 3))
+    points[:, :, 1] = 0.3
+    log = Trajectory(Observation(points, np.full((400, 4), np.nan)), np.zeros((399, 4)), 0.01)
+    windows = Windows.cut(load_robot("platform4"), [log], 0.5)
+    assert not windows.known[..., 1].any() and windows.known[..., ::2].all()
+    off = windows.residual(windows.measured - windows.sigma)
+    np.testing.assert_allclose(windows.mean_square(off), 1.0)
+    assert not filled_in([np.round(moving(rng) / 100.0, 2)]).any()
 
 
 def test_a_sensor_that_counts_in_steps_is_as_good_as_they_are(rng: np.random.Generator) -> None:

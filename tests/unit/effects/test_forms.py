@@ -14,6 +14,7 @@ from flywheel.effects import (
     FORMS,
     NAMED,
     Cables,
+    CommandEffect,
     PerPart,
     Scales,
     TensionEffect,
@@ -31,7 +32,7 @@ from tests import draws
 DT = 0.01
 ABLE = (
     "cable_friction", "cable_friction_by_stiffness", "hysteresis", "creep", "winch_gain",
-    "winch_backlash", "torque_speed",
+    "winch_gain_on_length", "winch_backlash", "torque_speed",
 )  # fmt: skip
 
 
@@ -93,6 +94,19 @@ def test_stiffening_by_strain_is_quadratic_in_the_stretch() -> None:
         tension("stiffening_by_strain", np.full(2, 1.0 + e), coefficient=0.3) for e in (0.01, 0.02)
     )
     np.testing.assert_allclose(twice, 4 * once)
+
+
+def test_a_gain_on_length_is_counted_from_the_keyframe(plant: AugmentedPlant) -> None:
+    robot, law = plant.robot, FORMS["winch_gain_on_length"]
+    assert isinstance(law, CommandEffect)
+    rng = np.random.default_rng(seed := draws.seed())
+    told = rng.uniform(robot.control_low, robot.control_high, (1, 30, len(robot.winches)))
+    wound = law.command(told, {"share": np.full((1, told.shape[2]), 0.1)}, robot, DT)
+    rates, begun = robot.rate_driven, robot.winch_of(robot.keyframe)
+    assert 0 < rates.sum() < len(rates)
+    np.testing.assert_allclose(wound[..., rates], 1.1 * told[..., rates], err_msg=str(seed))
+    way = (told - begun)[..., ~rates]
+    np.testing.assert_allclose((wound - begun)[..., ~rates], 1.1 * way, err_msg=str(seed))
 
 
 def test_other_laws_have_the_family_of_an_effect_of_the_library() -> None:
