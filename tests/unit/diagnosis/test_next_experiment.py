@@ -30,7 +30,7 @@ def library(robot: Robot) -> dict[str, Candidate]:
 def evidence(rivals: list[Candidate], likeness: Floats) -> Evidence:
     none = np.zeros((0, 1, 1, 3))
     return Evidence(
-        *((), (), np.zeros(0, int), np.zeros(0, int), 0.01, 0.001, none, none, none, ()),
+        *((), (), np.zeros(0, int), np.zeros(0, int), 0.01, 0.001, none, none > 0, none, none, ()),
         rivals=tuple(rivals),
         likeness=likeness,
         lags_before=np.zeros(0),
