@@ -59,7 +59,7 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
     draws = fitter.own_errors
     if not draws.shape[2]:
         return None
-    by_window = fitter.windows.known_in_each
+    by_window = fitter.windows.noisy_in_each
     found = []
     for draw in np.moveaxis(draws, 2, 0):
         residual = test.projection(draw[..., None])[:, 0]
@@ -91,11 +91,11 @@ def adequacy(
     windows = fitter.windows
     shape = windows.measured.shape
     squares = fit.residual.reshape(shape) ** 2
-    by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(windows.known.sum(axis=(0, 1, 3)), 1)
+    by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(windows.noisy.sum(axis=(0, 1, 3)), 1)
     return Adequacy(
         noise=test.left_noise,
         doubt=windows.doubt,
-        loudest=loudest(test.left, windows.known_in_each, test.left_freedom),
+        loudest=loudest(test.left, windows.noisy_in_each, test.left_freedom),
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, by_value, settings.rare),
         beyond_noise=test.beyond_noise(fitter),

@@ -28,8 +28,8 @@ def model_discrepancy(fitter: Fitter, fit: Fit) -> float:
     residual = fit.residual.reshape(shape)
     robot = windows.robot
     together = max(1.0, 3.0 * shape[2] / (FREEDOMS * len(robot.bodies)))
-    usual = windows.known.sum() / max(1, fitter.freedom(fit))
-    square = windows.sigma**2 * usual * long_run_variance(residual, windows.known)
+    usual = windows.noisy.sum() / max(1, fitter.freedom(fit))
+    square = windows.sigma**2 * usual * long_run_variance(residual, windows.noisy)
     return float(np.sqrt(together * max(0.0, square - windows.noise**2)))
 
 

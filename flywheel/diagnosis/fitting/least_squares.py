@@ -295,7 +295,7 @@ class Fitter(ABC):
 
     def freedom(self, fit: Fit) -> int:
         """Degrees of freedom: what noise alone would cost."""
-        return int(self.windows.known.sum()) - fit.local.size
+        return int(self.windows.noisy.sum()) - fit.local.size
 
     def worthwhile(self, fit: Fit) -> float:
         """Fall of the cost that is worth another round; 0 for a model that may be right."""

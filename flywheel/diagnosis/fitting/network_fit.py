@@ -167,7 +167,7 @@ class NetworkFitter(Fitter):
         """Root mean square of what it is off [m], its own errors included: as it is used."""
         off = self.windows.residual(fit.points)
         return (
-            float(np.sqrt((off**2).sum() / max(1, self.windows.known.sum()))) * self.windows.sigma
+            float(np.sqrt((off**2).sum() / max(1, self.windows.noisy.sum()))) * self.windows.sigma
         )
 
     def _unseen(self, worlds: Floats) -> Floats:
@@ -212,7 +212,7 @@ class NetworkFitter(Fitter):
         half = len(points) // 2
         if half < 2:
             raise ModelError("The plant stays finite from too few starts to try the network on.")
-        known = self.windows.known.reshape(count, -1, 1)
+        known = self.windows.noisy.reshape(count, -1, 1)
         own = errors[..., half:]
         return errors[..., :half] / np.sqrt(half), own + known * rng.normal(size=own.shape)
 

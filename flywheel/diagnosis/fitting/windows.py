@@ -155,37 +155,39 @@ class Windows:
         return [np.flatnonzero(number == rank) for rank in range(number.max() + 1)]
 
     def mean_square(self, off: Floats) -> Floats:
-        """(K, ...) of what each window is off (K, D, ...), per known coordinate."""
+        """(K, ...) of what each window is off (K, D, ...), per coordinate that has noise."""
         whole: Floats = (off**2).sum(axis=1)
-        return (whole.T / np.maximum(self.known_in_each, 1)).T
+        return (whole.T / np.maximum(self.noisy_in_each, 1)).T
 
     @cached_property
-    def known(self) -> np.ndarray:
-        """(K, steps + 1, P, 3) bool: what is neither missing nor filled in."""
+    def noisy(self) -> np.ndarray:
+        """(K, steps + 1, P, 3) bool: what has noise, neither missing nor filled in.
+
+        What was filled in holds the model in its plane, say, and tells nothing of how far it is off.
+        """
         return np.isfinite(self.measured) & ~self.filled[:, None]
 
     @cached_property
-    def known_in_each(self) -> np.ndarray:
-        """(K,) number of known coordinates in each window."""
-        return np.asarray(self.known.sum(axis=(1, 2, 3)))
+    def noisy_in_each(self) -> np.ndarray:
+        """(K,) number of coordinates with noise in each window."""
+        return np.asarray(self.noisy.sum(axis=(1, 2, 3)))
 
     def residual(self, points: Floats) -> Floats:
-        """(K, D) measured minus predicted (K, steps + 1, P, 3), in sigmas; 0 where not known."""
+        """(K, D) measured minus predicted (K, steps + 1, P, 3), in sigmas; 0 where missing."""
         return self.residual_of(np.arange(len(self)), points)
 
     def residual_of(self, members: np.ndarray, points: Floats) -> Floats:
         """The same of windows `members` (n,): (n, D) of (n, steps + 1, P, 3)."""
         off = (self.measured[members] - points) / self.sigma
-        return np.nan_to_num(np.where(self.known[members], off, 0.0), nan=0.0).reshape(
-            len(members), -1
-        )
+        return np.nan_to_num(off, nan=0.0).reshape(len(members), -1)
 
     def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
         """(n, D, m) in sigmas, of windows `members` (n,) that differ by (n, m, steps + 1, P, 3) in a step.
 
-        0 where nothing is known, or predicted.
+        0 where nothing was measured, or predicted.
         """
-        slope = np.where(self.known[members][:, None], difference / (step * self.sigma), 0.0)
+        seen = np.isfinite(self.measured[members])[:, None]
+        slope = np.where(seen, difference / (step * self.sigma), 0.0)
         flat = np.nan_to_num(slope.reshape(*slope.shape[:2], -1), nan=0.0)
         return flat.swapaxes(1, 2)
 
@@ -215,7 +217,7 @@ def noise_floor(points: Sequence[Floats]) -> float:
 
 
 def filled_in(points: Sequence[Floats]) -> np.ndarray:
-    """(R, P, 3) bool: coordinates that never change in a recording, though what was measured is noisy.
+    """(R, P, 3) bool: coordinates that never change in a recording, though the others are noisy.
 
     So they were not measured: a planar robot's third one, say. Of a sensor that mostly repeats a value nobody
     can tell.

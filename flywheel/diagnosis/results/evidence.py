@@ -40,7 +40,7 @@ class Evidence:
       dt: [s].
       sigma: noise [m].
       measured, before, after: (K, T + 1, P, 3) [m].
-      known: (K, T + 1, P, 3) bool, what counts of what was measured.
+      noisy: (K, T + 1, P, 3) bool: what was measured, and not filled in.
       ladder: of models.
       rivals: the best candidates.
       likeness: (n, n) |cosine| between them, of what they change and nothing else explains.
@@ -55,7 +55,7 @@ class Evidence:
     dt: float
     sigma: float
     measured: Floats
-    known: np.ndarray
+    noisy: np.ndarray
     before: Floats
     after: Floats
     ladder: tuple[Rung, ...]
@@ -79,7 +79,7 @@ class Evidence:
             dt=windows.dt,
             sigma=windows.noise,
             measured=windows.measured,
-            known=windows.known,
+            noisy=windows.noisy,
             before=first.points,
             after=last.points,
             ladder=tuple(
@@ -90,13 +90,13 @@ class Evidence:
             likeness=likeness,
             lags_before=_autocorrelation(windows, first),
             lags_after=_autocorrelation(windows, last),
-            band=float(1.96 / np.sqrt(windows.known.sum())),
+            band=float(1.96 / np.sqrt(windows.noisy.sum())),
         )
 
     def squares(self, points: Floats) -> Floats:
         """(K, P) mean square of measured minus these points, in noise variances; NaN of nothing."""
         off = (self.measured - points) / self.sigma
-        known = self.known & np.isfinite(off)
+        known = self.noisy & np.isfinite(off)
         count = known.sum(axis=(1, 3))
         whole = np.where(known, off**2, 0.0).sum(axis=(1, 3))
         return np.where(count, whole / np.maximum(count, 1), np.nan)

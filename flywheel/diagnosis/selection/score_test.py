@@ -390,7 +390,7 @@ def score_test(
     mean = fitter.mean_squares(fit)
     entries = jacobian.by_local.shape[2]
     # Windows that saw less than they have local parameters fit however wrong the model is.
-    tells = fitter.windows.known_in_each > entries
+    tells = fitter.windows.noisy_in_each > entries
     usual = max(
         float(np.median(mean[tells] if tells.any() else mean)), 1e-9
     )  # 0 where all diverged
@@ -406,7 +406,7 @@ def score_test(
         values = [each.value if np.isfinite(each.deviation) else 0.0 for each in prior]
         off = off + known[..., count - len(prior) :] @ np.array(values)
     residual = projection(off[..., None])[:, 0]
-    own = int(fitter.windows.known.sum()) - len(mean) * entries
+    own = int(fitter.windows.noisy.sum()) - len(mean) * entries
     freedom = float(own - (projection.shares == 1.0).sum())
     noise = float(residual @ residual) / max(freedom, 1.0)
     columns, shorter = sensitivities(fitter, fit, library, projection, residual, settings)

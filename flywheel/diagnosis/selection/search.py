@@ -72,7 +72,7 @@ class Search:
         Values of which something is known cost what they are off by that.
         """
         values = sum(term.unknown for term in fit.terms)
-        return fit.cost + values * float(np.log(self.fitter.windows.known.sum()))
+        return fit.cost + values * float(np.log(self.fitter.windows.noisy.sum()))
 
     def fit_until(
         self, fit: Fit, target: float = np.inf, max_rounds: float | None = None, slight: float = 0.0
