@@ -125,6 +125,6 @@ class HeldOut:
 
 def beyond_noise(fitter: Fitter, squares: Floats) -> Floats:
     """(K,) squares without what noise leaves where local parameters are fitted [sigma^2]."""
-    known = fitter.windows.noisy_in_each
+    noisy = fitter.windows.noisy_in_each
     noise = (fitter.windows.noise / fitter.windows.sigma) ** 2
-    return np.asarray(squares - noise * np.maximum(known - len(fitter.local_prior), 0))
+    return np.asarray(squares - noise * np.maximum(noisy - len(fitter.local_prior), 0))

@@ -165,10 +165,8 @@ class NetworkFitter(Fitter):
 
     def rms(self, fit: Fit) -> float:
         """Root mean square of what it is off [m], its own errors included: as it is used."""
-        off = self.windows.residual(fit.points)
-        return (
-            float(np.sqrt((off**2).sum() / max(1, self.windows.noisy.sum()))) * self.windows.sigma
-        )
+        squares = (self.windows.residual(fit.points) ** 2).sum()
+        return float(np.sqrt(squares / max(1, self.windows.noisy.sum()))) * self.windows.sigma
 
     def _unseen(self, worlds: Floats) -> Floats:
         """What the network does not see coming in worlds (n, K, steps + 1, P, 3) [m]."""
@@ -212,9 +210,9 @@ class NetworkFitter(Fitter):
         half = len(points) // 2
         if half < 2:
             raise ModelError("The plant stays finite from too few starts to try the network on.")
-        known = self.windows.noisy.reshape(count, -1, 1)
+        noisy = self.windows.noisy.reshape(count, -1, 1)
         own = errors[..., half:]
-        return errors[..., :half] / np.sqrt(half), own + known * rng.normal(size=own.shape)
+        return errors[..., :half] / np.sqrt(half), own + noisy * rng.normal(size=own.shape)
 
 
 def _all_seen(points: Floats) -> np.ndarray:
