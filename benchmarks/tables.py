@@ -128,30 +128,46 @@ class Collected:
 
     Attributes:
       file: the CSV file.
+      row: what a row of it holds.
+      of: names of the fields that say which result a row is of.
       kind: what a JSON file in the benchmark's folder holds.
       rows: of one of these.
     """
 
     file: Path
+    row: type[Any]
+    of: tuple[str, ...]
     kind: type[BaseModel]
     rows: Callable[[Any], Iterable[Any]]
 
+    def result(self, row: Any) -> tuple[Any, ...]:
+        """Which result a row is of."""
+        return tuple(getattr(row, name) for name in self.of)
+
 
 COLLECTED = {
-    "adoption": Collected(ADOPTION, AdoptionStudy, lambda each: [adoption.row_of(each)]),
-    "residual": Collected(RESIDUAL, ResidualStudy, lambda each: [residual.row_of(each)]),
-    "demo": Collected(DEMO, DemoResult, lambda each: [demo.row_of(each)]),
-    "sysid": Collected(SYSID, CaseStudy, sysid.rows_of),
+    "adoption": Collected(
+        ADOPTION, AdoptionRow, ("name",), AdoptionStudy, lambda each: [adoption.row_of(each)]
+    ),
+    "residual": Collected(
+        RESIDUAL,
+        ResidualRow,
+        ("hidden", "minutes", "seed"),
+        ResidualStudy,
+        lambda each: [residual.row_of(each)],
+    ),
+    "demo": Collected(DEMO, DemoRow, ("name",), DemoResult, lambda each: [demo.row_of(each)]),
+    "sysid": Collected(SYSID, ContenderRow, ("name",), CaseStudy, sysid.rows_of),
 }
 
 
 def collect(kind: str, folder: Path) -> None:
-    """Take the results of a benchmark's folder over."""
+    """Take the results of a benchmark's folder over; rows of other results stay."""
     to = COLLECTED[kind]
-    texts = _texts(folder)
-    write_rows(
-        to.file, [row for text in texts for row in to.rows(to.kind.model_validate_json(text))]
-    )
+    new = [row for text in _texts(folder) for row in to.rows(to.kind.model_validate_json(text))]
+    taken = {to.result(row) for row in new}
+    kept = [row for row in rows_there(to.row, to.file) if to.result(row) not in taken]
+    write_rows(to.file, [*kept, *new])
 
 
 def collect_diagnosis(folder: Path, of_set: str) -> None:

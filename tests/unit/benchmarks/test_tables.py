@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import runpy
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from benchmarks import tables
+from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult, Named
 from benchmarks.diagnosis.case_row import CaseRow
 from benchmarks.robot import DriveRow, ErrorRow
@@ -61,6 +62,28 @@ def test_runs_on_a_robot_that_were_collected_before_stay(
         "library",
         "cogging",
     ]
+
+
+def test_stories_that_were_collected_before_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of the folder take the place of their own rows."""
+
+    def story(seed: int, outcome: str) -> DemoResult:
+        return DemoResult(
+            name=f"prism3.creep.s{seed}", hidden="creep:2", seed=seed, outcome=outcome, sentence=""
+        )
+
+    demo = replace(tables.COLLECTED["demo"], file=tmp_path / "demo.csv")
+    monkeypatch.setitem(tables.COLLECTED, "demo", demo)
+    for stories in ([story(0, "named"), story(1, "failed")], [story(1, "named")]):
+        for file in tmp_path.glob("*.json"):
+            file.unlink()
+        for each in stories:
+            (tmp_path / f"{each.name}.json").write_text(each.model_dump_json())
+        tables.collect("demo", tmp_path)
+    rows = read_rows(DemoRow, tmp_path / "demo.csv")
+    assert [(row.seed, row.outcome) for row in rows] == [(0, "named"), (1, "named")]
 
 
 def test_a_table_of_another_name_is_refused() -> None:
