@@ -165,7 +165,7 @@ def without_unclear_factors(searched: Searched, judged: Judged, held_out: HeldOu
         terms = tuple(at_same_size(t) if t is uneven else t for t in last.fit.terms)
         fit = search.fit_until(search.fitter.with_terms(last.fit, terms))
         even = search.score_all(fit)
-        if math.isfinite(fit.cost) and not unseen.gain_of_all(even, last).clear:
+        if math.isfinite(fit.cost) and not unseen.gain_everywhere(even, last).clear:
             judged = judge(searched, [*_before(judged.models, fit), even])
             return without_unclear_factors(searched, judged, held_out)
     return judged
@@ -224,7 +224,9 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
         doubted, built = judged.verdict in UNEXPLAINED, last.fit.kept is not None
         groups = [*([term] for term in new), *([new] if len(new) > 1 else [])]
         less = [model_without(search, known, last.fit, terms) for terms in groups]
-        if doubted or built:  # compared with one that was given up early, every effect would gain
+        if doubted or built:
+            # Beside one that was given up while it was only not the best, every effect would gain. One that
+            # clearly stays above the target is left there: what effects gain beside it is a little too much.
             target = search.criterion(last.fit) + search.threshold
             less = [refitted(search, model, target) for model in less]
         if built and (better := _from_shorter(search, last.fit, less, groups)):
@@ -239,7 +241,7 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
             or (built and search.share(last.fit, model.fit, term) < 1.0)
         ]
         if not unclear:
-            return _with_gain(searched, judged, gains, unseen.gain_of_all(bare, last))
+            return _with_gain(searched, judged, gains, unseen.gain_everywhere(bare, last))
         _, model = min(unclear, key=lambda each: each[0].low)
         models = [*_before(judged.models, model.fit), model]
         judged = replace(judge(searched, models), shorter=tuple(shorter))

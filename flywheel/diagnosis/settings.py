@@ -188,9 +188,10 @@ class NuisanceSettings:
       shakes: times that a fit of a robot as built begins beside what was found.
       shake: standard deviation of these moves, in those of what is known of the numbers: as little as takes a
         fit off the edges that contacts make in its cost.
-      max_rounds: further rounds like the last one, within which a fit of a robot as built must have reached
-        its target.
-      shaken_off: fall of the cost that such a move may bring [sigma^2]; a fit that needs more is not moved.
+      most_by_shaking: fall of the cost that such moves may bring [sigma^2]: 100 to 170 were seen, and a fit
+        that is farther from its target is not moved.
+      max_rounds_to_target: further rounds like the last one, within which a fit of a robot as built must have
+        reached its target; hardly one brings more than the one before it.
     """
 
     beside: tuple[float, ...] = (-1.0, 1.0)
@@ -201,8 +202,8 @@ class NuisanceSettings:
     worth: float = 4.0
     shakes: int = 3
     shake: float = 0.1
-    shaken_off: float = 500.0
-    max_rounds: float = 10.0
+    most_by_shaking: float = 500.0
+    max_rounds_to_target: float = 10.0
 
 
 @dataclass(frozen=True)

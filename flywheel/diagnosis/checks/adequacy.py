@@ -25,8 +25,6 @@ class Adequacy:
       inconstancy: of the fitted sizes over windows: squares of their differences over what noise exceeds
         once in a thousand times, of the worst size; above 1 for sizes that are not the same everywhere.
       beyond_noise: root mean square of what is left beyond noise [m].
-      by_window: (K,) mean square residual [sigma^2].
-      by_point: (P,) the same of each tracked point.
     """
 
     noise: float
@@ -35,8 +33,6 @@ class Adequacy:
     correlation: float
     inconstancy: float
     beyond_noise: float
-    by_window: Floats
-    by_point: Floats
 
 
 @dataclass(frozen=True)
@@ -59,7 +55,7 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
     draws = fitter.own_errors
     if not draws.shape[2]:
         return None
-    by_window = fitter.windows.noisy_in_each
+    noisy = fitter.windows.noisy_in_each
     found = []
     for draw in np.moveaxis(draws, 2, 0):
         residual = test.projection(draw[..., None])[:, 0]
@@ -68,7 +64,7 @@ def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
         left = test.whole(draw[..., None])[:, 0]
         loud = float(left @ left) / max(test.freedom, 1.0)
         correlation = sample_correlation(left, fitter.windows.measured.shape)
-        found.append((best, loud, correlation, loudest(left, by_window, test.freedom)))
+        found.append((best, loud, correlation, loudest(left, noisy, test.freedom)))
     quantile = fitter.settings.network.quantile
     return OwnErrors(*np.quantile(found, quantile, axis=0).tolist())
 
@@ -90,8 +86,6 @@ def adequacy(
     """
     windows = fitter.windows
     shape = windows.measured.shape
-    squares = fit.residual.reshape(shape) ** 2
-    by_point = squares.sum(axis=(0, 1, 3)) / np.maximum(windows.noisy.sum(axis=(0, 1, 3)), 1)
     return Adequacy(
         noise=test.left_noise,
         doubt=windows.doubt,
@@ -99,15 +93,13 @@ def adequacy(
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, by_value, settings.rare),
         beyond_noise=test.beyond_noise(fitter),
-        by_window=fitter.mean_squares(fit),
-        by_point=by_point,
     )
 
 
-def loudest(left: Floats, measured: np.ndarray, freedom: float) -> float:
-    """Largest excess of the squares of one window, of which (K,) samples were measured."""
-    squares = (left.reshape(len(measured), -1) ** 2).sum(axis=1)
-    free = measured * freedom / max(1, measured.sum())
+def loudest(left: Floats, noisy: np.ndarray, freedom: float) -> float:
+    """Largest excess of the squares of one window, of which (K,) coordinates have noise."""
+    squares = (left.reshape(len(noisy), -1) ** 2).sum(axis=1)
+    free = noisy * freedom / max(1, noisy.sum())
     return float(((squares - free) / np.sqrt(2.0 * np.maximum(free, 1.0))).max())
 
 

@@ -125,6 +125,6 @@ class HeldOut:
 
 def beyond_noise(fitter: Fitter, squares: Floats) -> Floats:
     """(K,) squares without what noise leaves where local parameters are fitted [sigma^2]."""
-    noisy = fitter.windows.noisy_in_each
+    freedom = fitter.windows.noisy_in_each - fitter.taken
     noise = (fitter.windows.noise / fitter.windows.sigma) ** 2
-    return np.asarray(squares - noise * np.maximum(noisy - len(fitter.local_prior), 0))
+    return np.asarray(squares - noise * np.maximum(freedom, 0.0))

@@ -78,19 +78,19 @@ class UnseenWindows:
         first, less, more = (self._left_out(each) for each in (self._first, without, model))
         return _gain(first, less - more, 0, self._seed)
 
-    def gain_of_all(self, bare: ScoredModel, model: ScoredModel) -> Gain:
-        """What a model gains beside one without any of its new effects, on held-out windows, too.
+    def gain_everywhere(self, simpler: ScoredModel, model: ScoredModel) -> Gain:
+        """What a model gains beside a simpler one, or the one as it was, on held-out windows, too.
 
-        Where numbers of a robot as built, fitted in the stead of effects, do harm there, it is what the model
-        gains beside the one as it was.
+        Beside whichever of the two is better there: what the simpler one has, numbers of a robot as built
+        say, may do harm on windows that it was not fitted to.
         """
-        windows = []
-        for each in (self._first, bare, model):
-            held_out = self._held_out.squares(each.fit.terms)
-            windows.append(np.concatenate([held_out, self._left_out(each)]))
-        first, bare_there, more = windows
-        less = min(first, bare_there, key=lambda each: float(each.sum()))
-        return _gain(first, less - more, len(first) - len(self._fitter.windows), self._seed)
+        first, less, more = (self._everywhere(each) for each in (self._first, simpler, model))
+        better = min(first, less, key=lambda each: float(each.sum()))
+        return _gain(first, better - more, len(first) - len(self._fitter.windows), self._seed)
+
+    def _everywhere(self, model: ScoredModel) -> Floats:
+        """(H + K,) squares of every held-out window, and of every fitted one, left out in turn."""
+        return np.concatenate([self._held_out.squares(model.fit.terms), self._left_out(model)])
 
     def _left_out(self, model: ScoredModel) -> Floats:
         """(K,) squares of every fitted window, left out in turn; computed once for each model."""

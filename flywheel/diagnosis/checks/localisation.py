@@ -93,12 +93,12 @@ def _explained(fitter: Fitter, test: ScoreTest) -> Floats:
 
 def _pieces(fitter: Fitter, test: ScoreTest, count: int) -> Floats:
     """(K, pieces, P) mean square of what is left, over time, of each tracked point."""
-    shape = fitter.windows.measured.shape
-    left = test.left.reshape(shape[0], -1)[:, : int(np.prod(shape[1:]))].reshape(shape)
-    noisy = fitter.windows.noisy
+    windows, shape = fitter.windows, fitter.windows.measured.shape
+    left = test.left.reshape(shape[0], -1)[:, : int(np.prod(shape[1:]))]
+    squares, noisy = windows.squares(left).reshape(shape), windows.noisy
     parts = np.array_split(np.arange(shape[1]), min(count, shape[1]))
     means = [
-        (left[:, part] ** 2).sum(axis=(1, 3)) / np.maximum(noisy[:, part].sum(axis=(1, 3)), 1)
+        squares[:, part].sum(axis=(1, 3)) / np.maximum(noisy[:, part].sum(axis=(1, 3)), 1)
         for part in parts
     ]
     return np.stack(means, axis=1)

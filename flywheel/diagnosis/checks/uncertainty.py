@@ -56,7 +56,7 @@ def uncertainty(
     known = np.array([1.0 / f.prior**2 for f in free])
     inverse = np.linalg.pinv(left.T @ left + np.diag(known), rcond=1e-12)
     further = inverse @ (left.T @ residual - known * [f.value(fit.terms) for f in free])
-    freedom = max(1, fitter.freedom(fit))
+    freedom = max(1.0, fitter.freedom)
     curvature = inverse * max(1.0, float(residual @ residual) / freedom)
     by_window = (left * residual[:, None]).reshape(len(columns), -1, len(free)).sum(axis=1)
     by_window -= by_window.mean(axis=0)

@@ -18,6 +18,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -293,13 +294,27 @@ class Fitter(ABC):
         first = replace(first, cache=here.cache).outdated(np.ones(len(fit.local), bool))
         return self.best_of(here, first)
 
-    def freedom(self, fit: Fit) -> int:
+    @cached_property
+    def taken(self) -> Floats:
+        """(K,) degrees of freedom that the local parameters take from what has noise in each window.
+
+        As many as there are; where something was filled in, what they take from the rest: a planar robot's
+        height and tilt are held by what was filled in.
+        """
+        if not self.windows.filled.any():
+            return np.full(len(self.windows), float(len(self.local_prior)))
+        by_local = self.rough_jacobian(self.first_estimate()).by_local
+        bases = local_bases(by_local, self.local_prior)[:, : by_local.shape[1]]
+        return np.asarray(self.windows.squares(bases).sum(axis=(1, 2)))
+
+    @property
+    def freedom(self) -> float:
         """Degrees of freedom: what noise alone would cost."""
-        return int(self.windows.noisy.sum()) - fit.local.size
+        return float(self.windows.noisy.sum() - self.taken.sum())
 
     def worthwhile(self, fit: Fit) -> float:
         """Fall of the cost that is worth another round; 0 for a model that may be right."""
-        return least_worthwhile_fall(fit.cost, self.freedom(fit), self.settings.stopping)
+        return least_worthwhile_fall(fit.cost, self.freedom, self.settings.stopping)
 
     def mean_squares(self, fit: Fit) -> Floats:
         """(K,) mean square residual of each window [sigma^2]."""
@@ -465,6 +480,17 @@ class Fitter(ABC):
         whole[values, values] += known
         right[values] -= known * [f.value(fit.terms) for f in free]
         return whole, right
+
+
+def local_bases(by_local: Floats, prior: Floats) -> Floats:
+    """(K, D + X, X) orthonormal bases of what local parameters change, and of their priors.
+
+    Args:
+      by_local: (K, D, X) sensitivities.
+      prior: (X,) standard deviations of the parameters.
+    """
+    own = np.broadcast_to(np.diag(1.0 / prior), (len(by_local), len(prior), len(prior)))
+    return np.linalg.qr(np.concatenate([by_local, own], axis=1))[0]
 
 
 def damped_step(matrix: Floats, right: Floats, damping: float, bounds: Floats) -> Floats:

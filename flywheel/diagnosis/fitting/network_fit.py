@@ -203,7 +203,7 @@ class NetworkFitter(Fitter):
         points = world.simulator.parallel(states, self._carried, self._terms, members)
         points = points.reshape(draws, count, *points.shape[1:])
         points = points[np.isfinite(points).all(axis=(1, 2, 3, 4))]
-        seen = points + windows.sigma * rng.normal(size=points.shape)
+        seen = points + windows.sigma * windows.noisy * rng.normal(size=points.shape)
         missing = np.isnan(windows.measured)
         wrong = points - self._predicted(np.where(missing, np.nan, seen))
         errors = self.windows.slope(np.moveaxis(wrong, 0, 1), 1.0, np.arange(count))

@@ -22,6 +22,7 @@ PARTS_OF = {
     "cable_stiffness": "weak_cable",
     "body_mass": "mass_of_body",
     "winch_gain": "drum_radius",
+    "winch_gain_on_length": "drum_radius",
 }
 
 
@@ -161,7 +162,7 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     ended = [fitter.fit(each, unknown, rounds=1) for each in begun[: settings.finalists]]
     best = min(ended, key=lambda each: each.cost)
     best = fitter.fit(best, unknown, enough=fitter.worthwhile(best))
-    if best.cost > settings.far_off * fitter.freedom(best):
+    if best.cost > settings.far_off * fitter.freedom:
         return best
     elsewhere = restarted(fitter, best)
     if elsewhere is not best:

@@ -147,7 +147,7 @@ class PlantFitter(Fitter):
 
     def rms(self, fit: Fit) -> float:
         """Root mean square of what a fit is off [m]; the initial states count as degrees of freedom."""
-        left = (fit.residual**2).sum() / max(1, self.freedom(fit))
+        left = (fit.residual**2).sum() / max(1, self.freedom)
         return float(np.sqrt(left)) * self.windows.sigma
 
     def stepped(

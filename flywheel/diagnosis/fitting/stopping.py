@@ -21,7 +21,7 @@ def converged(
     return bool(np.isfinite(before)) and before - after < max(enough, hardly)
 
 
-def least_worthwhile_fall(cost: float, freedom: int, settings: FitStoppingSettings) -> float:
+def least_worthwhile_fall(cost: float, freedom: float, settings: FitStoppingSettings) -> float:
     """Fall of the cost that is worth another round; 0 for a model that may be right.
 
     A model that is clearly wrong is not fitted to the last digit.

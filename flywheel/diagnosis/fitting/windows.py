@@ -154,9 +154,14 @@ class Windows:
         number = self.first // self.steps
         return [np.flatnonzero(number == rank) for rank in range(number.max() + 1)]
 
+    def squares(self, off: Floats) -> Floats:
+        """(K, D, ...) squares of what each window is off (K, D, ...); 0 where nothing has noise."""
+        noisy = self.noisy.reshape(*off.shape[:2], *(1,) * (off.ndim - 2))
+        return np.where(noisy, off**2, 0.0)
+
     def mean_square(self, off: Floats) -> Floats:
         """(K, ...) of what each window is off (K, D, ...), per coordinate that has noise."""
-        whole: Floats = (off**2).sum(axis=1)
+        whole: Floats = self.squares(off).sum(axis=1)
         return (whole.T / np.maximum(self.noisy_in_each, 1)).T
 
     @cached_property
@@ -219,14 +224,17 @@ def noise_floor(points: Sequence[Floats]) -> float:
 def filled_in(points: Sequence[Floats]) -> np.ndarray:
     """(R, P, 3) bool: coordinates that never change in a recording, though the others are noisy.
 
-    So they were not measured: a planar robot's third one, say. Of a sensor that mostly repeats a value nobody
-    can tell.
+    So they were not measured: a planar robot's third one, say. Where a sensor counts in steps that noise
+    does not exceed, a point that rests repeats its values, too: there, only of a point that moves.
 
     Args:
       points: (T + 1, P, 3) of each of R recordings; NaN where missing [m].
     """
     still = np.stack([~_changes(p).reshape(p.shape[1:]) for p in points])
-    return still & (_spread(_differences(points)) > _rounding(points))
+    noise = _spread(_differences(points))
+    if noise <= _rounding(points):
+        return np.zeros_like(still)
+    return still if noise > _resolution(points) else still & ~still.all(axis=2, keepdims=True)
 
 
 def noise_doubt(points: Sequence[Floats]) -> float:
@@ -253,9 +261,11 @@ def _spread(differences: Floats) -> float:
 
 
 def _changes(points: Floats) -> np.ndarray:
-    """(3 P,) bool: whether some two values in a row of points (T + 1, P, 3) differ."""
+    """(3 P,) bool: whether coordinates of points (T + 1, P, 3) take different values."""
     flat = points.reshape(len(points), -1)
-    return np.asarray((np.abs(np.diff(flat, axis=0)) > _rounding([points])).any(axis=0))
+    seen = np.isfinite(flat)
+    highest = flat.max(axis=0, where=seen, initial=-np.inf)
+    return np.asarray(highest - flat.min(axis=0, where=seen, initial=np.inf) > _rounding([points]))
 
 
 def _rounding(points: Sequence[Floats]) -> float:

@@ -92,13 +92,15 @@ def model_without(
 
 
 def refitted(search: Search, model: ScoredModel, target: float) -> ScoredModel:
-    """A model that was given up when it was clearly not the best, fitted to its end; its scores stay.
+    """A model that was given up when it was clearly not the best, fitted on; its scores stay.
+
+    To its end; or, with numbers of a robot as built, whose fits take a minute, until it clearly stays above
+    the target.
 
     Args:
       search: that made it.
       model: given up.
-      target: criterion from which on it would be as good; beside numbers of a robot as built, of which a fit
-        takes a minute, one that clearly stays above is not fitted to the last digit.
+      target: criterion from which on it would be as good.
     """
     if not model.fit.terms:
         return model

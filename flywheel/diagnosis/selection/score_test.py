@@ -18,7 +18,7 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import chi2
 
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, local_bases
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.settings import PairSettings, ScoreSettings
 from flywheel.effects import Term, Terms
@@ -84,10 +84,8 @@ class Projection:
           weights: (K,) of the windows.
           prior: (n,) standard deviations of the values, infinite where nothing is known; None for that.
         """
-        count, _, entries = jacobian.by_local.shape
         root = weights[:, None, None]
-        own = np.broadcast_to(np.diag(1.0 / fitter.local_prior), (count, entries, entries))
-        bases = np.linalg.qr(np.concatenate([jacobian.by_local * root, own], axis=1))[0]
+        bases = local_bases(jacobian.by_local * root, fitter.local_prior)
         shared = fitter.by_shared(jacobian, None) * root
         values = np.zeros((*shared.shape[:2], 0)) if by_value is None else by_value * root
         prior = np.full(values.shape[2], np.inf) if prior is None else prior
@@ -388,9 +386,8 @@ def score_test(
     """
     jacobian = jacobian or fitter.jacobian(fit)
     mean = fitter.mean_squares(fit)
-    entries = jacobian.by_local.shape[2]
     # Windows that saw less than they have local parameters fit however wrong the model is.
-    tells = fitter.windows.noisy_in_each > entries
+    tells = fitter.windows.noisy_in_each > fitter.taken
     usual = max(
         float(np.median(mean[tells] if tells.any() else mean)), 1e-9
     )  # 0 where all diverged
@@ -406,8 +403,7 @@ def score_test(
         values = [each.value if np.isfinite(each.deviation) else 0.0 for each in prior]
         off = off + known[..., count - len(prior) :] @ np.array(values)
     residual = projection(off[..., None])[:, 0]
-    own = int(fitter.windows.noisy.sum()) - len(mean) * entries
-    freedom = float(own - (projection.shares == 1.0).sum())
+    freedom = fitter.freedom - float((projection.shares == 1.0).sum())
     noise = float(residual @ residual) / max(freedom, 1.0)
     columns, shorter = sensitivities(fitter, fit, library, projection, residual, settings)
     return ScoreTest(
@@ -422,7 +418,7 @@ def score_test(
         projection=projection,
         whole=full.unknown,
         left=full.unknown(fit.residual[..., None])[:, 0],
-        left_freedom=float(own - full.taken),
+        left_freedom=fitter.freedom - full.taken,
     )
 
 

@@ -128,9 +128,9 @@ class Search:
             fell = before.cost - fit.cost
             if fell < self.threshold:
                 break
-            if out_of_reach(self.criterion(fit) - target, fell, settings.max_rounds):
+            if out_of_reach(self.criterion(fit) - target, fell, settings.max_rounds_to_target):
                 return fit
-        if self.criterion(fit) - target > settings.shaken_off:
+        if self.criterion(fit) - target > settings.most_by_shaking:
             return fit
         rng = np.random.default_rng(0)
         for _ in range(settings.shakes):

@@ -181,7 +181,7 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
             clear = model.names - without.names == {"a"}
             return Gain(0.5 if clear else 0.01, 0.3 if clear else -0.1, 0.6, clear, 9, 0)
 
-        gain_of_all = gain
+        gain_everywhere = gain
 
     def judge(_: Any, models: list[Any]) -> Any:
         answer = [SimpleNamespace(effect=t.effect.name, term=t) for t in models[-1].fit.terms]

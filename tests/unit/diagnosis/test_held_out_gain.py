@@ -97,7 +97,7 @@ def test_numbers_that_harm_where_they_were_not_fitted_make_no_effect_look_better
     fitter: Any = SimpleNamespace(windows=range(4))
     unseen = UnseenWindows(fitter, model("first"), held_out)
     monkeypatch.setattr(unseen, "_left_out", lambda each: np.full(4, left[each.fit.terms]))
-    gain = unseen.gain_of_all(model("bare"), model("model"))
+    gain = unseen.gain_everywhere(model("bare"), model("model"))
     assert gain.share == pytest.approx(share) and (gain.windows, gain.held_out) == (7, 3)
 
 

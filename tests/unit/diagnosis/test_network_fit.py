@@ -165,7 +165,7 @@ def test_a_network_is_not_screened(
     library = candidates(robot, FEW)
     scored = Search(fitter, library, 25.0).score_all(fitter.first_estimate())
     scores = tuple(replace(score, statistic=1.0) for score in scored.scores)
-    fit = replace(scored.fit, cost=10.0 * fitter.freedom(scored.fit))
+    fit = replace(scored.fit, cost=10.0 * fitter.freedom)
     monkeypatch.setattr(NetworkFitter, "predictions", None)  # nothing is simulated
     assert screened(fitter, replace(scored, fit=fit, scores=scores), library, ()) == []
 

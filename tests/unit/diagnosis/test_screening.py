@@ -81,7 +81,7 @@ def test_nothing_is_looked_for_where_the_model_may_be_right(
 ) -> None:
     fitter, model = misled
     monkeypatch.setattr(PlantFitter, "first_estimate", None)
-    right = replace(model, fit=replace(model.fit, cost=1.05 * fitter.freedom(model.fit)))
+    right = replace(model, fit=replace(model.fit, cost=1.05 * fitter.freedom))
     assert right.left > 10.0  # of which the scores promise one
     assert screened(fitter, right, library, known=()) == []
 

@@ -272,7 +272,7 @@ def test_a_model_that_is_clearly_wrong_begins_elsewhere_in_its_loudest_window_fi
     monkeypatch.setattr(fitter, "restarted", elsewhere)
     monkeypatch.setattr(Search, "fit_until", lambda *_: pytest.fail("nothing has changed"))
     for times_noise in (2.0, 1.0):
-        fit = replace(begun, cost=times_noise * fitter.freedom(begun))
+        fit = replace(begun, cost=times_noise * fitter.freedom)
         assert Search(fitter, (), 25.0).restarted(fit) is fit
     assert asked == [1, None]
 
@@ -294,7 +294,7 @@ def test_a_model_as_given_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(
     monkeypatch.setattr(fitter, "fit", fit)
     monkeypatch.setattr(fitter, "finer", lambda *_: None)
     for times_noise in (2.0, 1.0):
-        cost = times_noise * fitter.freedom(begun)
+        cost = times_noise * fitter.freedom
         assert fitted_as_given(fitter, replace(begun, cost=cost))[1].cost == cost
     assert asked == [1, None]
     assert [each > 0.0 for each in worth] == [False, True, False, False]  # before, after; twice

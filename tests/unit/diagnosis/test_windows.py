@@ -93,7 +93,20 @@ def test_what_never_changes_beside_noise_was_filled_in(rng: np.random.Generator)
     np.testing.assert_allclose(squares, 1.0)
     aside = windows.residual(windows.measured + [0.0, 0.1, 0.0])
     assert np.abs(aside).max() > 1.0  # it is held where it is said to be
-    assert not filled_in([np.round(moving(rng) / 100.0, 2)]).any()
+
+
+def test_of_a_sensor_that_counts_in_steps_what_rests_was_measured(rng: np.random.Generator) -> None:
+    """Unless other coordinates of the point change: then nobody measured the one that does not."""
+    counted = np.round(moving(rng) / 20.0 + rng.normal(0, 0.002, (400, 3, 3)), 2)
+    counted[:, 0], counted[:, 1, 2] = 0.3, 0.1
+    filled = filled_in([counted])[0]
+    assert filled[1, 2] and filled.sum() == 1
+
+
+def test_a_point_that_is_seen_in_every_other_sample_was_measured(rng: np.random.Generator) -> None:
+    points = moving(rng) + rng.normal(0, 0.005, (400, 3, 3))
+    points[::2, 1] = np.nan
+    assert not filled_in([points]).any()
 
 
 def test_a_sensor_that_counts_in_steps_is_as_good_as_they_are(rng: np.random.Generator) -> None:

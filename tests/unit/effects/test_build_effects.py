@@ -127,6 +127,13 @@ def test_numbers_together_are_the_numbers_one_by_one(augmented: AugmentedPlant) 
     assert np.abs(one_by_one - moved(augmented, ())).max() > 0
 
 
+@pytest.mark.parametrize("name", ["winch_gain", "winch_gain_on_length"])
+def test_a_gain_of_all_winches_and_drums_of_each_are_not_both_fitted(name: str) -> None:
+    gain = Term(NAMED[name], None, (0.0,), (0.1,))
+    parts = taken_apart(as_built_terms(load_robot("platform4"), present=(gain,)))
+    assert "drum_radius" not in {part.effect.name for part in parts}
+
+
 def test_a_robot_as_built_has_each_number_once() -> None:
     robot = load_robot("prism3")
     friction = Term(NAMED["ground_friction"], None, (0.0,), (0.1,))
