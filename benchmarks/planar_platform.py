@@ -24,7 +24,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from flywheel.records import Floats
+from flywheel.data.recordings import write_recording
+from flywheel.records import Episode, Floats, Observation, Provenance, Trajectory
+from flywheel.robots import Robot, read_robot
 
 TAKE = "analysis/gerry00_estimation/13_concentric_diamonds_1mps_cal"
 FRAME, MARKERS = ("br", "tr", "tl", "bl"), ("m1", "m2", "m3", "m4")
@@ -193,30 +195,21 @@ def mjcf(platform: Platform, corners: Floats, start: Floats) -> str:
     return "\n".join(parts) + "\n"
 
 
-def write_log(path: Path, rows: Floats, commands: Floats, begin: Floats) -> None:
-    """Write a log as `flywheel` reads it.
+def write_log(path: Path, rows: Floats, commands: Floats, begin: Floats, robot: Robot) -> None:
+    """Write a log as `flywheel` reads it, instead of a file that is there.
 
     Args:
       path: of the CSV file.
       rows: (S + 1, 4, 3) markers [m].
       commands: (S, 4) rates of the winches [m/s].
       begin: (4,) where the winches began [m]; from then on nothing measures them.
+      robot: whose log it is.
     """
-    heads = [f"ctrl.winch_{n}" for n in FRAME] + [f"{m}.{axis}" for m in MARKERS for axis in "xyz"]
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["time", *heads, *(f"position_{n}" for n in FRAME)])
-        for step, markers in enumerate(rows):
-            told = [""] * 4 if step == len(commands) else [f"{each:.5f}" for each in commands[step]]
-            places = [f"{each:.6f}" for each in markers.ravel()]
-            writer.writerow(
-                [
-                    f"{step * DT:.2f}",
-                    *told,
-                    *places,
-                    *([f"{x:.5f}" for x in begin] if not step else [""] * 4),
-                ]
-            )
+    wound = np.full((len(rows), len(begin)), np.nan)
+    wound[0] = begin
+    track = Trajectory(Observation(rows, wound), commands, DT)
+    path.unlink(missing_ok=True)
+    write_recording(Episode(path.stem, track, Provenance(robot.digest), "train"), path, robot)
 
 
 def main() -> None:
@@ -237,7 +230,9 @@ def main() -> None:
     print(f"The log is {offset:.3f} s behind; lengths of its cables are off by {off}.")
     given.folder.mkdir(parents=True, exist_ok=True)
     start = take.markers[seen][:100].mean(axis=(0, 1))
-    (given.folder / "planar4.xml").write_text(mjcf(platform, take.corners, start))
+    model = mjcf(platform, take.corners, start)
+    (given.folder / "planar4.xml").write_text(model)
+    robot = read_robot(model)
     at = np.arange(len(take.told)) * DT + offset
     flat = take.markers[seen].reshape(-1, 12)
     markers = np.stack(
@@ -249,7 +244,8 @@ def main() -> None:
         first, steps = moved + round(begin / DT), round(seconds / DT)
         rows = markers[first : first + steps + 1]
         start_lengths = platform.lengths(rows[0], take.corners)
-        write_log(given.folder / f"{name}.csv", rows, rates[first : first + steps], start_lengths)
+        told = rates[first : first + steps]
+        write_log(given.folder / f"{name}.csv", rows, told, start_lengths, robot)
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ def test_its_robot_and_its_logs_can_be_read(take: Take, tmp_path: Path) -> None:
     assert [winch.name for winch in robot.winches] == [f"winch_{n}" for n in FRAME]
     rows, commands = _markers(np.arange(51) * DT), np.full((50, 4), 0.1)
     begin = platform.lengths(rows[0], take.corners)
-    write_log(tmp_path / "monday.csv", rows, commands, begin)
+    write_log(tmp_path / "monday.csv", rows, commands, begin, robot)
     (log,) = read_logs([tmp_path / "monday.csv"], robot, DT, console())
     seen = log.trajectory.observations
     np.testing.assert_allclose(seen.points, rows, atol=1e-5)
