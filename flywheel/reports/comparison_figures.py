@@ -66,7 +66,7 @@ def heat(found: Comparison) -> Figure:
         axes.set_yticks(range(len(names)), names)
         axes.grid(visible=False)
     _name_windows(parts[-1], windows.labels)
-    bar = figure.colorbar(image, ax=list(parts), label="mean square [noise variances]")
+    bar = figure.colorbar(image, ax=list(parts), label="mean square\n[noise variances]")
     style.logarithmic(bar.ax.yaxis)
     return figure
 

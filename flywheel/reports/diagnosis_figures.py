@@ -16,6 +16,7 @@ from flywheel.reports import style
 BEFORE, AFTER, NOISE = style.MISSED, style.MPPI, style.ORACLE
 SHOWN = 12  # candidates of the ranking
 MILLI = 1000.0
+LEAST_HEIGHT = 2.2  # of a picture with a colour bar, so that its label fits beside it [inch]
 
 
 def ladder(found: Diagnosis) -> Figure:
@@ -93,7 +94,7 @@ def worst_window(found: Diagnosis) -> Figure | None:
 def heat(found: Diagnosis) -> Figure:
     """Mean square residual of every window and point, before and after."""
     evidence = found.evidence
-    figure = Figure(figsize=(9.5, 1.2 + 0.3 * len(evidence.points)))
+    figure = Figure(figsize=(9.5, max(LEAST_HEIGHT, 1.2 + 0.3 * len(evidence.points))))
     parts = figure.subplots(1, 2, sharey=True)
     before, after = evidence.squares(evidence.before), evidence.squares(evidence.after)
     top = max(2.0, float(np.nanquantile(before, 0.98)))
@@ -106,7 +107,7 @@ def heat(found: Diagnosis) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.grid(visible=False)
     parts[0].set_yticks(range(len(evidence.points)), evidence.points)
-    figure.colorbar(image, ax=parts, label="mean square [noise variances]")
+    figure.colorbar(image, ax=parts, label="mean square\n[noise variances]")
     return figure
 
 
@@ -115,14 +116,14 @@ def places(found: Diagnosis) -> Figure | None:
     if found.location is None or not found.location.cables.any():
         return None
     names = found.evidence.cables
-    figure = Figure(figsize=(9.5, 1.2 + 0.2 * len(names)))
+    figure = Figure(figsize=(9.5, max(LEAST_HEIGHT, 1.2 + 0.2 * len(names))))
     axes = figure.add_subplot()
     image = axes.imshow(found.location.cables.T, vmin=0, cmap="YlOrRd", aspect="auto")
     axes.set_yticks(range(len(names)), names)
     axes.set_xlabel("window")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=False)
-    figure.colorbar(image, ax=axes, label="explained [noise variances]")
+    figure.colorbar(image, ax=axes, label="explained\n[noise variances]")
     return figure
 
 
