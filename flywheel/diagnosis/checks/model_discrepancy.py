@@ -26,10 +26,9 @@ def model_discrepancy(fitter: Fitter, fit: Fit) -> float:
     windows = fitter.windows
     residual = np.where(windows.noisy, fit.residual.reshape(windows.measured.shape), 0.0)
     coordinates = (~windows.filled).sum(axis=(1, 2)).mean()
-    held = fitter.taken.mean() / len(
-        fitter.local_prior
-    )  # what was filled in holds the other freedoms
-    together = max(1.0, coordinates / (FREEDOMS * len(windows.robot.bodies) * held))
+    # What was filled in holds the other freedoms.
+    freedoms = FREEDOMS * fitter.taken.mean() / len(fitter.local_prior)
+    together = max(1.0, coordinates / (freedoms * len(windows.robot.bodies)))
     usual = windows.noisy.sum() / max(1.0, fitter.freedom)
     square = windows.sigma**2 * usual * long_run_variance(residual, windows.noisy)
     return float(np.sqrt(together * max(0.0, square - windows.noise**2)))
