@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
@@ -34,6 +34,24 @@ def write_rows(path: Path, rows: Iterable[DataclassInstance]) -> None:
 def rows_there(kind: type[R], path: Path) -> list[R]:
     """The records of a file, as `read_rows` has them; none where there is no file."""
     return read_rows(kind, path) if path.exists() else []
+
+
+def other_rows(
+    kind: type[R], path: Path, of: Sequence[str], taken: Collection[tuple[Any, ...]]
+) -> list[R]:
+    """The records that a file has of other results than those that are taken over.
+
+    Args:
+      kind, path: as `rows_there` takes them.
+      of: names of the fields that say which result a record is of.
+      taken: values of these.
+    """
+    return [row for row in rows_there(kind, path) if values_of(row, of) not in taken]
+
+
+def values_of(row: DataclassInstance, names: Sequence[str]) -> tuple[Any, ...]:
+    """The values of some fields of a record."""
+    return tuple(getattr(row, name) for name in names)
 
 
 def read_rows(kind: type[R], path: Path) -> list[R]:

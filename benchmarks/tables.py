@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -32,7 +32,7 @@ from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.robot import DriveRow, ErrorRow
-from benchmarks.rows import RESULTS, read_rows, rows_there, write_rows
+from benchmarks.rows import RESULTS, other_rows, read_rows, rows_there, values_of, write_rows
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
 from benchmarks.sysid.table import ContenderRow
@@ -53,8 +53,6 @@ ROBOT_ERRORS = RESULTS / "robot_errors.csv"
 ROBOT_DRIVES = RESULTS / "robot_drives.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
-
-RobotRow = TypeVar("RobotRow", ErrorRow, DriveRow)
 
 
 def diagnosis(of_set: str, groups: Iterable[str], size: str = "") -> list[CaseRow]:
@@ -140,10 +138,6 @@ class Collected:
     kind: type[BaseModel]
     rows: Callable[[Any], Iterable[Any]]
 
-    def result(self, row: Any) -> tuple[Any, ...]:
-        """Which result a row is of."""
-        return tuple(getattr(row, name) for name in self.of)
-
 
 COLLECTED = {
     "adoption": Collected(
@@ -165,17 +159,15 @@ def collect(kind: str, folder: Path) -> None:
     """Take the results of a benchmark's folder over; rows of other results stay."""
     to = COLLECTED[kind]
     new = [row for text in _texts(folder) for row in to.rows(to.kind.model_validate_json(text))]
-    taken = {to.result(row) for row in new}
-    kept = [row for row in rows_there(to.row, to.file) if to.result(row) not in taken]
+    kept = other_rows(to.row, to.file, to.of, {values_of(row, to.of) for row in new})
     write_rows(to.file, [*kept, *new])
 
 
 def collect_diagnosis(folder: Path, of_set: str) -> None:
     """Take the cases of a folder over, as those of one set."""
-    there = rows_there(CaseRow, DIAGNOSIS)
     cases = [CaseResult.model_validate_json(text) for text in _texts(folder)]
     new = [CaseRow.of(case, of_set) for case in cases]
-    write_rows(DIAGNOSIS, [*(row for row in there if row.set != of_set), *new])
+    write_rows(DIAGNOSIS, [*other_rows(CaseRow, DIAGNOSIS, ("set",), {(of_set,)}), *new])
 
 
 def collect_robot(folder: Path) -> None:
@@ -184,15 +176,8 @@ def collect_robot(folder: Path) -> None:
     taken = {(study.set, study.seed) for study in studies}
     errors = [row for study in studies for row in study.errors()]
     drives = [row for study in studies for row in study.driven()]
-    write_rows(ROBOT_ERRORS, [*_of_others(ErrorRow, ROBOT_ERRORS, taken), *errors])
-    write_rows(ROBOT_DRIVES, [*_of_others(DriveRow, ROBOT_DRIVES, taken), *drives])
-
-
-def _of_others(
-    kind: type[RobotRow], file: Path, taken: Collection[tuple[str, int]]
-) -> list[RobotRow]:
-    """The rows that a file has of other sets and seeds than those taken over."""
-    return [row for row in rows_there(kind, file) if (row.set, row.seed) not in taken]
+    write_rows(ROBOT_ERRORS, [*other_rows(ErrorRow, ROBOT_ERRORS, ("set", "seed"), taken), *errors])
+    write_rows(ROBOT_DRIVES, [*other_rows(DriveRow, ROBOT_DRIVES, ("set", "seed"), taken), *drives])
 
 
 def _texts(folder: Path) -> list[str]:
