@@ -32,7 +32,7 @@ from benchmarks.diagnosis.rates import hard_table, outside_table, rates_table
 from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.robot import DriveRow, ErrorRow
-from benchmarks.rows import RESULTS, other_rows, read_rows, rows_there, values_of, write_rows
+from benchmarks.rows import RESULTS, other_rows, read_rows, values_of, write_rows
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
 from benchmarks.sysid.table import ContenderRow
@@ -53,6 +53,7 @@ ROBOT_ERRORS = RESULTS / "robot_errors.csv"
 ROBOT_DRIVES = RESULTS / "robot_drives.csv"
 MODELS = RESULTS / "navigation_models.csv"
 EPISODES = RESULTS / "navigation_episodes.csv"
+RUN = ("run", "seed")  # what says which run a row of these two is of
 
 
 def diagnosis(of_set: str, groups: Iterable[str], size: str = "") -> list[CaseRow]:
@@ -189,18 +190,15 @@ def _texts(folder: Path) -> list[str]:
 
 def collect_navigation(name: str, source: Path, seed: int) -> None:
     """Take the episodes of a run's folder, or of a file of `flywheel navigate --results`, over."""
-    models = rows_there(ModelRow, MODELS)
-    episodes = rows_there(EpisodeRow, EPISODES)
     if source.is_dir():
         result = RunResult.load(source)
         seed = result.config["seed"]
-        models = [row for row in models if (row.run, row.seed) != (name, seed)]
+        models = other_rows(ModelRow, MODELS, RUN, [(name, seed)])
         write_rows(MODELS, [*models, *navigation.models_of(name, result)])
         new = list(navigation.episodes_of(name, result))
     else:
         new = list(navigation.driven_episodes(name, seed, read_drives(source)))
-    kept = [row for row in episodes if (row.run, row.seed) != (name, seed)]
-    write_rows(EPISODES, [*kept, *new])
+    write_rows(EPISODES, [*other_rows(EpisodeRow, EPISODES, RUN, [(name, seed)]), *new])
 
 
 def main() -> None:

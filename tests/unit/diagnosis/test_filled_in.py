@@ -11,14 +11,16 @@ from flywheel.control import RandomControls
 from flywheel.diagnosis.checks.held_out import beyond_noise
 from flywheel.diagnosis.checks.localisation import localise
 from flywheel.diagnosis.checks.model_discrepancy import model_discrepancy
-from flywheel.diagnosis.fitting.model import fitter_of
+from flywheel.diagnosis.fitting.model import fitted, fitter_of
+from flywheel.diagnosis.fitting.network_fit import NetworkFitter
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.score_test import Projection, score_test
-from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.effects import EFFECTS
-from flywheel.records import Observation, Trajectory
+from flywheel.records import Floats, Observation, Past, Rollout, Trajectory
 from flywheel.robots import load_robot
 from tests import draws
 
@@ -73,3 +75,28 @@ def test_what_only_filled_in_coordinates_are_off_counts_nowhere(planar: PlantFit
 def test_noise_is_taken_off_for_what_has_any(planar: PlantFitter) -> None:
     squares = beyond_noise(planar, np.zeros(len(planar.windows)))
     assert squares == pytest.approx(planar.taken - planar.windows.noisy_in_each)
+
+
+def roughness(points: Floats) -> Floats:
+    """(3,) of tracks (..., time, point, 3): near 3 of noise by 1, near 0 of motion."""
+    return np.nanmedian(np.abs(np.diff(points, n=3, axis=-3)).reshape(-1, 3), axis=0)
+
+
+def test_errors_that_a_network_is_tried_on_have_no_noise_where_a_log_has_none(
+    planar: PlantFitter,
+) -> None:
+    pasts: list[Floats] = []
+
+    class Remembering(RestartedPlant):
+        def rollout(self, past: Past, controls: Floats) -> Rollout:
+            pasts.append(past.observations.points)
+            return super().rollout(past, controls)
+
+    plant = Remembering(Plant(planar.windows.robot), window=10, degree=2, roll="relaxed")
+    subject, rng = Subject("restarted", plant), np.random.default_rng(0)
+    network = NetworkFitter(planar, fitted(planar), (), subject, rng)
+    shape = network.windows.measured.shape
+    own = np.moveaxis(network.own_errors.reshape(*shape, -1), -1, 0)
+    ahead = own[:, :, plant.history + 1 :]
+    for x, y, z in (roughness(pasts[-1] / SIGMA), roughness(ahead)):
+        assert y < 0.1 and min(x, z) > 2.0
