@@ -119,6 +119,7 @@ HORIZON_SECONDS = Bounds(0, 600, "s", above=True)  # predicted ahead, or looked 
 HorizonSeconds = Annotated[float, HORIZON_SECONDS]
 Patience = Annotated[float, Bounds(0, 86_400, "s", above=True)]  # of one process with another
 WaitingSeconds = Annotated[float, Bounds(0, 86_400, "s")]
+MINUTES = Bounds(0, 1440, "min", above=True)  # of a command that somebody waits for
 
 # Lengths: in units of the robot's length L, and where something stands.
 RobotLengths = Annotated[float, Bounds(0, 1000, "L")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -21,8 +22,9 @@ from flywheel.cli.options import (
     WindowOption,
     length_of,
     number,
+    within,
 )
-from flywheel.quantities import FACTOR
+from flywheel.quantities import FACTOR, MINUTES
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -68,6 +70,14 @@ ToleranceOption = Annotated[
         show_default=False,
     ),
 ]
+MinutesOption = Annotated[
+    float | None,
+    typer.Option(
+        help="Stop after so many minutes with the best answer so far, as Ctrl-C does.",
+        show_default=False,
+        callback=within(MINUTES),
+    ),
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -93,6 +103,7 @@ def diagnose(
     model: TrainedOption = None,
     tolerance: ToleranceOption = None,
     settings: SetOption = None,
+    minutes: MinutesOption = None,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
     page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
@@ -126,7 +137,7 @@ def diagnose(
         [each.trajectory for each in read_logs(paths, plant.robot, dt, out)]
         for paths in (recordings, others)
     )
-    with _watched() as (told, stop):
+    with _watched(minutes) as (told, stop):
         found = diagnosis.diagnose(
             plant, logs, kept_aside, asked, tuned, window, 0, told, tested, known, stop
         )
@@ -151,12 +162,15 @@ def _summary(
 
 
 @contextmanager
-def _watched() -> Iterator[tuple[Callable[[str], None], Callable[[], bool]]]:
-    """What takes notes of progress, and what knows whether Ctrl-C was pressed."""
+def _watched(
+    minutes: float | None,
+) -> Iterator[tuple[Callable[[str], None], Callable[[], bool]]]:
+    """What takes notes of progress, and what knows whether Ctrl-C was pressed, or time is up [min]."""
     from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress, notes_of
 
-    with console_progress().stage("diagnose", 1.0) as stage, StopRequest() as stop:
+    seconds = math.inf if minutes is None else 60.0 * minutes
+    with console_progress().stage("diagnose", 1.0) as stage, StopRequest(seconds) as stop:
         yield notes_of(stage.update), stop
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
+import time
 from types import FrameType, TracebackType
 from typing import Self
 
@@ -20,15 +22,20 @@ class StopRequest:
     """Is called to learn whether the user asked to stop. As a context manager it catches the signals.
 
     In a thread other than the main one no signal can be caught; there `ask` is the only way.
+
+    Args:
+      seconds: after which it is as if the user had asked [s]; counted from here.
     """
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-    def __init__(self) -> None:
-        self._asked = threading.Event()
+    def __init__(self, seconds: float = math.inf) -> None:
+        self._asked, self._end = threading.Event(), time.monotonic() + seconds
         self._before: dict[signal.Signals, object] = {}
 
     def __call__(self) -> bool:
+        if not self._asked.is_set() and time.monotonic() >= self._end:
+            self._stop_next()
         return self._asked.is_set()
 
     def ask(self) -> None:
@@ -49,9 +56,12 @@ class StopRequest:
         self._restore()
 
     def _caught(self, number: int, frame: FrameType | None) -> None:
+        self._stop_next()
+
+    def _stop_next(self) -> None:
+        """Ask; from now on Python's own handling is back, and a further Ctrl-C stops wherever we are."""
         self.ask()
-        # From now on Python's own handling is back: the second Ctrl-C stops wherever we are.
-        for each in self.SIGNALS:
+        for each in self._before:
             signal.signal(each, signal.default_int_handler)
 
     def _restore(self) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +48,26 @@ def test_ctrl_c_gives_the_best_answer_so_far(monkeypatch: pytest.MonkeyPatch) ->
     answer = json.loads(Path("answer.json").read_text())
     assert answer["interrupted"]
     assert answer["ranking"][0]["effect"] == "winch_gain"
+
+
+def test_when_the_minutes_are_over_it_gives_the_best_answer_so_far(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    said, over = Heartbeat.__call__, threading.Event()
+
+    def over_at_the_first_fit(self: Heartbeat, note: str) -> None:
+        said(self, note)
+        if note.startswith("fitting"):
+            over.set()
+
+    now = time.monotonic
+    monkeypatch.setattr(Heartbeat, "__call__", over_at_the_first_fit)
+    monkeypatch.setattr(time, "monotonic", lambda: now() + 3600 * over.is_set())
+    done = CliRunner().invoke(app, [*COMMAND, "--minutes", "30"])
+    assert done.exit_code == 130, done.output
+    assert "the best answer so far" in done.output
+    wrong = CliRunner().invoke(app, [*COMMAND, "--minutes", "0"])
+    assert wrong.exit_code == 2 and "min" in wrong.output
 
 
 def test_what_is_tolerated_is_said_in_millimetres() -> None:
