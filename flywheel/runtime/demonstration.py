@@ -326,8 +326,8 @@ def adopted_effects(found: Diagnosis) -> tuple[tuple[WrittenTerm, ...], str]:
     labels = ", ".join(effect.label for effect in effects)
     return effects, (
         f"{labels} is adopted: on the held-out recordings, where nothing but the starts is fitted, the error "
-        f"falls from {1000 * errors.baseline:.1f} to {1000 * errors.augmented:.1f} mm (noise: "
-        f"{1000 * errors.noise:.1f} mm)."
+        f"falls from {1000 * errors.baseline:.2f} to {1000 * errors.augmented:.2f} mm (noise: "
+        f"{1000 * errors.noise:.2f} mm)."
     )
 
 
