@@ -6,8 +6,9 @@
 
 A study is a run of `configs/prism3_robot.yaml`, and then drives to goals that no model has met, the same ones
 for each planner: MPPI on the MJCF as given, on the plant with what the run found, on the last network, on the
-last residual model, and on a plant that is told the truth in the library's form. What the folder has is not
-done again. `python -m benchmarks.tables collect robot FOLDER` takes the results over.
+last residual model, and on a plant that is told the truth in the library's form. The first and the last of
+these have nothing from the run, and drive once for all seeds. What the folder has is not done again.
+`python -m benchmarks.tables collect robot FOLDER` takes the results over.
 """
 
 from __future__ import annotations
@@ -55,6 +56,10 @@ COLLECT_ONLY = (  # for a set without hidden effects: whether something is found
     "collect.mppi=1",
 )
 GIVEN, KNOWS, NETWORK = "given", "knows", "network"
+UNTAUGHT = (
+    GIVEN,
+    KNOWS,
+)  # planners that have nothing from a run: with each seed they drive the same
 DRIVES, FIRST_SEED = 24, 1000
 FIRST_SECOND = 1.0  # lead time of the nearer errors [s]
 
@@ -171,7 +176,8 @@ class Study:
 
     def file(self, planner: str) -> Path:
         """Its drives."""
-        return self.folder / f"{self.path.name}-{planner}.jsonl"
+        of = self.set if planner in UNTAUGHT else self.path.name
+        return self.folder / f"{of}-{planner}.jsonl"
 
     def _drive(self, planner: str, progress: Progress) -> None:
         file = self.file(planner)

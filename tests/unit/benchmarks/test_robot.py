@@ -48,3 +48,12 @@ def test_each_set_is_a_configuration_that_can_be_run(name: str, tmp_path: Path) 
     assert config.robot is not None and config.robot.hidden == SETS[name] and config.seed == 3
     assert config.diagnose.on
     assert study.collects_only == (name == "nothing")
+
+
+def test_planners_that_have_nothing_from_a_run_drive_once_for_all_seeds(tmp_path: Path) -> None:
+    first, second = (Study(tmp_path, "library", seed) for seed in (0, 1))
+    assert first.file("given") == second.file("given") and first.file("knows") == second.file(
+        "knows"
+    )
+    assert first.file("plant") != second.file("plant")
+    assert first.file("knows") != Study(tmp_path, "cogging", 0).file("knows")
