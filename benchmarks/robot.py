@@ -56,10 +56,7 @@ COLLECT_ONLY = (  # for a set without hidden effects: whether something is found
     "collect.mppi=1",
 )
 GIVEN, KNOWS, NETWORK = "given", "knows", "network"
-UNTAUGHT = (
-    GIVEN,
-    KNOWS,
-)  # planners that have nothing from a run: with each seed they drive the same
+UNTAUGHT = (GIVEN, KNOWS)  # have nothing from a run: with each seed they drive the same
 DRIVES, FIRST_SEED = 24, 1000
 FIRST_SECOND = 1.0  # lead time of the nearer errors [s]
 
