@@ -63,7 +63,7 @@ def diagnosis(of_set: str, groups: Iterable[str], size: str = "") -> list[CaseRo
         for row in _of_set(of_set)
         if row.robot == "prism3"
         and row.group in groups
-        and (row.group != "single" or f".{size}." in row.name)
+        and (not row.group.endswith("single") or f".{size}." in row.name)
     ]
 
 
@@ -88,6 +88,11 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "diagnosis-fresh-outside": lambda: outside_table(diagnosis("fresh", ("outside",))),
     "diagnosis-fresh-hard": lambda: hard_table(_of_set("fresh")),
     "diagnosis-network": lambda: rates_table(diagnosis("network", ("none", "single"), "x2")),
+    "as-built-single": lambda: rates_table(diagnosis("as-built", ("messy-single",), "x1")),
+    "as-built-pairs": lambda: rates_table(diagnosis("as-built", ("messy-pairs",))),
+    "as-built-none": lambda: rates_table(diagnosis("as-built", ("messy-none",))),
+    "as-built-half": lambda: rates_table(diagnosis("as-built-half", ("messy-single",), "x2")),
+    "as-built-twice": lambda: rates_table(diagnosis("as-built-twice", ("messy-single",), "x2")),
     "adoption": lambda: adoption.table(read_rows(AdoptionRow, ADOPTION)),
     "residual": lambda: residual.table(read_rows(ResidualRow, RESIDUAL)),
     "demo": lambda: demo.table(read_rows(DemoRow, DEMO)),

@@ -42,6 +42,7 @@ from flywheel.diagnosis.results.verdict import (
 )
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.misspecification import PROBES
+from flywheel.diagnosis.selection.robot_as_built import known_share
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import in_time_steps, stepwise
@@ -261,7 +262,7 @@ def _concluded(
         discrepancy=heartbeat.in_time(law, None) if left else None,
         model="" if under_test.model is None else under_test.model.name,
         calibration=tuple(e for e in judged.effects if not e.term.asked and e not in built),
-        as_built=AsBuiltNumbers(built) if built else None,
+        as_built=AsBuiltNumbers(built, known_share(search, last.fit)) if built else None,
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
         suspects=suspects,
         interrupted=heartbeat.stopped(),

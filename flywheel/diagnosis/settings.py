@@ -381,6 +381,7 @@ class SelectionSettings:
         effect must explain in its place.
       usually_off: standard deviations of a number of a robot as built, up to which an effect that changes the
         same is no answer beside another one in the place of these numbers.
+      as_built_shares: of the deviations of a robot as built; the one counts that explains the most.
       rival: share of an effect's LM statistic from which another is tried in its place.
       suspect_share: share by which a number of the MJCF is off at most.
       restart_mean_square: of a window, from which its initial state is doubted before anything is said to
@@ -400,6 +401,7 @@ class SelectionSettings:
     max_rounds_to_target_of_law: float = 40.0
     makes_good: float = 0.5
     usually_off: float = 2.0
+    as_built_shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)
     rival: float = 0.8
     suspect_share: float = 0.25
     restart_mean_square: float = 1.1

@@ -15,6 +15,10 @@ from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render
 
 SHOWN = 3  # numbers of a robot that are named
+NEARER = (
+    "This robot is nearer to its MJCF than is usual: its recordings are the most likely where each number "
+    "may be off by {:.3g} of that deviation."
+)
 LIMITS = (
     "Sizes and intervals are those of the effects named, should nothing else be missing: 95 %, from the "
     "curvature of the fit or from how much the windows disagree, whichever is larger, and from what the time "
@@ -210,6 +214,7 @@ def as_built(found: Diagnosis) -> str:
         f"{built.count} numbers of the MJCF, all a little off, explain more than any other effect. Each is "
         f"off by {built.root_mean_square:.1f} of the deviation that is usual for it (root mean square), most "
         f"of all {first}. They are fitted beside the answer, and not adopted."
+        + (f" {NEARER.format(built.share)}" if built.share < 1.0 else "")
     )
 
 

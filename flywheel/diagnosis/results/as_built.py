@@ -15,14 +15,16 @@ from flywheel.records import Floats
 class AsBuiltNumbers:
     """Numbers of the MJCF that are all a little off.
 
-    Each is known to its standard deviation before (`AsBuiltSettings`). Together they explain more than any
-    effect did; one by one these recordings say little of most of them.
+    Of each its usual standard deviation is known before (`AsBuiltSettings`). Together they explain more than
+    any effect did; one by one these recordings say little of most of them.
 
     Attributes:
       numbers: each with its value and its 95 % interval.
+      share: of the usual deviations, that these recordings are most likely with.
     """
 
     numbers: Alternative
+    share: float = 1.0
 
     @property
     def count(self) -> int:
@@ -31,32 +33,33 @@ class AsBuiltNumbers:
 
     @property
     def root_mean_square(self) -> float:
-        """Of all values, each in its own standard deviations: about 1 or less where these are believable."""
+        """Of all values, each in its usual deviations: about 1 or less where these are believable."""
         return float(np.sqrt(np.mean(self._off**2)))
 
     @property
     def farthest(self) -> Alternative:
         """All numbers, the one that is off by the most of its standard deviations first."""
-        return tuple(sorted(self.numbers, key=lambda each: -_farthest(each)))
+        return tuple(sorted(self.numbers, key=lambda each: -self._farthest(each)))
 
     @property
     def _off(self) -> Floats:
-        """(n,) values in standard deviations of what was known of them."""
-        return np.concatenate([_off(each) for each in self.numbers])
+        """(n,) values in their usual standard deviations."""
+        return self.share * np.concatenate([_off(each) for each in self.numbers])
+
+    def _farthest(self, number: Found) -> float:
+        return self.share * float(np.abs(_off(number)).max())
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
         return {
             "root_mean_square": self.root_mean_square,
+            "share": self.share,
             "numbers": [
-                {**each.summary(), "deviations": _farthest(each)} for each in self.farthest
+                {**each.summary(), "deviations": self._farthest(each)} for each in self.farthest
             ],
         }
 
 
 def _off(number: Found) -> Floats:
+    """Values in the standard deviations that they were fitted with."""
     return np.array(number.term.values) / np.array(number.term.known)
-
-
-def _farthest(number: Found) -> float:
-    return float(np.abs(_off(number)).max())

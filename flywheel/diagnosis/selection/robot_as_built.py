@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.selection.score_test import Projection, ScoredModel
 from flywheel.diagnosis.selection.search import Search
+from flywheel.effects import Term
 
 
 @dataclass(frozen=True)
@@ -25,19 +26,42 @@ class AsBuiltPromise:
 
 
 def promised_as_built(search: Search, model: ScoredModel) -> AsBuiltPromise | None:
-    """What the numbers promise; None where they are not asked about, or in the model, or nothing is left."""
+    """What the numbers promise; None where they are not asked about, or in the model, or nothing is left.
+
+    How well a robot was made is not known beforehand: of several shares of the deviations the one is taken
+    that makes the recordings the most likely (type II maximum likelihood). Numbers that may be farther off
+    than they are cost more than they explain, and single effects would be named in their place.
+    """
     fitter, fit = search.fitter, model.fit
     if not search.as_built or fit.kept is not None or model.beyond_noise < search.threshold:
         return None
     begun = fitter.with_terms(fit, (*fit.terms, *search.as_built))
     begun = fitter.keeping(begun, search.as_built)
     free = [f for f in fitter.free(begun.terms) if f.term >= len(fit.terms)]
-    own = Projection.of(
-        fitter,
-        model.jacobian,
-        fitter.by_value(begun, free),
-        np.ones(len(fit.local)),
-        np.array([f.prior for f in free]),
+    by_value, prior = fitter.by_value(begun, free), np.array([f.prior for f in free])
+
+    def explained(share: float) -> float:
+        own = Projection.of(
+            fitter, model.jacobian, by_value, np.ones(len(fit.local)), share * prior
+        )
+        whole, left = own.unknown(fit.residual[..., None]), own(fit.residual[..., None])
+        return float((whole**2).sum() - (left**2).sum()) - own.price
+
+    by_share = {share: explained(share) for share in search.settings.as_built_shares}
+    best = max(by_share, key=by_share.__getitem__)
+    terms = tuple(_known_to(t, best) if t in search.as_built else t for t in begun.terms)
+    return AsBuiltPromise(replace(begun, terms=terms), by_share[best])
+
+
+def known_share(search: Search, fit: Fit) -> float:
+    """The share of the usual deviations that a fit has its numbers of a robot as built within."""
+    usual = search.as_built[0]
+    taken = next(
+        t for t in fit.terms if (t.effect.name, t.place) == (usual.effect.name, usual.place)
     )
-    whole, left = own.unknown(fit.residual[..., None]), own(fit.residual[..., None])
-    return AsBuiltPromise(begun, float((whole**2).sum() - (left**2).sum()) - own.price)
+    return taken.known[0] / usual.known[0]
+
+
+def _known_to(term: Term, share: float) -> Term:
+    """A term whose values are off by a share of what they were said to be, at most."""
+    return replace(term, known=tuple(share * known for known in term.known))

@@ -61,6 +61,19 @@ def test_no_effect_is_named_where_only_numbers_are_off(built: Diagnosis) -> None
     assert 0.2 < built.as_built.root_mean_square < 1.5
 
 
+def test_no_effect_is_named_where_numbers_are_off_by_less_than_is_usual(robot: Robot) -> None:
+    """Numbers that may be as far off as usual would cost more than one cable that is a little weak."""
+    numbers = AsBuilt.typical(robot, np.random.default_rng(7)).scaled(0.4)
+    logs = logs_of(robot, (numbers,))
+    found = diagnose(Plant(robot), logs[:1], logs[1:], FEW)
+    assert found.verdict is Verdict.NOISE_ONLY
+    assert found.as_built is not None
+    assert found.as_built.share == 0.25
+    assert found.as_built.root_mean_square < 0.25
+    assert "may be off by 0.25 of that deviation" in as_built(found)
+    assert json.loads(json.dumps(found.summary()))["as_built"]["share"] == 0.25
+
+
 def test_its_numbers_are_on_the_page_and_in_json_and_not_adopted(built: Diagnosis) -> None:
     numbers = built.as_built
     assert numbers is not None
