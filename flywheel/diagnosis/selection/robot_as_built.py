@@ -38,19 +38,26 @@ def promised_as_built(search: Search, model: ScoredModel) -> AsBuiltPromise | No
     begun = fitter.with_terms(fit, (*fit.terms, *search.as_built))
     begun = fitter.keeping(begun, search.as_built)
     free = [f for f in fitter.free(begun.terms) if f.term >= len(fit.terms)]
-    by_value, prior = fitter.by_value(begun, free), np.array([f.prior for f in free])
-
-    def explained(share: float) -> float:
-        own = Projection.of(
-            fitter, model.jacobian, by_value, np.ones(len(fit.local)), share * prior
-        )
-        whole, left = own.unknown(fit.residual[..., None]), own(fit.residual[..., None])
-        return float((whole**2).sum() - (left**2).sum()) - own.price
-
-    by_share = {share: explained(share) for share in search.settings.as_built_shares}
+    whole = Projection.of(
+        fitter,
+        model.jacobian,
+        fitter.by_value(begun, free),
+        np.ones(len(fit.local)),
+        np.array([f.prior for f in free]),
+    )
+    by_share = {
+        share: _explained(whole.with_priors_scaled(share), fit)
+        for share in search.settings.as_built_shares
+    }
     best = max(by_share, key=by_share.__getitem__)
     terms = tuple(_known_to(t, best) if t in search.as_built else t for t in begun.terms)
     return AsBuiltPromise(replace(begun, terms=terms), by_share[best])
+
+
+def _explained(numbers: Projection, fit: Fit) -> float:
+    """What numbers of a robot explain of a fit's residual, less what they cost [sigma^2]."""
+    before, left = numbers.unknown(fit.residual[..., None]), numbers(fit.residual[..., None])
+    return float((before**2).sum() - (left**2).sum()) - numbers.price
 
 
 def known_share(search: Search, fit: Fit) -> float:
@@ -63,5 +70,5 @@ def known_share(search: Search, fit: Fit) -> float:
 
 
 def _known_to(term: Term, share: float) -> Term:
-    """A term whose values are off by a share of what they were said to be, at most."""
+    """A term whose values are known to a share of their deviations."""
     return replace(term, known=tuple(share * known for known in term.known))

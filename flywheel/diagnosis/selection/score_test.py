@@ -120,6 +120,14 @@ class Projection:
         """
         return float(-2.0 * np.log(1.0 - self.shares[self.shares < 1.0]).sum())
 
+    def with_priors_scaled(self, factor: float) -> Projection:
+        """The same where what is known of values is known to so many times the deviation."""
+        known = self.shares < 1.0
+        variance = 1.0 / (1.0 - self.shares[known]) ** 2 - 1.0  # see `of`
+        shares = self.shares.copy()
+        shares[known] = 1.0 - 1.0 / np.sqrt(1.0 + factor**2 * variance)
+        return replace(self, shares=shares)
+
     @property
     def unknown(self) -> Projection:
         """The same without what something is known of."""

@@ -244,6 +244,22 @@ def test_what_is_known_of_values_is_marginalised(case: Case) -> None:
     assert projection.taken == pytest.approx(taken)
 
 
+@pytest.mark.parametrize("factor", [0.25, 1.0, 3.0])
+def test_priors_are_scaled_without_asking_the_model_again(case: Case, factor: float) -> None:
+    rng = np.random.default_rng(4)
+    known = rng.normal(size=(WINDOWS, COORDINATES, 3))
+    vectors = rng.normal(size=(WINDOWS, COORDINATES, 4))
+    jacobian = case.model.jacobian(case.fit)
+    usual, expected = (
+        Projection.of(case.model, jacobian, known, WEIGHTS, share * DEVIATIONS)
+        for share in (1.0, factor)
+    )
+    found = usual.with_priors_scaled(factor)
+    left = found(vectors)
+    np.testing.assert_allclose(left.T @ left, expected(vectors).T @ expected(vectors), rtol=1e-8)
+    assert found.price == pytest.approx(expected.price)
+
+
 def test_a_score_does_not_depend_on_what_known_values_were_fitted_to(case: Case) -> None:
     """They are put back: a score is that of the residual without them, by their covariance."""
     rng = np.random.default_rng(5)
