@@ -12,7 +12,7 @@ class CaseRow:
     """What came of a case, without anything nested.
 
     Attributes:
-      set: which of the sets of cases it belongs to ("main", "fresh", "network").
+      set: which of the sets of cases it belongs to ("main", "fresh", "network", "as-built-half").
       name, group, robot: of the case.
       model: the first digits of the digest of the weights under test, or "" for the plant.
       kind: names of the hidden effects, joined by "+", or "nothing".
