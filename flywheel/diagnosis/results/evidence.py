@@ -105,9 +105,13 @@ class Evidence:
 def _label(windows: Windows, models: Sequence[ScoredModel], index: int) -> str:
     if index == 0:
         return "as it was"
-    known = {(t.effect.name, t.place) for t in models[index - 1].fit.terms}
-    added = [t for t in models[index].fit.terms if (t.effect.name, t.place) not in known]
-    return "+ " + ", ".join(t.label(windows.robot) for t in added)
+    before, fit = models[index - 1].fit, models[index].fit
+    known = {(t.effect.name, t.place) for t in before.terms}
+    added = [t for t in fit.terms if (t.effect.name, t.place) not in known]
+    names = [t.label(windows.robot) for t in added if t.asked]
+    if fit.kept is not None and before.kept is None:
+        names.append("numbers as built")
+    return "+ " + ", ".join(names)
 
 
 def _likeness(model: ScoredModel) -> tuple[tuple[Candidate, ...], Floats]:

@@ -83,6 +83,7 @@ def test_its_numbers_are_on_the_page_and_in_json_and_not_adopted(built: Diagnosi
     assert sum(len(each["parameters"]) for each in said["numbers"]) == numbers.count
     assert sentence(built).startswith("No effect is missing: numbers of the MJCF")
     assert numbers.farthest[0].label in as_built(built)
+    assert [rung.label for rung in built.evidence.ladder] == ["as it was", "+ numbers as built"]
     assert numbers.farthest[-1].location in diagnosis_page(built, {})
     with pytest.raises(DataError, match="there is no effect to adopt"):
         adoptable(built.summary())
