@@ -92,7 +92,11 @@ def knowing(spread: Spread) -> Settings:
         marker=EXACT,
     )
     usual = Settings()
-    return replace(usual, fitting=replace(usual.fitting, as_built=as_built))
+    return replace(
+        usual,
+        fitting=replace(usual.fitting, as_built=as_built),
+        selection=replace(usual.selection, as_built_shares=(1.0,)),
+    )
 
 
 def _imported(made: HiddenRecording, robot: Robot) -> list[Trajectory]:

@@ -210,8 +210,9 @@ class NuisanceSettings:
 class AsBuiltSettings:
     """How far the numbers of a robot are from those of its MJCF: standard deviations, part by part.
 
-    They are those of a robot that somebody has measured with a ruler, scales and a protractor. Where all of
-    them together explain what is left, no single effect is named for it.
+    They are those of a robot that somebody has measured with a ruler, scales and a protractor; a better one
+    has a share of them (`SelectionSettings.as_built_shares`). Where all of them together explain what is
+    left, no single effect is named for it.
 
     Attributes:
       stiffness, damping: of each cable [-].
@@ -381,7 +382,8 @@ class SelectionSettings:
         effect must explain in its place.
       usually_off: standard deviations of a number of a robot as built, up to which an effect that changes the
         same is no answer beside another one in the place of these numbers.
-      as_built_shares: of the deviations of a robot as built; the one counts that explains the most.
+      as_built_shares: of the deviations of a robot as built [-]; the one counts with which recordings are the
+        most likely, since nobody knows how well a robot was made.
       rival: share of an effect's LM statistic from which another is tried in its place.
       suspect_share: share by which a number of the MJCF is off at most.
       restart_mean_square: of a window, from which its initial state is doubted before anything is said to

@@ -43,11 +43,15 @@ class AsBuiltNumbers:
 
     @property
     def _off(self) -> Floats:
-        """(n,) values in their usual standard deviations."""
-        return self.share * np.concatenate([_off(each) for each in self.numbers])
+        """(n,) all values."""
+        return np.concatenate([self._off_by(each) for each in self.numbers])
+
+    def _off_by(self, number: Found) -> Floats:
+        """Values of a number in its usual standard deviations; a term has those that it was fitted with."""
+        return self.share * np.array(number.term.values) / np.array(number.term.known)
 
     def _farthest(self, number: Found) -> float:
-        return self.share * float(np.abs(_off(number)).max())
+        return float(np.abs(self._off_by(number)).max())
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -58,8 +62,3 @@ class AsBuiltNumbers:
                 {**each.summary(), "deviations": self._farthest(each)} for each in self.farthest
             ],
         }
-
-
-def _off(number: Found) -> Floats:
-    """Values in the standard deviations that they were fitted with."""
-    return np.array(number.term.values) / np.array(number.term.known)
