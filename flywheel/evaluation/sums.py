@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from flywheel.records import Floats
 
-LARGEST = 2.0**20  # a single value beyond this is counted as this: its model is useless anyway
-_HIGH_BITS, _LOW_BITS = 20, 40  # fraction bits of `high`, and further ones of `low`
-_LOW_ONE = 1 << _LOW_BITS
+LARGEST = 2.0**300  # a larger value counts as this: squares of what float32 holds are smaller
+_UNIT_BITS = 60  # fraction bits of a sum
+_PART_BITS = 40  # of a value that are summed at once; so int64 has room for 2**23 values
 
 
 @dataclass(frozen=True)
@@ -19,33 +19,35 @@ class ExactSum:
     """Sums of numbers >= 0 and how many numbers they are of.
 
     Floating-point addition depends on the order; integers do not. Each value is cut to a multiple
-    of 2**-60 and kept as `high * 2**-20 + low * 2**-60`. Room for 2**23 of the largest values.
+    of 2**-60, and sums are Python's integers, which have room for any number of the largest values.
 
     Attributes:
-      high: (...) int64, in units of 2**-20.
-      low: (...) int64, in units of 2**-60, in [0, 2**40).
+      sums: (...) Python integers (dtype object), in units of 2**-60.
       count: (...) int64, the weights: how many values were present.
     """
 
-    high: NDArray[np.int64]
-    low: NDArray[np.int64]
+    sums: NDArray[np.object_]
     count: NDArray[np.int64]
 
     @classmethod
     def zeros(cls, shape: tuple[int, ...]) -> ExactSum:
         """The empty sum."""
-        return cls(*(np.zeros(shape, np.int64) for _ in range(3)))
+        return cls(np.zeros(shape, object), np.zeros(shape, np.int64))
 
     @classmethod
     def of(cls, values: Floats, axis: int = 0) -> ExactSum:
         """Sum `values` over `axis`. NaN is missing; values are >= 0 and cut off at `LARGEST`."""
         values = np.asarray(values, np.float64)
         present = ~np.isnan(values)
-        scaled = np.clip(np.where(present, values, 0.0), 0.0, LARGEST) * (1 << _HIGH_BITS)
-        high = np.floor(scaled)
-        low = np.floor((scaled - high) * _LOW_ONE)
-        parts = (high.astype(np.int64), low.astype(np.int64), present.astype(np.int64))
-        return _carried(*(part.sum(axis=axis) for part in parts))
+        left = np.clip(np.where(present, values, 0.0), 0.0, LARGEST)
+        count = np.asarray(present.sum(axis=axis))
+        sums = np.zeros(count.shape, object)
+        bits = int(np.frexp(left.max(initial=0.0))[1]) + _UNIT_BITS  # of the largest, in units
+        for place in reversed(range(0, bits, _PART_BITS)):
+            part = np.floor(np.ldexp(left, _UNIT_BITS - place))
+            left = left - np.ldexp(part, place - _UNIT_BITS)
+            sums = sums + part.astype(np.int64).sum(axis=axis).astype(object) * (1 << place)
+        return cls(np.asarray(sums, object), count)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -55,7 +57,7 @@ class ExactSum:
     @property
     def total(self) -> Floats:
         """The sums as floats, rounded once."""
-        return self.high / (1 << _HIGH_BITS) + self.low / (1 << (_HIGH_BITS + _LOW_BITS))
+        return np.asarray(self.sums / (1 << _UNIT_BITS), np.float64)
 
     @property
     def mean(self) -> Floats:
@@ -66,28 +68,25 @@ class ExactSum:
 
     def over(self, axis: int | tuple[int, ...]) -> ExactSum:
         """Add up along `axis`."""
-        return _carried(*(part.sum(axis=axis) for part in (self.high, self.low, self.count)))
+        return ExactSum(
+            np.asarray(self.sums.sum(axis=axis), object), np.asarray(self.count.sum(axis=axis))
+        )
 
     def __add__(self, other: ExactSum) -> ExactSum:
         """Element-wise. The shorter of the two is continued by zeros along the first axis."""
         length = max(self.shape[0], other.shape[0])
         mine, theirs = self._lengthened(length), other._lengthened(length)
-        return _carried(mine.high + theirs.high, mine.low + theirs.low, mine.count + theirs.count)
+        return ExactSum(mine.sums + theirs.sums, mine.count + theirs.count)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ExactSum):
             return NotImplemented
-        mine, theirs = (self.high, self.low, self.count), (other.high, other.low, other.count)
-        return all(np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
+        return np.array_equal(self.sums, other.sums) and np.array_equal(self.count, other.count)
 
     __hash__ = None  # type: ignore[assignment]
 
     def _lengthened(self, length: int) -> ExactSum:
-        pad = [(0, length - self.shape[0])] + [(0, 0)] * (len(self.shape) - 1)
-        return ExactSum(*(np.pad(part, pad) for part in (self.high, self.low, self.count)))
-
-
-def _carried(high: NDArray, low: NDArray, count: NDArray) -> ExactSum:
-    return ExactSum(
-        np.asarray(high + (low >> _LOW_BITS)), np.asarray(low & (_LOW_ONE - 1)), np.asarray(count)
-    )
+        more = ExactSum.zeros((length - self.shape[0], *self.shape[1:]))
+        return ExactSum(
+            np.concatenate([self.sums, more.sums]), np.concatenate([self.count, more.count])
+        )

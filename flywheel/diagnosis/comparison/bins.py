@@ -36,7 +36,7 @@ class Bins:
         place = np.broadcast_to(place, squares.shape)
         parts = [ExactSum.of(squares[place == i]) for i in range(len(labels))]
         sums = ExactSum(
-            *(np.array([getattr(p, name) for p in parts]) for name in ("high", "low", "count"))
+            np.array([p.sums for p in parts], object), np.array([p.count for p in parts])
         )
         return cls(of, by, tuple(labels), sums)
 

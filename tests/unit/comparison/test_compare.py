@@ -15,7 +15,7 @@ from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.errors import DataError, ModelError
-from flywheel.records import Trajectory
+from flywheel.records import Floats, Past, Rollout, Trajectory
 from flywheel.robots import Robot, load_robot
 from tests.unit.comparison.conftest import plant_of, recordings
 
@@ -63,6 +63,27 @@ def test_a_model_in_which_nothing_moves_is_the_line_of_persistence(
     again = compare([Subject("still", still)], nothing_hidden, horizon=0.5, draws=40)
     assert np.allclose(again.models[0].by_lead, again.persistence)
     assert again.models[0].outcome is Outcome.MORE_THAN_NOISE
+
+
+class FarOff(Persistence):
+    """Nothing moves, two kilometres away along every axis: some million noises."""
+
+    def rollout(self, past: Past, controls: Floats) -> Rollout:
+        found = super().rollout(past, controls)
+        return dataclasses.replace(found, points=found.points + 2000.0)
+
+
+def test_the_error_of_a_model_that_is_far_off_is_told_in_full(
+    robot: Robot, nothing_hidden: list[Trajectory], seed: int
+) -> None:
+    far = Subject("far", FarOff(robot, 0.01))
+    found = compare([far], nothing_hidden[:1], horizon=0.5, draws=40, seed=seed)
+    summary = found.summary()["models"][0]
+    assert summary["error"]["rms"] == pytest.approx(2000.0, abs=1.0)
+    by_lead = np.mean(summary["by_lead_time"]["mean_square"]) * found.windows.sigma**2
+    assert summary["error"]["rms"] == pytest.approx(np.sqrt(by_lead))
+    for part in summary["where"]["points by end cap"]:
+        assert part["mean_square"] * found.windows.sigma**2 == pytest.approx(2000.0**2, rel=1e-3)
 
 
 def test_the_same_seed_gives_the_same_numbers_and_another_other_draws(

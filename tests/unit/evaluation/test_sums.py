@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flywheel.evaluation import ExactSum
+from flywheel.evaluation.sums import LARGEST
 from tests import draws
 
 VALUES = st.lists(
@@ -44,9 +46,15 @@ def test_rows_beyond_the_shorter_sum_are_kept():
     assert total.count[:, 0].tolist() == [6, 6, 6, 4, 4]
 
 
-def test_a_huge_value_is_cut_off_instead_of_wrapping_around():
-    total = ExactSum.of(np.full((1000, 1), 1e300))
-    assert total.total[0] == 1000 * 2.0**20
+@pytest.mark.parametrize("value", [1.5e6, 3.3e12, 6.25e16, 1e40, 1e77])
+def test_a_huge_value_counts_in_full(value):
+    total = ExactSum.of(np.array([[value], [1.0], [value]])) + ExactSum.of(np.full((1, 1), value))
+    assert total.mean[0] == (3 * value + 1.0) / 4
+
+
+def test_a_value_that_no_prediction_makes_is_cut_off_instead_of_overflowing():
+    total = ExactSum.of(np.array([[1e300], [np.inf]] * 500))
+    assert total.total[0] == 1000 * LARGEST
 
 
 def test_sums_over_axes_agree_with_numpy():
