@@ -36,12 +36,12 @@ from flywheel.evaluation import score
 from flywheel.outputs import write_output
 from flywheel.records import Episode, Floats, Provenance
 from flywheel.registry import lookup
+from flywheel.results import ResultRecord
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.config.shipped import config_file
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import Progress, console_progress
-from flywheel.runtime.results import ResultRecord
 from flywheel.runtime.workers.episode_plan import Effects, collection
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches

@@ -21,21 +21,21 @@ from pathlib import Path
 
 import numpy as np
 
-from flywheel.errors import FlywheelError
-from flywheel.evaluation.intervals import success_interval
-from flywheel.outputs import write_output
-from flywheel.registry import lookup
-from flywheel.robots import Robot, load_robot
-from flywheel.runtime.assessment import RIGHT, Outcome
-from flywheel.runtime.demonstration import (
+from flywheel.demo.assessment import RIGHT, Outcome
+from flywheel.demo.demonstration import (
     NOTHING,
     DemoConfig,
     Demonstration,
     demonstrate,
     placed_effect,
 )
+from flywheel.errors import FlywheelError
+from flywheel.evaluation.intervals import success_interval
+from flywheel.outputs import write_output
+from flywheel.registry import lookup
+from flywheel.results import ResultRecord
+from flywheel.robots import Robot, load_robot
 from flywheel.runtime.pool.progress import Progress, console_progress
-from flywheel.runtime.results import ResultRecord
 from flywheel.truth_simulator import HIDDEN
 
 ROBOT = "prism3"

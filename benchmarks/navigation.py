@@ -11,7 +11,7 @@ import numpy as np
 
 from flywheel.cli.driving.drives import Drive, where_of
 from flywheel.evaluation.intervals import success_interval
-from flywheel.runtime.results import Errors, Navigation, RunResult
+from flywheel.results import Errors, Navigation, RunResult
 from flywheel.runtime.run.folder import name_of
 
 RUN_HEADER = (

@@ -34,11 +34,11 @@ from flywheel.evaluation.pasts import stacked
 from flywheel.outputs import write_output
 from flywheel.records import Episode, Floats, Observation, Provenance, Split, Trajectory
 from flywheel.registry import lookup
+from flywheel.results import ResultRecord
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.config.shipped import config_file
 from flywheel.runtime.pool.progress import Progress, console_progress
-from flywheel.runtime.results import ResultRecord
 from flywheel.training import Trainer, TrainingProgress
 from flywheel.training.residual import ResidualTraining, train_residual
 from flywheel.truth_simulator.measurement import Measurement

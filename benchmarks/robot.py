@@ -27,11 +27,11 @@ import numpy as np
 from flywheel.cli.driving.drives import Drive, append_drive, read_drives
 from flywheel.cli.driving.robot_driver import PLANT, RESIDUAL, RobotDriver
 from flywheel.cli.runs.opening import OpenRun, open_run
+from flywheel.demo.assessment import library_values
 from flywheel.effects import AdoptedPlant, WrittenTerm
 from flywheel.registry import lookup
 from flywheel.robot_link import StandInConfig
 from flywheel.robot_link.opening import SIMULATED
-from flywheel.runtime.assessment import library_values
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.config.shipped import config_file
 from flywheel.runtime.loop import run

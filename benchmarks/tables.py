@@ -40,7 +40,7 @@ from flywheel.cli.driving.drives import read_drives
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.outputs import write_output
 from flywheel.registry import lookup
-from flywheel.runtime.results import RunResult
+from flywheel.results import RunResult
 
 PAGES = Path(__file__).parents[1] / "docs" / "results"
 BLOCK = re.compile(r"(?<=<!-- table: )([\w-]+)( -->\n).*?(?=<!-- end -->)", re.DOTALL)

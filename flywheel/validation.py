@@ -83,3 +83,13 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield annotation
     for part in get_args(annotation):
         yield from _models_in(part)
+
+
+def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
+    """Where two plain configurations differ, as "a.b: 1 -> 2"."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted(old.keys() | new.keys()):
+            where = f"{path}.{key}" if path else str(key)
+            yield from differences(old.get(key, "(not set)"), new.get(key, "(not set)"), where)
+    elif old != new:
+        yield f"{path}: {str(old)[:LONGEST_PROBLEM]} -> {str(new)[:LONGEST_PROBLEM]}"

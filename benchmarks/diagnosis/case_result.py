@@ -6,8 +6,8 @@ import math
 
 from pydantic import Field
 
-from flywheel.runtime.assessment import key_of
-from flywheel.runtime.results import ResultRecord
+from flywheel.demo.assessment import key_of
+from flywheel.results import ResultRecord
 
 
 class Named(ResultRecord):

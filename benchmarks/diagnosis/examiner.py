@@ -10,6 +10,7 @@ import numpy as np
 
 from benchmarks.diagnosis.case_result import CaseResult, Named
 from flywheel.data.recordings import read_recording
+from flywheel.demo.assessment import library_values, smallest_shown
 from flywheel.diagnosis import Diagnosis, Found, diagnose
 from flywheel.diagnosis.checks.adequacy import Adequacy
 from flywheel.diagnosis.settings import AsBuiltSettings, Settings
@@ -18,7 +19,6 @@ from flywheel.effects import Scales
 from flywheel.errors import FlywheelError
 from flywheel.records import Trajectory
 from flywheel.robots import Robot, load_robot
-from flywheel.runtime.assessment import library_values, smallest_shown
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.model_weights import TrainedModel
 from flywheel.truth_simulator.as_built import Spread

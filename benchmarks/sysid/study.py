@@ -16,8 +16,8 @@ from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.records import Floats
+from flywheel.results import ResultRecord
 from flywheel.robots import load_robot
-from flywheel.runtime.results import ResultRecord
 from flywheel.truth_simulator.cases import Case, Recorded
 from flywheel.truth_simulator.effect import EffectTruth
 

@@ -20,7 +20,7 @@ from flywheel.cli.options import ThreadsOption, within
 from flywheel.quantities import DEMO_SECONDS, SEED
 
 if TYPE_CHECKING:
-    from flywheel.runtime.demonstration import Demonstration
+    from flywheel.demo.demonstration import Demonstration
     from flywheel.runtime.pool.progress import Progress, Stage
 
 ROBOT, SECONDS = "prism3", 3.0
@@ -96,10 +96,10 @@ def demo(
 
     flywheel demo --effect cable_friction:2 --seed 7
     """
+    from flywheel.demo.demonstration import DemoConfig, demonstrate, drawn_effect, hidden_truth
+    from flywheel.demo.page import write_demo
     from flywheel.outputs import check_outputs
-    from flywheel.reports.demo_page import write_demo
     from flywheel.robots import load_robot
-    from flywheel.runtime.demonstration import DemoConfig, demonstrate, drawn_effect, hidden_truth
     from flywheel.runtime.pool.progress import console_progress
 
     check_outputs({"page": page}, inputs=[robot])
@@ -136,7 +136,7 @@ def _command(robot: str, effect: str | None, seed: int, seconds: float) -> str:
 def _reveal(out: Out, story: Demonstration) -> None:
     """Say what was hidden, beside what was found."""
     from flywheel.cli.logs.diagnose import effects_table
-    from flywheel.reports.demo_page import truth
+    from flywheel.demo.page import truth
 
     if any(story.diagnosis.answers):
         out.print(effects_table(story.diagnosis))
@@ -159,7 +159,7 @@ def _reveal(out: Out, story: Demonstration) -> None:
 
 def _filmed(out: Out, story: Demonstration, path: Path) -> Path | str:
     """The video of the page, or why there is none."""
-    from flywheel.reports.demo_page import worst_window
+    from flywheel.demo.page import worst_window
 
     try:
         return worst_window(story).film(path)

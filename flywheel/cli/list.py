@@ -135,7 +135,7 @@ def runs() -> Table:
     """The runs in runs/."""
     from flywheel.cli.runs.opening import known_runs
     from flywheel.errors import FlywheelError
-    from flywheel.runtime.results import RunResult
+    from flywheel.results import RunResult
 
     rows: list[tuple[object, ...]] = []
     for folder in known_runs():

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flywheel.reports import style
-from flywheel.runtime.results import Errors, IterationResult, Overlay, RunResult
+from flywheel.results import Errors, IterationResult, Overlay, RunResult
 
 MEASURES = (("e_pos_rmse", "position error, RMSE/L [%]"), ("e_rot", "rotation error [deg]"))
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from flywheel.outputs import write_output
 from flywheel.registry import lookup
 from flywheel.reports import error_figures, goal_figures, ladder_figures, robot_figures, style
-from flywheel.runtime.results import RunResult
+from flywheel.results import RunResult
 
 
 @dataclass(frozen=True)

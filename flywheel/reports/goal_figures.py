@@ -12,8 +12,8 @@ from matplotlib.patches import Circle, Rectangle
 
 from flywheel.records import Floats
 from flywheel.reports import style
+from flywheel.results import Navigation, RunResult
 from flywheel.robots import Box
-from flywheel.runtime.results import Navigation, RunResult
 
 Series = list[tuple[str, str, Navigation]]
 WIDTH = 9.6  # of paths from above [in]

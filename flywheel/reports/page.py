@@ -13,7 +13,7 @@ from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.html import Shown, data_uri, render
 from flywheel.reports.robot_figures import NAMES
 from flywheel.reports.verdicts import headline, verdicts
-from flywheel.runtime.results import Errors, IterationResult, Navigation, RunResult
+from flywheel.results import Errors, IterationResult, Navigation, RunResult
 
 PAGE_FILE = "report.html"
 PATHS = "on the ground the planner's predicted paths"

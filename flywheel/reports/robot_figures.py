@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flywheel.reports import style
-from flywheel.runtime.results import RunResult
+from flywheel.results import RunResult
 
 NAMES = {
     "given": "MJCF as given",

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.errors import DataError
-from flywheel.runtime.config.loading import differences
-from flywheel.runtime.results import Errors, Navigation, RunResult, Success
+from flywheel.results import Errors, Navigation, RunResult, Success
+from flywheel.validation import differences
 
 SEED_ONLY = ("seed", "name", "workers", "tracking", "store")
 

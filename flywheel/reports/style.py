@@ -14,8 +14,13 @@ from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
-from flywheel.runtime.tracking.publish import COLOURS
-
+COLOURS = {
+    "mppi": "#0072B2",
+    "control arm": "#E69F00",
+    "floor": "#4a4a4a",
+    "informed floor": "#CC79A7",
+    "oracle": "#009E73",
+}
 INK = "#1f2933"
 FAINT = "#9aa5b1"
 MPPI = COLOURS["mppi"]

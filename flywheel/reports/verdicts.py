@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from flywheel.runtime.results import ErrorNumbers, IterationResult, RunResult, Success
+from flywheel.results import ErrorNumbers, IterationResult, RunResult, Success
 
 Answer = Literal["yes", "no", "open"]
 GOAL_ROTATION = 1.1  # of the floor's error

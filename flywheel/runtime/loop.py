@@ -12,7 +12,15 @@ from flywheel.data.places import local_folder
 from flywheel.errors import ConfigError
 from flywheel.outputs import check_folder
 from flywheel.reports import write_report
+from flywheel.results import (
+    RESULT_FILE,
+    ErrorNumbers,
+    IterationResult,
+    RobotResult,
+    RunResult,
+)
 from flywheel.robots import Robot, load_robot
+from flywheel.run_identity import Identity
 from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
 from flywheel.runtime.pool.jobs import Group
@@ -20,16 +28,8 @@ from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import Progress, Quiet
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.results import (
-    RESULT_FILE,
-    ErrorNumbers,
-    IterationResult,
-    RobotResult,
-    RunResult,
-)
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
-from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.run.inventory import check_sound
 from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far, start_tags
 from flywheel.runtime.run.suitability import check_reached, check_suits

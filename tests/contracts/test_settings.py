@@ -20,8 +20,8 @@ from flywheel.dynamics.residual import CorrectedPlant, ResidualConfig
 from flywheel.effects import AdoptedPlant
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds
+from flywheel.results import ResultRecord
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.results import ResultRecord
 from flywheel.training.residual import ResidualTraining
 from flywheel.validation import validated
 

@@ -14,11 +14,11 @@ import yaml
 
 from flywheel.data import TrajectoryStore
 from flywheel.errors import ConfigError
+from flywheel.results import RunResult
 from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.loop import run
 from flywheel.runtime.pool.caretaker import MARK
 from flywheel.runtime.pool.progress import Lines
-from flywheel.runtime.results import RunResult
 from tests.chaos.killing import ROOT, kill, outcome, start_driver, wait_for
 
 pytestmark = [pytest.mark.ray, pytest.mark.slow]

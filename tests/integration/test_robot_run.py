@@ -8,9 +8,9 @@ import pytest
 from mlflow import MlflowClient
 
 from flywheel.data import TrajectoryStore
+from flywheel.results import RunResult
 from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.loop import run
-from flywheel.runtime.results import RunResult
 from flywheel.runtime.tracking.dashboard import DATABASE
 from tests.conftest import ROOT, Stranger
 

@@ -22,6 +22,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS, WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.records import Episode
+from flywheel.results import RESULT_FILE
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import (
     RunConfig,
@@ -31,7 +32,6 @@ from flywheel.runtime.config.run_config import (
 )
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import Stage
-from flywheel.runtime.results import RESULT_FILE
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.stages.video import scenery_of
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan

@@ -17,7 +17,7 @@ from flywheel.outputs import write_output
 from flywheel.reports import style
 from flywheel.reports.figures import as_file
 from flywheel.reports.goal_figures import paths_from_above
-from flywheel.runtime.results import Navigation, ResultRecord, Walk
+from flywheel.results import Navigation, ResultRecord, Walk
 
 LARGEST_RESULTS = 500 * MB  # [bytes]; an episode takes some kB
 

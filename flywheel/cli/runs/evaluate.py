@@ -14,7 +14,7 @@ from flywheel.quantities import HORIZON_SECONDS, SAMPLES
 
 if TYPE_CHECKING:
     from flywheel.cli.runs.opening import OpenRun
-    from flywheel.runtime.results import ErrorNumbers
+    from flywheel.results import ErrorNumbers
     from flywheel.runtime.workers.model_weights import AnyWeights
     from flywheel.runtime.workers.sim_worker import Baseline, Scores
 
@@ -159,7 +159,7 @@ def _subjects(run: OpenRun, weights: Path | None) -> dict[str, AnyWeights | Base
 
 def _row(scores: Scores) -> tuple[object, ...]:
     """One line of the table; a model that predicts nothing finite says so."""
-    from flywheel.runtime.results import ErrorNumbers
+    from flywheel.results import ErrorNumbers
 
     short, full = (
         None if errors is None else ErrorNumbers.of(errors)

@@ -9,9 +9,9 @@ from pathlib import Path
 from flywheel.data import TrajectoryStore
 from flywheel.errors import DataError, UnknownNameError
 from flywheel.files import shown
+from flywheel.results import IterationResult, RunResult
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.results import IterationResult, RunResult
 from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.workers.model_weights import Weights
 

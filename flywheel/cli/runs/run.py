@@ -12,7 +12,7 @@ from flywheel.cli.console import Out, console, table
 from flywheel.cli.options import Overrides
 
 if TYPE_CHECKING:
-    from flywheel.runtime.results import ErrorNumbers, Errors, Navigation, RunResult
+    from flywheel.results import ErrorNumbers, Errors, Navigation, RunResult
 
 RUNS = Path("runs")
 

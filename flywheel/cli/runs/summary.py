@@ -40,7 +40,7 @@ def summary(
     flywheel summary runs/prism3 runs/prism3-1
     """
     from flywheel.reports.seeds import summarise
-    from flywheel.runtime.results import RunResult
+    from flywheel.results import RunResult
 
     rows = summarise([RunResult.load(run) for run in runs])
     title = f"{len(runs)} seeds: mean (lowest-highest)"

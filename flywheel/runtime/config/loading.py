@@ -25,7 +25,7 @@ from pydantic import BaseModel
 from flywheel.errors import ConfigError
 from flywheel.files import LARGEST_YAML, parsed_yaml, read_text, shown
 from flywheel.runtime.config.shipped import shipped_configs
-from flywheel.validation import LONGEST_PROBLEM, M, validated
+from flywheel.validation import M, validated
 
 EXTENDS = "extends"
 MOST_FILES = 50  # that one configuration may be made of
@@ -71,16 +71,6 @@ def read_config(
 def yaml_of(model: BaseModel) -> str:
     """The YAML text that `read_config` reads as the same model."""
     return OmegaConf.to_yaml(OmegaConf.create(model.model_dump(mode="json")))
-
-
-def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
-    """Where two plain configurations differ, as "a.b: 1 -> 2"."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        for key in sorted(old.keys() | new.keys()):
-            where = f"{path}.{key}" if path else str(key)
-            yield from differences(old.get(key, "(not set)"), new.get(key, "(not set)"), where)
-    elif old != new:
-        yield f"{path}: {str(old)[:LONGEST_PROBLEM]} -> {str(new)[:LONGEST_PROBLEM]}"
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.errors import LinkError, RunError
 from flywheel.faults import fault_of, told
 from flywheel.records import Split
+from flywheel.results import Arm, Errors, IterationResult
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.jobs import Job, JobFailed, PoolReport
 from flywheel.runtime.pool.pool import WorkerPool
 from flywheel.runtime.pool.progress import Progress
-from flywheel.runtime.results import Arm, Errors, IterationResult
 from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.episode_note import EpisodeNote

@@ -29,18 +29,7 @@ from pathlib import Path
 
 from flywheel.errors import ConfigError, RunError
 from flywheel.files import file_name
-from flywheel.robot_link import StandInConfig
-from flywheel.robot_link.opening import SIMULATED
-from flywheel.robots import Robot, load_robot, read_robot
-from flywheel.runtime.config.loading import differences, yaml_of
-from flywheel.runtime.config.robot_config import STAND_IN_FILE, read_stand_in, write_stand_in
-from flywheel.runtime.config.run_config import (
-    RunConfig,
-    config_digest,
-    decisive,
-    load_stored_config,
-)
-from flywheel.runtime.results import (
+from flywheel.results import (
     NOTHING,
     RESULT_FILE,
     Arm,
@@ -49,11 +38,22 @@ from flywheel.runtime.results import (
     read,
     save,
 )
-from flywheel.runtime.run.identity import HOW, RUN_FILE, Begun, Identity, read_begun, write_identity
+from flywheel.robot_link import StandInConfig
+from flywheel.robot_link.opening import SIMULATED
+from flywheel.robots import Robot, load_robot, read_robot
+from flywheel.run_identity import HOW, RUN_FILE, Begun, Identity, read_begun, write_identity
+from flywheel.runtime.config.loading import yaml_of
+from flywheel.runtime.config.robot_config import STAND_IN_FILE, read_stand_in, write_stand_in
+from flywheel.runtime.config.run_config import (
+    RunConfig,
+    config_digest,
+    decisive,
+    load_stored_config,
+)
 from flywheel.runtime.run.initial_weights import INITIAL_WEIGHTS, SIDE_FILE, initial_weights
 from flywheel.runtime.tracking.pyfunc_model import WEIGHTS
 from flywheel.seals import Seal, file_sha256
-from flywheel.validation import lines
+from flywheel.validation import differences, lines
 
 ITERATION, DIAGNOSIS = "iteration", "diagnosis"
 UNFINISHED = re.compile(r"\..*|.*\.(lock|part|tmp)")  # being written, or left by a killed process

@@ -21,8 +21,9 @@ from pathlib import Path
 from flywheel.data import Damage, Snapshot, TrajectoryStore
 from flywheel.dynamics.gnn.weights import read_about
 from flywheel.errors import DataError, FlywheelError, RunError
+from flywheel.results import RESULT_FILE, IterationResult, RunResult
+from flywheel.run_identity import HOW, RUN_FILE
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.results import RESULT_FILE, IterationResult, RunResult
 from flywheel.runtime.run.folder import (
     ARMS,
     SEGMENT,
@@ -31,7 +32,6 @@ from flywheel.runtime.run.folder import (
     RunFolder,
     name_of,
 )
-from flywheel.runtime.run.identity import HOW, RUN_FILE
 from flywheel.runtime.tracking.dashboard import DATABASE
 from flywheel.seals import Kind, Seal, Unsound, file_sha256, misplaced
 

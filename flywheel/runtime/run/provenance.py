@@ -10,11 +10,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from flywheel import __version__
+from flywheel.results import RESULT_FILE, IterationResult, RunResult
+from flywheel.run_identity import Identity
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.results import RESULT_FILE, IterationResult, RunResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import ARMS, POOLED, SEGMENT, SNAPSHOT, name_of
-from flywheel.runtime.run.identity import Identity
 from flywheel.runtime.tracking.publish import publish_iteration
 from flywheel.runtime.workers.robot_plan import robot_prefix
 from flywheel.seals import file_sha256

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from flywheel.data import Receipt, TrajectoryStore
 from flywheel.errors import RunError
+from flywheel.results import RESULT_FILE
 from flywheel.runtime.pool.lock import hold
-from flywheel.runtime.results import RESULT_FILE
 from flywheel.runtime.run.folder import ARMS, POOLED, SEGMENT, SNAPSHOT, RunFolder
 from flywheel.runtime.run.inventory import Fault, Inventory
 

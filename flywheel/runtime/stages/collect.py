@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flywheel.errors import RunError
+from flywheel.results import Arm
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.jobs import PoolReport
-from flywheel.runtime.results import Arm
 from flywheel.runtime.run.context import Run, episode_notes
 from flywheel.runtime.stages.outcomes import Collected, Tally
 from flywheel.runtime.workers.episode_note import EpisodeNote

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from flywheel.runtime.results import GateDecision
+from flywheel.results import GateDecision
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.gate import decide_champion
 from flywheel.runtime.stages.outcomes import ArmOutcome

@@ -11,8 +11,8 @@ from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.results.answer import Answer
 from flywheel.errors import DataError
 from flywheel.reports.diagnosis_page import diagnosis_page
+from flywheel.results import DiagnosisNote
 from flywheel.runtime.pool.jobs import Job
-from flywheel.runtime.results import DiagnosisNote
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.outcomes import Tally
 from flywheel.runtime.stages.scoring import KnownPlant, score_jobs, scored

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from flywheel.files import file_name
+from flywheel.results import PooledTest, RunResult, UnseenCourse
 from flywheel.runtime.pool.jobs import Job
-from flywheel.runtime.results import PooledTest, RunResult, UnseenCourse
 from flywheel.runtime.run.context import Run, usable
 from flywheel.runtime.run.folder import POOLED
 from flywheel.runtime.stages.scoring import navigation, score_jobs, scored

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from flywheel.evaluation import Interval, rmse_ratio_interval
+from flywheel.results import Errors, GateDecision, Navigation
 from flywheel.runtime.config.run_config import GateConfig
-from flywheel.runtime.results import Errors, GateDecision, Navigation
 
 RESAMPLING_SEED = 0
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from flywheel.results import Errors, Navigation, RobotResult, RobotScore, RunResult
 from flywheel.runtime.config.robot_config import Planner
 from flywheel.runtime.pool.jobs import Job, PoolReport
-from flywheel.runtime.results import Errors, Navigation, RobotResult, RobotScore, RunResult
 from flywheel.runtime.run.context import Model, Run, usable
 from flywheel.runtime.stages.collect import valid_notes
 from flywheel.runtime.stages.outcomes import ArmOutcome, Tally

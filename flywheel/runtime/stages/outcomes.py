@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from flywheel.data import Snapshot
+from flywheel.results import Arm, Errors, GateDecision, Navigation, Overlay, RobotResult
 from flywheel.runtime.pool.jobs import PoolReport
-from flywheel.runtime.results import Arm, Errors, GateDecision, Navigation, Overlay, RobotResult
 from flywheel.runtime.run.context import Model, usable
 from flywheel.runtime.workers.trainer_worker import TrainingNote
 

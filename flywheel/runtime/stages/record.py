@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flywheel.runtime.results import Arm, IterationResult
+from flywheel.results import Arm, IterationResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
 from flywheel.runtime.stages.scoring import by_split

@@ -10,8 +10,8 @@ from typing import Any
 
 from flywheel.data import EpisodeSummary
 from flywheel.records import Split
+from flywheel.results import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.pool.jobs import Job, PoolReport
-from flywheel.runtime.results import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.run.context import Model, Run, episode_notes
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, derive_seed
 from flywheel.runtime.workers.sim_worker import Baseline, Scores, added

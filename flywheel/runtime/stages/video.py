@@ -10,7 +10,7 @@ from flywheel.dynamics.plant import Scenery, states_of
 from flywheel.dynamics.plant.render import render_episode, usual_shot
 from flywheel.files import file_name
 from flywheel.records import Plans, State
-from flywheel.runtime.results import IterationResult, RobotResult
+from flywheel.results import IterationResult, RobotResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import name_of
 from flywheel.runtime.workers.episode_plan import EpisodePlan, evaluation

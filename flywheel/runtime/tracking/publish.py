@@ -16,7 +16,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from flywheel.runtime.results import (
+from flywheel.reports.style import COLOURS
+from flywheel.results import (
     Arm,
     DiagnosisNote,
     ErrorNumbers,
@@ -32,13 +33,6 @@ from flywheel.runtime.results import (
 from flywheel.runtime.tracking.tracker import Tracker
 
 Values = dict[str, float]
-COLOURS = {  # of Okabe and Ito (2008, jfly.uni-koeln.de/color); the figures have the same
-    "mppi": "#0072B2",
-    "control arm": "#E69F00",
-    "floor": "#4a4a4a",
-    "informed floor": "#CC79A7",
-    "oracle": "#009E73",
-}
 
 
 def publish_start(

@@ -24,7 +24,7 @@ from pydantic import BaseModel, ConfigDict
 
 from flywheel.errors import ConfigError, DataError, FlywheelError
 from flywheel.quantities import Bounds, Name, Place, WaitingSeconds
-from flywheel.runtime.results import GateDecision
+from flywheel.results import GateDecision
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.records import Episode
-from flywheel.runtime.results import Walk
+from flywheel.results import Walk
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ import numpy as np
 from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.records import Split
+from flywheel.results import Arm
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.results import Arm
 
 GAITS = ("roll", "cw", "ccw")
 ORACLE = "oracle"

@@ -22,10 +22,10 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import Terms
 from flywheel.errors import DataError
 from flywheel.records import Episode, Provenance, State
+from flywheel.results import Walk
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.pool.heartbeat import Heartbeat
-from flywheel.runtime.results import Walk
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.workers.walks import walk_of
 from flywheel.tasks import Task, TaskConfig, sample_task

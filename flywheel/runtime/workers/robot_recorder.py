@@ -9,10 +9,10 @@ from flywheel.control.drive import Drive, OnStep, drive, without_gaps
 from flywheel.dynamics.plant import Reckoning
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Episode, Floats, Provenance
+from flywheel.results import Walk
 from flywheel.robot_link import RobotLink
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig, config_digest
-from flywheel.runtime.results import Walk
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.episode_recorder import controller_of
 from flywheel.runtime.workers.walks import walk_of

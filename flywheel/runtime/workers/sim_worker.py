@@ -32,11 +32,11 @@ from flywheel.evaluation import (
     score_full,
 )
 from flywheel.records import Episode, Floats
+from flywheel.results import Overlay
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
-from flywheel.runtime.results import Overlay
 from flywheel.runtime.workers.diagnosis_job import diagnose_plant
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan

@@ -15,8 +15,8 @@ from flywheel.effects import NAMED, Effect, WrittenTerm
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at
 from flywheel.records import Episode, Floats, KnownWinch
+from flywheel.results import Overlay
 from flywheel.robots import Robot
-from flywheel.runtime.results import Overlay
 from flywheel.runtime.workers.episode_plan import Effects
 
 KEPT = 32  # episodes whose winch positions are kept, because scoring asks for them repeatedly

@@ -10,12 +10,12 @@ from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.residual import ResidualWeights
 from flywheel.errors import DataError, ModelError
 from flywheel.records import Split
+from flywheel.results import TrainingPoint
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.pool.lock import hold
-from flywheel.runtime.results import TrainingPoint
 from flywheel.runtime.workers.episode_plan import Effects
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flywheel.records import Episode, Floats
-from flywheel.runtime.results import Walk
+from flywheel.results import Walk
 from flywheel.tasks import Task
 
 WALK_SECONDS = 0.5  # between two points of a path [s]

@@ -9,10 +9,10 @@ import pytest
 
 from benchmarks import demo
 from benchmarks.demo import FAILED, DemoResult, row_of, table, tell
+from flywheel.demo.assessment import Outcome
+from flywheel.demo.demonstration import DemoConfig
 from flywheel.errors import LinkError
 from flywheel.robots import load_robot
-from flywheel.runtime.assessment import Outcome
-from flywheel.runtime.demonstration import DemoConfig
 from flywheel.runtime.pool.progress import Quiet
 
 

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
+from flywheel.results import RunResult
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.results import RunResult
 from flywheel.runtime.run.folder import RunFolder
 
 

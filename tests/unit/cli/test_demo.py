@@ -13,15 +13,9 @@ import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
-from flywheel.diagnosis import Verdict
-from flywheel.effects import EFFECTS
-from flywheel.reports import diagnosis_video
-from flywheel.reports.demo_page import steps, truth, worst_window, write_demo
-from flywheel.reports.diagnosis_video import FARTHEST, MAGNIFIED, SHOT
-from flywheel.robots import load_robot
-from flywheel.runtime import demonstration
-from flywheel.runtime.assessment import Outcome
-from flywheel.runtime.demonstration import (
+from flywheel.demo import demonstration
+from flywheel.demo.assessment import Outcome
+from flywheel.demo.demonstration import (
     DemoConfig,
     Demonstration,
     adopted_effects,
@@ -29,6 +23,12 @@ from flywheel.runtime.demonstration import (
     drawn_effect,
     hidden_truth,
 )
+from flywheel.demo.page import steps, truth, worst_window, write_demo
+from flywheel.diagnosis import Verdict
+from flywheel.effects import EFFECTS
+from flywheel.reports import diagnosis_video
+from flywheel.reports.diagnosis_video import FARTHEST, MAGNIFIED, SHOT
+from flywheel.robots import load_robot
 from flywheel.truth_simulator import HIDDEN
 
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "cable_friction")}

@@ -17,7 +17,7 @@ from flywheel.cli.driving.drives import (
 )
 from flywheel.cli.main import app
 from flywheel.errors import DataError
-from flywheel.runtime.results import Walk
+from flywheel.results import Walk
 from tests import draws
 
 

@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 from flywheel.cli.main import app
 from flywheel.effects import WrittenTerm
+from flywheel.results import RunResult
 from flywheel.robots import ROBOTS, load_robot
 from flywheel.runtime.config.run_config import load_config
-from flywheel.runtime.results import RunResult
 from flywheel.runtime.run.suitability import check_suits
 from tests.unit.runtime.tiny_run import Bench
 

@@ -7,8 +7,7 @@ import hashlib
 import numpy as np
 
 from flywheel.effects import WrittenTerm
-from flywheel.robots import load_course
-from flywheel.runtime.results import (
+from flywheel.results import (
     Arm,
     DiagnosisNote,
     ErrorNumbers,
@@ -26,6 +25,7 @@ from flywheel.runtime.results import (
     UnseenCourse,
     Walk,
 )
+from flywheel.robots import load_course
 
 Rng = np.random.Generator
 

@@ -14,8 +14,8 @@ from flywheel.reports.error_figures import (
 )
 from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.goal_figures import unseen_courses, walks
+from flywheel.results import RunResult
 from flywheel.robots import Box, load_course
-from flywheel.runtime.results import RunResult
 from tests.unit.reports.fake_run import fake_errors, fake_run, turnless, with_robot
 
 

@@ -11,7 +11,7 @@ from flywheel.errors import DataError
 from flywheel.reports import page
 from flywheel.reports.figures import FIGURES, as_file
 from flywheel.reports.page import result_rows, write_page
-from flywheel.runtime.results import ErrorNumbers, Errors, RunResult
+from flywheel.results import ErrorNumbers, Errors, RunResult
 from tests.unit.reports.fake_run import fake_errors, fake_run
 
 pytestmark = pytest.mark.slow

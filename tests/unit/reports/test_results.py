@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flywheel.errors import DataError
-from flywheel.runtime.results import Navigation, RunResult, Success
+from flywheel.results import Navigation, RunResult, Success
 from tests.unit.reports.fake_run import fake_errors, fake_run
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from flywheel.reports.page import render_page, robot_rows, robot_time
 from flywheel.reports.verdicts import headline, verdicts
-from flywheel.runtime.results import RunResult
+from flywheel.results import RunResult
 from flywheel.runtime.tracking.publish import iteration_values
 from tests.unit.reports.fake_run import fake_run, with_robot
 

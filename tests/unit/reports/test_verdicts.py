@@ -5,7 +5,7 @@ import math
 import pytest
 
 from flywheel.reports.verdicts import headline, verdicts
-from flywheel.runtime.results import Navigation, PooledTest, RunResult, Walk
+from flywheel.results import Navigation, PooledTest, RunResult, Walk
 from tests.unit.reports.fake_run import fake_errors, fake_iteration, fake_run, turnless
 
 

@@ -8,7 +8,8 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.config.loading import differences, read_config
+from flywheel.runtime.config.loading import read_config
+from flywheel.validation import differences
 
 
 class Part(BaseModel):

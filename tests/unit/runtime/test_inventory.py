@@ -16,7 +16,7 @@ import pytest
 from flywheel.cli.runs.opening import open_run
 from flywheel.data import TrajectoryStore
 from flywheel.errors import ModelError, RunError
-from flywheel.runtime.results import RunResult
+from flywheel.results import RunResult
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import Fault, Inventory, check_sound
 from flywheel.runtime.run.rewinding import rewind

@@ -11,9 +11,9 @@ from pydantic import ValidationError
 
 from flywheel.data.recordings import read_recording, store_recording
 from flywheel.effects import WrittenTerm
+from flywheel.results import DiagnosisNote
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.results import DiagnosisNote
 from flywheel.runtime.workers.stored_episodes import effects_of
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from flywheel.cli.main import app
 from flywheel.errors import ConfigError, LinkError, RunError
+from flywheel.results import RunResult
 from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
-from flywheel.runtime.results import RunResult
 from flywheel.runtime.workers import robot_worker
 from flywheel.runtime.workers.robot_plan import first_recordings
 from tests.unit.runtime.tiny_run import TINY, Bench

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from flywheel.errors import ConfigError, DataError, FlywheelError, RunError
+from flywheel.results import DiagnosisNote, IterationResult
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
-from flywheel.runtime.results import DiagnosisNote, IterationResult
 from flywheel.runtime.run.folder import RunFolder
 
 

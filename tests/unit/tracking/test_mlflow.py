@@ -12,7 +12,7 @@ import urllib.request
 
 import pytest
 
-from flywheel.runtime.results import GateDecision
+from flywheel.results import GateDecision
 from flywheel.runtime.tracking.dashboard import ui_command
 from flywheel.runtime.tracking.mlflow_client import MlflowReceiver, open_tracker
 from flywheel.runtime.tracking.publish import publish_end, publish_iteration, publish_start

@@ -8,8 +8,8 @@ import pytest
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.errors import DataError
 from flywheel.records import Observation, Past
+from flywheel.results import GateDecision
 from flywheel.robots import load_robot
-from flywheel.runtime.results import GateDecision
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.tracking.pyfunc_model import PyfuncDynamics, read_model, write_model
 from tests import draws

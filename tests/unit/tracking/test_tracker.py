@@ -5,7 +5,7 @@ import math
 import pytest
 
 from flywheel.errors import ConfigError
-from flywheel.runtime.results import GateDecision
+from flywheel.results import GateDecision
 from flywheel.runtime.tracking.publish import (
     publish_end,
     publish_iteration,

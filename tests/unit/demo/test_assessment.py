@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flywheel.demo.assessment import RIGHT, Outcome, assess, library_values
 from flywheel.diagnosis import Verdict
 from flywheel.robots import load_robot
-from flywheel.runtime.assessment import RIGHT, Outcome, assess, library_values
 from flywheel.truth_simulator import HIDDEN, EffectTruth
 
 CREEP, WEAK = ("creep", ""), ("weak_cable", "long_03")

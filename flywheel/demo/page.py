@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from flywheel.demo.assessment import RIGHT, key_of, label_of, library_values
+from flywheel.demo.demonstration import GIVEN, HELD_OUT, Demonstration, compared_words
 from flywheel.diagnosis import Verdict
 from flywheel.diagnosis.comparison import Comparison, Outcome
 from flywheel.diagnosis.results.verdict import Value
@@ -14,8 +16,6 @@ from flywheel.reports import comparison_figures, diagnosis_figures, diagnosis_pa
 from flywheel.reports.comparison_video import SLOWER
 from flywheel.reports.diagnosis_video import WorstWindow
 from flywheel.reports.html import Shown, data_uri, render
-from flywheel.runtime.assessment import RIGHT, key_of, label_of, library_values
-from flywheel.runtime.demonstration import GIVEN, HELD_OUT, Demonstration, compared_words
 
 BEFORE, ANSWER, AFTER = ("heat", "cables"), ("ranking", "worst"), ("lead_time",)
 SVG = "image/svg+xml"

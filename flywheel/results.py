@@ -26,7 +26,7 @@ from flywheel.evaluation.intervals import success_interval
 from flywheel.files import MB, read_bytes
 from flywheel.outputs import write_output
 from flywheel.robots import Box
-from flywheel.runtime.run.identity import read_begun
+from flywheel.run_identity import read_begun
 from flywheel.seals import Seal, Unsound, check_seal, sealed, unsealed
 from flywheel.validation import first_problem
 

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict
 from flywheel import __version__
 from flywheel.control import Playback
 from flywheel.control.drive import drive
+from flywheel.demo.assessment import Assessment, assess, library_values, smallest_shown
 from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.comparison import Comparison, Outcome, Subject, compare
@@ -38,7 +39,6 @@ from flywheel.reports.diagnosis_page import sentence as diagnosed_words
 from flywheel.robot_link import RobotLink, StandInConfig
 from flywheel.robot_link.opening import SIMULATED, open_link
 from flywheel.robots import Robot
-from flywheel.runtime.assessment import Assessment, assess, library_values, smallest_shown
 from flywheel.runtime.pool.progress import Progress, Stage, notes_of
 from flywheel.truth_simulator import HIDDEN, EffectTruth, HiddenEffect
 from flywheel.truth_simulator.scripts import script
