@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from flywheel.cli.bench import bench
 from flywheel.cli.demo import demo
 from flywheel.cli.driving.drive import drive
 from flywheel.cli.driving.navigate import navigate
@@ -29,7 +28,7 @@ from flywheel.cli.runs.ui import ui
 
 RUNS = "Runs of the flywheel"
 LOGS = "Logs of a real robot"
-YOURS = "Your robot, your machine"
+YOURS = "Your robot"
 
 app = typer.Typer(
     name="flywheel",
@@ -86,7 +85,6 @@ app.command(rich_help_panel=LOGS)(power)
 app.command(rich_help_panel=LOGS)(design)
 app.add_typer(recordings.app, name="recordings", rich_help_panel=LOGS)
 app.add_typer(robot.app, name="robot", rich_help_panel=YOURS)
-app.command(rich_help_panel=YOURS)(bench)
 
 if __name__ == "__main__":
     app(prog_name="flywheel")

@@ -1,6 +1,6 @@
 """The fast forward pass: node-major arrays [M, K, width], static indices, few large products.
 
-It computes what `flywheel.dynamics.gnn.reference` computes, from the same weights; a test holds the
+It computes what `benchmarks.speed.reference` computes, from the same weights; a test holds the
 two together. It is what trains, plans and is measured. K should be about 100, so that the arrays of
 one round stay in the processor's cache.
 """

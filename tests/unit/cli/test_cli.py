@@ -33,7 +33,6 @@ COMMANDS = (
     ["navigate"],
     ["report"],
     ["ui"],
-    ["bench"],
     ["data", "verify"],
     ["data", "show"],
     ["robot", "check"],

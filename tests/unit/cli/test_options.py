@@ -9,7 +9,6 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from flywheel.cli.bench import parsed_threads
 from flywheel.cli.driving.hidden_effects import hidden_effects
 from flywheel.cli.logs.diagnose import unsure_of
 from flywheel.cli.main import app
@@ -65,7 +64,6 @@ def test_numbers_within_bounds_pass() -> None:
 @pytest.mark.parametrize("text", WRONG)
 def test_numbers_within_texts_have_bounds_too(text: str) -> None:
     for read in (
-        lambda: parsed_threads(text),
         lambda: length_of(f"{text}mm", PRISM),
         lambda: unsure_of([f"cable_stiffness={text}%"]),
     ):

@@ -9,7 +9,7 @@ import torch
 
 from flywheel.dynamics.gnn import NetworkConfig, Simulator
 from flywheel.dynamics.gnn.fused import FusedForward
-from flywheel.dynamics.gnn.reference import PlainForward
+from benchmarks.speed.reference import PlainForward
 
 WIDTH = 16
 CONFIGS = {

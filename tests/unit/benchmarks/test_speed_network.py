@@ -1,4 +1,4 @@
-"""What `flywheel bench` says about the network."""
+"""What `python -m benchmarks.speed` says about the network."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import pytest
 
 from flywheel.dynamics.gnn import NetworkConfig
-from flywheel.dynamics.gnn import benchmark as measured
+from benchmarks.speed import network as measured
 
 SMALL = NetworkConfig.lean(width=8, rounds=1)
 

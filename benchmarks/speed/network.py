@@ -1,4 +1,4 @@
-"""How fast the network is, and against what: for `flywheel bench`.
+"""How fast the network is, and against what: for `python -m benchmarks.speed`.
 
 Every function times its contenders in turns within one process and keeps the least time of each, so
 that only ratios between them are meant; one thread is timed by its CPU time, several by the clock.
@@ -25,7 +25,7 @@ from flywheel.dynamics.gnn.learned import (
 )
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.prediction import ForwardFactory
-from flywheel.dynamics.gnn.reference import PlainForward
+from benchmarks.speed.reference import PlainForward
 from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.records import Observation, Past
 from flywheel.robots import Robot

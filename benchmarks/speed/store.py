@@ -1,4 +1,4 @@
-"""How fast the store writes and the cache is read, for the `bench` command."""
+"""How fast the store writes and the cache is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `flywheel bench` measures.
+"""What `python -m benchmarks.speed` measures.
 
 What is compared is timed in turns, within one process. One thread is timed by its own computing time,
 so that a busy machine does not matter; several by the clock, for which the machine must be idle.
@@ -18,9 +18,9 @@ import numpy as np
 import torch
 
 from flywheel.control import Mppi, MppiConfig
-from flywheel.data.benchmark import store_benchmark
+from benchmarks.speed.store import store_benchmark
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
-from flywheel.dynamics.gnn.benchmark import (
+from benchmarks.speed.network import (
     Speed,
     blocked_against_unblocked,
     fused_against_plain,
@@ -30,7 +30,7 @@ from flywheel.dynamics.gnn.benchmark import (
     product_fraction,
 )
 from flywheel.dynamics.plant import Plant, PlantDynamics
-from flywheel.dynamics.plant.benchmark import SIMULATIONS, STEPS, contenders
+from benchmarks.speed.plant import SIMULATIONS, STEPS, contenders
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Past
 from flywheel.robots import Robot

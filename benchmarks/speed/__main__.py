@@ -1,4 +1,9 @@
-"""`flywheel bench`: how fast this machine plans, learns, simulates and stores."""
+"""How fast does this machine plan, learn, simulate and store?
+
+    python -m benchmarks.speed --threads 1,2 --only plant,plan
+
+The numbers are printed as a table, and written to bench.json.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +13,28 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
+import torch
 import typer
 
+from benchmarks.speed.benches import BENCHES, Measurement, machine
 from flywheel.cli.console import console, table
+from flywheel.cli.exits import CODES, OneCommand
 from flywheel.cli.options import within
+from flywheel.errors import ConfigError
+from flywheel.files import shown
+from flywheel.outputs import check_outputs, write_output
 from flywheel.quantities import EPISODE_SECONDS, THREADS
+from flywheel.registry import lookup
+from flywheel.robots import load_robot
+from flywheel.runtime.pool.progress import console_progress
 
-ROBOT = "prism3"  # that all is measured with
+ROBOT = "prism3"  # of all measurements
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
-def bench(
+@app.command(cls=OneCommand, epilog=CODES)
+def speed(
     threads: Annotated[str, typer.Option(help="Numbers of threads, one after the other.")] = "1,2",
     seconds: Annotated[
         float,
@@ -33,31 +50,18 @@ def bench(
         "bench.json"
     ),
 ) -> None:
-    """Measure this machine: plant, network, planning and store.
-
-    [bold]Example[/bold]
-
-    flywheel bench --threads 1,2 --only plant,plan
-    """
-    import torch
-
-    from flywheel.cli.benches import BENCHES, Measurement, machine
-    from flywheel.outputs import check_outputs, write_output
-    from flywheel.registry import lookup
-    from flywheel.robots import load_robot
-    from flywheel.runtime.pool.progress import console_progress
-
+    """Measure this machine: plant, network, planning and store."""
     counts = parsed_threads(threads)
     chosen = [name.strip() for name in only.split(",") if name.strip()] or list(BENCHES)
     benches = {name: lookup(BENCHES, name, "bench") for name in chosen}
     check_outputs({"JSON": output})
-    loaded = load_robot(ROBOT)
+    robot = load_robot(ROBOT)
     found: list[Measurement] = []
     with console_progress().stage("bench", len(benches) * len(counts)) as stage:
         for done, (count, name) in enumerate((c, n) for c in counts for n in benches):
             stage.update(done, f"{name}, {count} threads")
             torch.set_num_threads(count)
-            found += benches[name](loaded, count, seconds)
+            found += benches[name](robot, count, seconds)
     out = console()
     columns = ["what", "#value", "unit", "#threads", "against", "#times"]
     rows = [(m.of, m.value, m.unit, m.threads, m.against, m.ratio) for m in found]
@@ -73,9 +77,6 @@ def parsed_threads(text: str) -> list[int]:
     Raises:
       ConfigError: it is not such a list.
     """
-    from flywheel.errors import ConfigError
-    from flywheel.files import shown
-
     parts = [part.strip() for part in text.split(",")]
     counts = [int(part) for part in parts if re.fullmatch(r"[0-9]{1,4}", part)]
     if len(counts) < len(parts) or not all(count in THREADS for count in counts):
@@ -83,3 +84,7 @@ def parsed_threads(text: str) -> list[int]:
             f"--threads is a list of whole numbers {THREADS}, e.g. 1,2; got {shown(text)}."
         )
     return counts
+
+
+if __name__ == "__main__":
+    app(prog_name="python -m benchmarks.speed")
