@@ -9,7 +9,7 @@ from math import isnan
 
 import numpy as np
 
-from flywheel.cli.driving.drives import Drive, where_of
+from flywheel.cli.driving.drives import DriveLine, where_of
 from flywheel.evaluation.intervals import success_interval
 from flywheel.results import Errors, Navigation, RunResult
 from flywheel.runtime.run.folder import name_of
@@ -116,7 +116,7 @@ def episodes_of(run: str, result: RunResult) -> Iterator[EpisodeRow]:
             yield from _walked(run, result.config["seed"], model, place, navigation)
 
 
-def driven_episodes(run: str, seed: int, drives: Sequence[Drive]) -> Iterator[EpisodeRow]:
+def driven_episodes(run: str, seed: int, drives: Sequence[DriveLine]) -> Iterator[EpisodeRow]:
     """The rows of episodes that `flywheel navigate --results` wrote."""
     for drive in drives:
         setting = drive.setting

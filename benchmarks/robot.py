@@ -24,8 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flywheel.cli.driving.drives import Drive, append_drive, read_drives
-from flywheel.cli.driving.robot_driver import PLANT, RESIDUAL, RobotDriver
+from flywheel.cli.driving.driver import PLANT, RESIDUAL, RobotDriver
+from flywheel.cli.driving.drives import DriveLine, append_drive, read_drives
 from flywheel.cli.runs.opening import OpenRun, open_run
 from flywheel.demo.assessment import library_values
 from flywheel.effects import AdoptedPlant, WrittenTerm
@@ -264,7 +264,7 @@ class Study:
             if drives := read_drives(self.file(planner)):
                 yield self._driven(planner, drives)
 
-    def _driven(self, planner: str, drives: Sequence[Drive]) -> DriveRow:
+    def _driven(self, planner: str, drives: Sequence[DriveLine]) -> DriveRow:
         times = [drive.walk.seconds for drive in drives if drive.walk.reached]
         return DriveRow(
             set=self.set,

@@ -17,9 +17,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from flywheel.control import Mppi, MppiConfig
-from benchmarks.speed.store import store_benchmark
-from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from benchmarks.speed.network import (
     Speed,
     blocked_against_unblocked,
@@ -29,8 +26,11 @@ from benchmarks.speed.network import (
     least_seconds,
     product_fraction,
 )
-from flywheel.dynamics.plant import Plant, PlantDynamics
 from benchmarks.speed.plant import SIMULATIONS, STEPS, contenders
+from benchmarks.speed.store import store_benchmark
+from flywheel.control import Mppi, MppiConfig
+from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
+from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.records import Past
 from flywheel.robots import Robot

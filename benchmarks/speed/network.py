@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from benchmarks.speed.reference import PlainForward
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.learned import (
@@ -25,7 +26,6 @@ from flywheel.dynamics.gnn.learned import (
 )
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.prediction import ForwardFactory
-from benchmarks.speed.reference import PlainForward
 from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.records import Observation, Past
 from flywheel.robots import Robot

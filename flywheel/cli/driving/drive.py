@@ -32,8 +32,8 @@ from flywheel.cli.robot.stand_in import (
 )
 
 if TYPE_CHECKING:
-    from flywheel.cli.driving.drives import Drive
-    from flywheel.cli.driving.robot_driver import RobotDriver
+    from flywheel.cli.driving.driver import RobotDriver
+    from flywheel.cli.driving.drives import DriveLine
 
 ENDINGS = {
     "goal": "[green]reached the goal after {seconds:.1f} s[/green]",
@@ -103,8 +103,8 @@ def drive(
 
     flywheel drive prism3 --model plant --robot my_lab:MyRobot --argument port=/dev/ttyUSB0
     """
+    from flywheel.cli.driving.driver import RobotDriver
     from flywheel.cli.driving.drives import read_drives
-    from flywheel.cli.driving.robot_driver import RobotDriver
     from flywheel.outputs import check_folder, check_outputs
     from flywheel.runtime.config.shipped import config_file
 
@@ -132,7 +132,7 @@ def drive(
 
 def _drive_all(
     out: Out, driver: RobotDriver, files: Mapping[int, Path], results: Path | None
-) -> tuple[list[Drive], str]:
+) -> tuple[list[DriveLine], str]:
     """Drive one episode for each seed, until one of them ends before its time; and how the last one ended."""
     from flywheel.cli.driving.drives import append_drive
     from flywheel.data.recordings import write_recording

@@ -55,7 +55,7 @@ class Setting(ResultRecord):
     link: str = ""
 
 
-class Drive(ResultRecord):
+class DriveLine(ResultRecord):
     """One episode.
 
     Attributes:
@@ -76,7 +76,7 @@ class Drive(ResultRecord):
     cpu_seconds: float
 
 
-def read_drives(path: Path) -> list[Drive]:
+def read_drives(path: Path) -> list[DriveLine]:
     """The episodes of a file; none where there is no file.
 
     Raises:
@@ -88,7 +88,7 @@ def read_drives(path: Path) -> list[Drive]:
     lines = read_text(path, "results", DataError, LARGEST_RESULTS).splitlines()
     for number, line in enumerate(lines, 1):
         try:
-            found.append(Drive.model_validate_json(line))
+            found.append(DriveLine.model_validate_json(line))
         except ValidationError as error:
             raise DataError(
                 f"{path}, line {number}, is no episode of `navigate`: {error}"
@@ -96,21 +96,21 @@ def read_drives(path: Path) -> list[Drive]:
     return found
 
 
-def append_drive(path: Path, drive: Drive) -> None:
+def append_drive(path: Path, drive: DriveLine) -> None:
     """Add a line, at once: whatever happens later, it is kept."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8") as file:
         file.write(drive.model_dump_json() + "\n")
 
 
-def drive_table(drives: Sequence[Drive]) -> Table:
+def drive_table(drives: Sequence[DriveLine]) -> Table:
     """One row per setting."""
     columns = ["who", "where", "hidden", "reached", "95 %", "median [s]", "slowest [s]"]
     columns += ["plan, median [s]", "95 % below [s]", "CPU [s]"]
     return table("", columns, [_row(group) for group in _groups(drives)])
 
 
-def drive_picture(drives: Sequence[Drive], path: Path) -> None:
+def drive_picture(drives: Sequence[DriveLine], path: Path) -> None:
     """Paths from above, one picture per setting.
 
     Raises:
@@ -125,14 +125,14 @@ def drive_picture(drives: Sequence[Drive], path: Path) -> None:
     write_output(path, image)
 
 
-def _groups(drives: Sequence[Drive]) -> list[list[Drive]]:
-    groups: dict[str, list[Drive]] = {}
+def _groups(drives: Sequence[DriveLine]) -> list[list[DriveLine]]:
+    groups: dict[str, list[DriveLine]] = {}
     for drive in drives:
         groups.setdefault(drive.setting.model_dump_json(), []).append(drive)
     return list(groups.values())
 
 
-def _navigation(drives: Sequence[Drive]) -> Navigation:
+def _navigation(drives: Sequence[DriveLine]) -> Navigation:
     return Navigation(
         controller=drives[0].setting.model,
         walks=tuple(drive.walk for drive in drives),
@@ -141,7 +141,7 @@ def _navigation(drives: Sequence[Drive]) -> Navigation:
     )
 
 
-def _row(drives: Sequence[Drive]) -> list[object]:
+def _row(drives: Sequence[DriveLine]) -> list[object]:
     setting, navigation = drives[0].setting, _navigation(drives)
     count, seconds = navigation.success, navigation.seconds_to_goal
     interval = success_interval(count.reached, count.total, method="exact")

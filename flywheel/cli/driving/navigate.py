@@ -13,8 +13,8 @@ from flywheel.cli.options import CHAMPION, Overrides, within
 from flywheel.quantities import SAMPLES, SEED
 
 if TYPE_CHECKING:
-    from flywheel.cli.driving.driver import Driver
-    from flywheel.cli.driving.drives import Drive
+    from flywheel.cli.driving.driver import PlantDriver
+    from flywheel.cli.driving.drives import DriveLine
     from flywheel.records import Episode
     from flywheel.runtime.pool.progress import Progress
 
@@ -104,7 +104,7 @@ def navigate(
 
     flywheel navigate runs/s_course --hidden torque_speed --episodes 10 --logs logs/
     """
-    from flywheel.cli.driving.driver import Driver
+    from flywheel.cli.driving.driver import PlantDriver
     from flywheel.cli.driving.drives import append_drive, read_drives
     from flywheel.data.recordings import write_recording
     from flywheel.runtime.config.shipped import config_file
@@ -114,7 +114,7 @@ def navigate(
     place = Path(source) if Path(source).is_dir() else config_file(source)
     video = (video or _video_of(model, seed)) if film else None
     _check_outputs({"results": results, "picture": picture, "video": video}, place, logs)
-    driver = Driver(place, tuple(overrides or ()), model, tuple(hidden or ()))
+    driver = PlantDriver(place, tuple(overrides or ()), model, tuple(hidden or ()))
     there = read_drives(results) if results else []
     driven = {drive.seed for drive in there if drive.setting == driver.setting}
     seeds = range(seed, seed + episodes)
@@ -172,7 +172,7 @@ def _log(folder: Path | None, model: str, seed: int) -> Path | None:
 
 
 def _film(
-    out: Out, progress: Progress, driver: Driver, episode: Episode, seed: int, path: Path
+    out: Out, progress: Progress, driver: PlantDriver, episode: Episode, seed: int, path: Path
 ) -> None:
     from flywheel.errors import FlywheelError
 
@@ -183,7 +183,7 @@ def _film(
         out.say(f"No video: {error}")
 
 
-def show_drives(out: Out, drives: Sequence[Drive], picture: Path | None) -> None:
+def show_drives(out: Out, drives: Sequence[DriveLine], picture: Path | None) -> None:
     """Print a table of the episodes where there are several, and draw them where that is asked for."""
     from flywheel.cli.driving.drives import drive_picture, drive_table
 
@@ -194,7 +194,7 @@ def show_drives(out: Out, drives: Sequence[Drive], picture: Path | None) -> None
         out.say(f"From above: {picture}")
 
 
-def _ending(drive: Drive) -> str:
+def _ending(drive: DriveLine) -> str:
     middle, late = drive.plan_seconds
     planning = f" A plan took {middle:.3f} s (95 % of them less than {late:.3f} s)."
     walk = drive.walk

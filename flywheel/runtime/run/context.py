@@ -22,9 +22,14 @@ from flywheel.runtime.pool.progress import Progress
 from flywheel.runtime.run.folder import RunFolder, name_of
 from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.episode_note import EpisodeNote
-from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, evaluation
+from flywheel.runtime.workers.episode_plan import (
+    Effects,
+    EpisodePlan,
+    evaluation,
+    first_recordings,
+    robot_drives,
+)
 from flywheel.runtime.workers.model_weights import AnyWeights, Weights
-from flywheel.runtime.workers.robot_plan import drives, first_recordings
 
 # Roughly how long a core is busy with one second of an episode [s]; for the remaining time that is shown.
 SIMULATING, PLANNING = 0.02, 0.3
@@ -159,7 +164,7 @@ class Run:
         plans = first_recordings(self.config)
         for earlier in range(iteration):
             for planner in self.config.robot.planners:
-                plans += drives(self.config, earlier, planner)
+                plans += robot_drives(self.config, earlier, planner)
         there = self.store.committed()
         return [plan.id for plan in plans if plan.id in there]
 

@@ -16,7 +16,7 @@ from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import ARMS, POOLED, SEGMENT, SNAPSHOT, name_of
 from flywheel.runtime.tracking.publish import publish_iteration
-from flywheel.runtime.workers.robot_plan import robot_prefix
+from flywheel.runtime.workers.episode_plan import robot_prefix
 from flywheel.seals import file_sha256
 
 ENGINES = ("mujoco", "torch", "ray", "zarr", "mlflow", "numpy")

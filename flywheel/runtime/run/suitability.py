@@ -23,9 +23,14 @@ from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.run.initial_weights import initial_weights
-from flywheel.runtime.workers.episode_plan import GAITS, collection, evaluation, unseen
+from flywheel.runtime.workers.episode_plan import (
+    GAITS,
+    collection,
+    evaluation,
+    first_recordings,
+    unseen,
+)
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.robot_plan import first_recordings
 
 ENOUGH = 10  # episodes with random controls give training, validation and test data
 

@@ -11,8 +11,7 @@ from flywheel.runtime.pool.jobs import PoolReport
 from flywheel.runtime.run.context import Run, episode_notes
 from flywheel.runtime.stages.outcomes import Collected, Tally
 from flywheel.runtime.workers.episode_note import EpisodeNote
-from flywheel.runtime.workers.episode_plan import EpisodePlan, collection
-from flywheel.runtime.workers.robot_plan import first_recordings
+from flywheel.runtime.workers.episode_plan import EpisodePlan, collection, first_recordings
 
 
 def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Collected]:

@@ -12,8 +12,7 @@ from flywheel.runtime.run.context import Model, Run, usable
 from flywheel.runtime.stages.collect import valid_notes
 from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
 from flywheel.runtime.stages.scoring import KnownPlant, navigation, score_jobs, scored
-from flywheel.runtime.workers.episode_plan import EpisodePlan
-from flywheel.runtime.workers.robot_plan import drives
+from flywheel.runtime.workers.episode_plan import EpisodePlan, robot_drives
 from flywheel.runtime.workers.sim_worker import Baseline
 
 GIVEN, PLANT, RESIDUAL, NETWORK, NOISE = "given", "plant", "residual", "network", "noise"
@@ -25,7 +24,7 @@ def drive_robot(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> 
     assert robot is not None, "only a run with a robot drives one"
     trained = {NETWORK: outcome.usable_model, RESIDUAL: run.residual(iteration)}
     plans: dict[Planner, list[EpisodePlan]] = {
-        planner: drives(run.config, iteration, planner, run.effects(iteration))
+        planner: robot_drives(run.config, iteration, planner, run.effects(iteration))
         for planner in robot.planners
         if planner not in trained or trained[planner] is not None
     }

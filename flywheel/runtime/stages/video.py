@@ -13,10 +13,8 @@ from flywheel.records import Plans, State
 from flywheel.results import IterationResult, RobotResult
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import name_of
-from flywheel.runtime.workers.episode_plan import EpisodePlan, evaluation
-from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.robot_plan import drives
-from flywheel.runtime.workers.robot_recorder import RobotRecorder
+from flywheel.runtime.workers.episode_plan import EpisodePlan, evaluation, robot_drives
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder, RobotRecorder
 from flywheel.smoothing import savitzky_golay
 from flywheel.tasks import Task
 from flywheel.terrain import Terrain
@@ -84,7 +82,7 @@ def _film_robot(
         return "", ""
     planner = max(robot.drives, key=lambda name: robot.drives[name].success.reached)
     reached = {walk.seed for walk in robot.drives[planner].walks if walk.reached}
-    plans = drives(run.config, result.iteration, planner, run.effects(result.iteration))
+    plans = robot_drives(run.config, result.iteration, planner, run.effects(result.iteration))
     plan = _first(run, sorted(plans, key=lambda plan: plan.seed not in reached))
     if plan is None:
         return "", ""

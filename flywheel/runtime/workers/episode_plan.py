@@ -16,10 +16,12 @@ from flywheel.effects import WrittenTerm
 from flywheel.errors import ConfigError
 from flywheel.records import Split
 from flywheel.results import Arm
+from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig
 
 GAITS = ("roll", "cw", "ccw")
 ORACLE = "oracle"
+FIRST = "first"  # recordings on a robot
 # Divides the time step of icosa6, 5 ms, to about 1 ms, below which contacts hardly change any more.
 STAND_IN_FINENESS = 4
 Effects = tuple[WrittenTerm, ...]
@@ -170,6 +172,65 @@ def _navigation(
     ]
 
 
+def robot_prefix(iteration: int) -> str:
+    """How the ids of an iteration's episodes on the robot begin."""
+    return f"i{iteration:04d}-robot-"
+
+
+def first_recordings(config: RunConfig) -> list[EpisodePlan]:
+    """The episodes that iteration 0 records on the robot: gaits where it has some, and random controls."""
+    robot = _robot(config)
+    kinds = ("gait", "random") if config.collect.gaits else ("random",)
+    shares = assigned_splits(config, robot.first, robot.validation, robot.test, "robot", FIRST)
+    if missing := {"train", "test"} - set(shares):
+        raise ConfigError(
+            f"The robot would have no {' and no '.join(sorted(missing))} recording in iteration 0. Raise "
+            f"robot.first (now {robot.first}), or change robot.validation and robot.test (now "
+            f"{robot.validation} and {robot.test})."
+        )
+    return [
+        EpisodePlan(
+            id=f"{robot_prefix(0)}{FIRST}-{index:04d}",
+            controller=_controller(kinds[index % len(kinds)], index // len(kinds)),
+            iteration=0,
+            split=split,
+            dataset=0,
+            seconds=robot.first_seconds,
+            seed=derive_seed(config.seed, "robot", FIRST, index),
+        )
+        for index, split in enumerate(shares)
+    ]
+
+
+def robot_drives(
+    config: RunConfig, iteration: int, planner: str, effects: Effects = ()
+) -> list[EpisodePlan]:
+    """The episodes to goals that a planner drives in an iteration; every planner has the same goals.
+
+    Args:
+      config: of the run.
+      iteration: of which the planner's model is.
+      planner: its name.
+      effects: that the plant is known to have.
+    """
+    robot = _robot(config)
+    shares = assigned_splits(config, robot.drives, robot.validation, robot.test, "robot", iteration)
+    return [
+        EpisodePlan(
+            id=f"{robot_prefix(iteration)}{planner}-{index:04d}",
+            controller="mppi",
+            iteration=iteration,
+            split=split,
+            dataset=0,
+            seconds=config.task.seconds,
+            seed=derive_seed(config.seed, "robot", iteration, index),
+            task_seed=derive_seed(config.seed, "evaluate-task", index),
+            effects=config.effects if planner == "given" else effects,
+        )
+        for index, split in enumerate(shares)
+    ]
+
+
 def _first_collection(config: RunConfig, effects: Effects) -> list[EpisodePlan]:
     plans = list(_first_episodes(config, effects, 0))
     present = {plan.split for plan in plans}
@@ -194,7 +255,7 @@ def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iter
         for index, split in enumerate(splits):
             yield EpisodePlan(
                 id=f"i{iteration:04d}-{kind}-{index:04d}",
-                controller=f"gait:{GAITS[index % len(GAITS)]}" if kind == "gait" else kind,
+                controller=_controller(kind, index),
                 iteration=iteration,
                 split=split,
                 dataset=index % len(config.datasets),
@@ -202,6 +263,15 @@ def _first_episodes(config: RunConfig, effects: Effects, iteration: int) -> Iter
                 seed=derive_seed(config.seed, "collect", 0, kind, index),
                 effects=effects,
             )
+
+
+def _controller(kind: str, number: int) -> str:
+    return f"gait:{GAITS[number % len(GAITS)]}" if kind == "gait" else kind
+
+
+def _robot(config: RunConfig) -> RobotConfig:
+    assert config.robot is not None, "only a run with a robot records on it"
+    return config.robot
 
 
 def assigned_splits(

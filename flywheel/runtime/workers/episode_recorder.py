@@ -1,4 +1,4 @@
-"""Records planned episodes: builds the plant, start, controller and task, and runs them."""
+"""Records planned episodes, on a plant (`EpisodeRecorder`) or on a robot behind a link (`RobotRecorder`)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from flywheel.control import (
     record_episode,
     standing,
 )
+from flywheel.control.drive import Drive, OnStep, drive, without_gaps
 from flywheel.control.gaits import Gait
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, with_effects
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import Terms
 from flywheel.errors import DataError
-from flywheel.records import Episode, Provenance, State
+from flywheel.records import Episode, Floats, Provenance, State
 from flywheel.results import Walk
+from flywheel.robot_link import RobotLink
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.pool.heartbeat import Heartbeat
@@ -32,6 +34,7 @@ from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain
 
 SETTLE_SECONDS = 2.0
+RECORDING = "recording"  # source and data set of what a robot measured
 GROUND = 1  # added to a seed, so that the ground has random numbers of its own
 
 
@@ -63,7 +66,7 @@ def controller_of(
 
 
 class EpisodeRecorder:
-    """Records planned episodes; the same plan and weights give the same episode on any worker.
+    """Records planned episodes on a plant; the same plan and weights give the same episode on any worker.
 
     Args:
       config: of the run.
@@ -238,4 +241,92 @@ class EpisodeRecorder:
             code=__version__,
             plant=data.plant.changed(),
             effects={effect.label: effect.parameters for effect in plan.plant_effects},
+        )
+
+
+class RobotRecorder:
+    """Records planned episodes on a robot, by what is measured alone.
+
+    Args:
+      config: of the run.
+      robot: of its MJCF.
+      dataset: index of the data set that a network takes the robot for; by default that of recordings, if the
+        run has any.
+    """
+
+    def __init__(self, config: RunConfig, robot: Robot, dataset: int | None = None) -> None:
+        self.config, self.robot, self._library = config, robot, config.library()
+        recorded = config.robot is not None or bool(config.collect.recordings)
+        # A network that was trained without recordings has no data set of theirs.
+        usual = config.dataset_numbers()[RECORDING] if recorded else 0
+        self._dataset = usual if dataset is None else dataset
+
+    def record(
+        self,
+        link: RobotLink,
+        plan: EpisodePlan,
+        dynamics: Dynamics | None,
+        model: str,
+        on_step: OnStep | None = None,
+    ) -> Drive:
+        """Record an episode; however it ends, what was measured is in the result.
+
+        Args:
+          link: to the robot.
+          plan: of the episode.
+          dynamics: that MPPI plans with; None if nothing is planned.
+          model: digest of its weights, or "".
+          on_step: is told of every control step.
+
+        Raises:
+          LinkError: the robot is another one, or is lost before the first step.
+          ModelError: the same of the controller.
+        """
+        config, dt = self.config, self.config.network.dt
+        ahead = dynamics is not None and link.info.real_time
+        terms = tuple(effect.term(self.robot, self._library) for effect in plan.effects)
+        return drive(
+            link,
+            self.robot,
+            controller_of(plan, self.config, self.robot, dynamics, model),
+            lambda points: self.task(plan, points),
+            seconds=plan.seconds,
+            seed=plan.seed,
+            episode_id=plan.id,
+            provenance=self._provenance(plan, model),
+            split=plan.split,
+            lead=config.mppi.steps(dt)["replan_seconds"] if ahead else 0,
+            reckoning=Reckoning(self.robot, dt, terms),
+            dataset=self._dataset,
+            on_step=on_step,
+        )
+
+    def task(self, plan: EpisodePlan, points: Floats) -> Task | None:
+        """The task of a robot that stands at (P, 3) [m]; None for an episode without one."""
+        if plan.task_seed is None:
+            return None
+        rng = np.random.default_rng(plan.task_seed)
+        return sample_task(self.config.task.name, self.robot, points, rng, self.config.task)
+
+    def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
+        """The episode seen from above; None without a task."""
+        points = episode.trajectory.observations.points
+        task = self.task(plan, without_gaps(points[0]))
+        if task is None:
+            return None
+        seen = points[np.isfinite(points).all(axis=(1, 2))]
+        return walk_of(task, episode, seen, plan.seed)
+
+    def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
+        return Provenance(
+            robot=self.robot.digest,
+            source="recording",
+            dataset=RECORDING,
+            controller=plan.controller,
+            model=model,
+            task=self.config.task.name if plan.task_seed is not None else "",
+            seed=plan.seed,
+            iteration=plan.iteration,
+            config=config_digest(self.config),
+            code=__version__,
         )

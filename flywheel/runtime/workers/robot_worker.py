@@ -21,9 +21,8 @@ from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import EpisodePlan
-from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.runtime.workers.episode_recorder import EpisodeRecorder, RobotRecorder
 from flywheel.runtime.workers.model_weights import AnyWeights, dynamics_of
-from flywheel.runtime.workers.robot_recorder import RobotRecorder
 from flywheel.runtime.workers.stored_episodes import committed
 
 

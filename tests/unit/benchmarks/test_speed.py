@@ -40,7 +40,9 @@ def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(
         assert measured["of"] in done.output
 
 
-@pytest.mark.parametrize("text", ["", "0", "1,", "two", "1,-2", "nan", "inf", "1e300", "5%", "1" * 5000])
+@pytest.mark.parametrize(
+    "text", ["", "0", "1,", "two", "1,-2", "nan", "inf", "1e300", "5%", "1" * 5000]
+)
 def test_threads_that_are_no_numbers_are_refused(text: str) -> None:
     with pytest.raises(ConfigError, match="1,2"):
         parsed_threads(text)

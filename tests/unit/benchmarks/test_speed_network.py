@@ -6,8 +6,9 @@ import math
 
 import pytest
 
-from flywheel.dynamics.gnn import NetworkConfig
 from benchmarks.speed import network as measured
+from flywheel.dynamics.gnn import NetworkConfig
+from flywheel.robots import load_robot
 
 SMALL = NetworkConfig.lean(width=8, rounds=1)
 
@@ -38,8 +39,8 @@ def test_the_least_time_of_each_is_kept_and_they_take_turns():
         lambda robot: measured.product_fraction(robot, SMALL, 0.0),
     ],
 )
-def test_every_measurement_gives_finite_numbers_and_ratios_of_its_own(robots, measure):
-    speeds = measure(robots["prism3"])
+def test_every_measurement_gives_finite_numbers_and_ratios_of_its_own(measure):
+    speeds = measure(load_robot("prism3"))
     rates = {speed.of.split(",")[0].split(" [")[0]: speed.rate for speed in speeds}
     assert all(math.isfinite(s.rate) and s.rate > 0 for s in speeds)
     for speed in speeds:

@@ -8,7 +8,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from flywheel.cli.driving.drives import (
-    Drive,
+    DriveLine,
     Setting,
     append_drive,
     drive_picture,
@@ -21,7 +21,7 @@ from flywheel.results import Walk
 from tests import draws
 
 
-def drive(seed: int, model: str = "champion", reached: bool = True) -> Drive:
+def drive(seed: int, model: str = "champion", reached: bool = True) -> DriveLine:
     setting = Setting(
         robot="icosa6", task="obstacle_course", course="maze", model=model, samples=48,
         horizon_seconds=3.0, threads=2, config="c",
@@ -32,7 +32,7 @@ def drive(seed: int, model: str = "champion", reached: bool = True) -> Drive:
     walk = Walk(
         path=way, goal=(1, 2), reached=reached, seconds=10.0 + seed, distance=0.3, seed=seed
     )
-    return Drive(
+    return DriveLine(
         setting=setting, seed=seed, walk=walk, seconds_allowed=120, tolerance=0.5,
         plan_seconds=(0.4, 0.5), cpu_seconds=20.0,
     )  # fmt: skip

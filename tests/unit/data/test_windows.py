@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flywheel.data import SplitSource, TrajectoryStore, WindowCache, assign_split, cache_files
 from benchmarks.speed.store import store_benchmark
+from flywheel.data import SplitSource, TrajectoryStore, WindowCache, assign_split, cache_files
 from flywheel.errors import DataError, RunError
 from flywheel.records import Split
 from flywheel.robots import load_robot

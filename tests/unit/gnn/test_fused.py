@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 import torch
 
+from benchmarks.speed.reference import PlainForward
 from flywheel.dynamics.gnn import NetworkConfig, Simulator
 from flywheel.dynamics.gnn.fused import FusedForward
-from benchmarks.speed.reference import PlainForward
 
 WIDTH = 16
 CONFIGS = {

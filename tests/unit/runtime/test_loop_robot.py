@@ -15,7 +15,7 @@ from flywheel.results import RunResult
 from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
 from flywheel.runtime.workers import robot_worker
-from flywheel.runtime.workers.robot_plan import first_recordings
+from flywheel.runtime.workers.episode_plan import first_recordings
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 HERE = {
