@@ -22,8 +22,8 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from flywheel.errors import RobotError
-from flywheel.records import State
+from flywheel.errors import MjcfError, RobotError
+from flywheel.records import Floats, State
 from flywheel.robots.bodies import read_bodies
 from flywheel.robots.cables import read_cables
 from flywheel.robots.ground import ground_of
@@ -38,6 +38,7 @@ SHORTEST = (
     1e-3  # of a robot's length [m]: below, contacts and cables of MuJoCo are of the same size
 )
 MOST_CONTACTS = 5000  # at the keyframe: MuJoCo takes a second for a step with 60,000
+UPRIGHT = 1e-3  # of gravity that may be sideways: what a measured vector has for its numbers
 SINGLE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)  # of one number
 # What a robot's cables, winches and sensors cannot do without, by MuJoCo's bit and the MJCF's word.
 NEEDED = {
@@ -61,6 +62,7 @@ def read_robot(source: str | Path) -> Robot:
     if not root.attrib.get("model"):
         raise RobotError('The MJCF has no name: write <mujoco model="my_robot">.')
     check_numbers(model, "The MJCF")
+    _refuse_tilted(model)
     _refuse_unnamed(model)
     _refuse_disabled(model)
     _refuse_memories(model)
@@ -89,6 +91,32 @@ def read_robot(source: str | Path) -> Robot:
 def _canonical(xml: str) -> str:
     """The MJCF without comments, layout and attribute order, for the digest."""
     return ElementTree.canonicalize(xml, strip_text=True, with_comments=False)
+
+
+def _refuse_tilted(model: mujoco.MjModel) -> None:
+    """Refuse gravity that is not along -z; without any there is nothing to refuse."""
+    gravity = gravity_of(model)
+    strength = float(np.linalg.norm(gravity))
+    if gravity[2] > 0 or np.linalg.norm(gravity[:2]) > UPRIGHT * strength:
+        axis = int(np.abs(gravity).argmax())
+        along = np.abs(np.delete(gravity, axis)).max() <= UPRIGHT * strength
+        where = f"{'+-'[int(gravity[axis] < 0)]}{'xyz'[axis]}" if along else "a slanting line"
+        raise MjcfError(
+            f'The MJCF has gravity along {where} (<option gravity="{_numbers(gravity)}">); recordings, '
+            "grounds and tasks have z up, so it must be along -z: turn the robot, its ground and its "
+            f'keyframe, and write gravity="0 0 {-strength:g}".'
+        )
+
+
+def gravity_of(model: mujoco.MjModel) -> Floats:
+    """(3,) gravity that acts [m/s^2]: zero where a flag switches it off."""
+    off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    return np.zeros(3) if off else np.array(model.opt.gravity)
+
+
+def _numbers(values: np.ndarray) -> str:
+    """Numbers as an attribute of an MJCF has them."""
+    return " ".join(f"{value:g}" for value in values)
 
 
 def _refuse_unnamed(model: mujoco.MjModel) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,6 +30,9 @@ app.command()(log)
 EDGES = ("body", "cable", "contact")
 DT = 0.01  # between commands, unless it is given: what all commands take [s]
 NEAR = 0.01  # of the robot's length: nearer counts as where the keyframe says
+UNITS = {"decimetres": 10.0, "centimetres": 100.0, "millimetres": 1000.0}  # how many are a metre
+STRANGE = 3.0  # times the Earth's gravity; Jupiter's is 2.5 times as strong
+LONG = 50.0  # [m]; no body of a cable robot that was built is as long, telescopes' cabins included
 CONFIG = "prism3"  # that a robot of one's own is run with
 
 
@@ -62,6 +66,8 @@ def check(
     step = _control_step(found, dt)
     _show_robot(out, found)
     _show_graph(out, found)
+    for remark in _about_units(found):
+        out.say(remark, style="yellow")
     try:
         end = settling(Plant(found, step))
     except ModelError as error:
@@ -148,6 +154,32 @@ def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
         f"It swings, with a time constant of {found.time_constant:.3g} s ({speeds} within 10 s): episodes "
         "begin like this. More damping of cables (biasprm's third number, damping) calms it sooner."
     )
+
+
+def _about_units(robot: Robot) -> Iterator[str]:
+    """What speaks for lengths that are not in metres, and gravity that is not the Earth's."""
+    import mujoco
+
+    from flywheel.robots import GRAVITY
+    from flywheel.robots.mjcf_reader import gravity_of
+
+    gravity = float(abs(gravity_of(mujoco.MjModel.from_xml_string(robot.xml))[2]))
+    times = gravity / GRAVITY
+    for unit, many in UNITS.items():
+        if math.isclose(times, many, rel_tol=0.03):
+            yield (
+                f"Gravity is {gravity:g} m/s^2, and L = {robot.length:.4g} m: lengths in {unit}? MuJoCo "
+                f"counts in metres: divide lengths by {many:g}, and everything that has metres in it."
+            )
+            return
+    if not gravity:
+        yield "There is no gravity: nothing falls or stands, and drops and tasks on the ground say nothing."
+    elif times > STRANGE:
+        yield f"Gravity is {gravity:g} m/s^2, {times:.3g} times the Earth's. Is it meant?"
+    if robot.length > LONG:
+        yield (
+            f"L = {robot.length:.4g} m: lengths in millimetres or centimetres? MuJoCo counts in metres."
+        )
 
 
 def _remarks(robot: Robot, found: Settling, step: float) -> Iterator[str]:

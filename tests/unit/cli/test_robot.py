@@ -120,6 +120,43 @@ def test_a_time_step_that_does_not_divide_has_its_own_control_step(tmp_path: Pat
     checked(tmp_path, step, more="--dt nan", code=2)
 
 
+@pytest.mark.parametrize(
+    ("gravity", "word", "code"),
+    [
+        ("-98.1", "lengths in decimetres?", 0),
+        ("-981", "lengths in centimetres?", 1),  # it tears itself off
+        ("-50", "5.1 times the Earth's. Is it meant?", 0),
+        ("0", "There is no gravity", 0),
+    ],
+)
+def test_gravity_that_is_not_the_earths_is_said(
+    tmp_path: Path, gravity: str, word: str, code: int
+) -> None:
+    option = ('timestep="0.005"', f'timestep="0.005" gravity="0 0 {gravity}"')
+    assert word in checked(tmp_path, option, code=code).replace("\n", " ")
+
+
+def test_a_robot_whose_gravity_is_sideways_is_bad_input(tmp_path: Path) -> None:
+    option = ('timestep="0.005"', 'timestep="0.005" gravity="0 -9.81 0"')
+    assert "gravity along -y" in checked(tmp_path, option, code=2)
+
+
+def test_the_moon_is_nothing_to_be_said(tmp_path: Path) -> None:
+    output = checked(tmp_path, ('timestep="0.005"', 'timestep="0.005" gravity="0 0 -1.62"'))
+    assert "ravity" not in output
+
+
+def test_a_robot_in_millimetres_is_said(tmp_path: Path) -> None:
+    long = [('pos="-0.5 0 0"', 'pos="-500 0 0"'), ('pos="0.5 0 0"', 'pos="500 0 0"')]
+    xml = SWING
+    for old, new in long:
+        assert old in xml, old
+        xml = xml.replace(old, new)
+    (tmp_path / "mine.xml").write_text(xml)
+    said = run(app, ["robot", "check", str(tmp_path / "mine.xml")]).output
+    assert "L = 1000 m: lengths in millimetres or centimetres?" in said
+
+
 def test_what_joints_and_single_points_hinder_is_said(tmp_path: Path) -> None:
     output = checked(tmp_path, (FREE, HINGE), (POSE, 'qpos="0"'))
     assert "compare and diagnose, which restart it from what is seen, cannot use it" in output

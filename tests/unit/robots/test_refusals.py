@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flywheel.errors import RobotError, UnknownNameError
+from flywheel.errors import MjcfError, RobotError, UnknownNameError
 from flywheel.robots import load_robot, read_robot
 
 GOOD = """
@@ -53,6 +53,13 @@ PAIR = """
 ALONE = """
   <custom><tuple name="reel"> <element objtype="actuator" objname="spool"/> </tuple></custom>
   <sensor>"""
+
+
+OFF_SIDEWAYS = '<option gravity="0 -9.81 0"><flag gravity="disable"/></option><worldbody>'
+
+
+def with_option(attributes: str) -> str:
+    return edited(("<worldbody>", f"<option {attributes}/><worldbody>"))
 
 
 def edited(*edits: tuple[str, str]) -> str:
@@ -198,6 +205,32 @@ def test_the_example_itself_is_accepted() -> None:
 def test_it_is_refused_with_the_element_named(edits: list[tuple[str, str]], message: str) -> None:
     with pytest.raises(RobotError, match=message):
         read_robot(edited(*edits))
+
+
+@pytest.mark.parametrize(
+    ("gravity", "where"),
+    [
+        ("0 -98.1 0", r"-y .*write gravity=\"0 0 -98.1\""),
+        ("0 0 9.81", r"\+z"),
+        ("-9.81 0 0", "-x"),
+        ("1.7 0 -9.66", "a slanting line"),
+    ],
+)
+def test_gravity_that_is_not_downwards_is_bad_input(gravity: str, where: str) -> None:
+    with pytest.raises(MjcfError, match=f"gravity along {where}"):
+        read_robot(with_option(f'gravity="{gravity}"'))
+
+
+@pytest.mark.parametrize(
+    "option", ['gravity="0 0 -1.62"', 'gravity="0 0 0"', 'gravity="0.004 0 -9.81"']
+)
+def test_any_strength_of_gravity_and_none_are_accepted(option: str) -> None:
+    assert read_robot(with_option(option)).name == "lamp"
+
+
+def test_gravity_that_is_switched_off_has_no_direction() -> None:
+    xml = edited(("<worldbody>", OFF_SIDEWAYS))
+    assert read_robot(xml).name == "lamp"
 
 
 def test_a_winch_may_drive_two_cables_that_start_at_different_rest_lengths() -> None:
