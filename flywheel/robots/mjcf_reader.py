@@ -27,6 +27,7 @@ from flywheel.records import Floats, State
 from flywheel.robots.bodies import read_bodies
 from flywheel.robots.cables import read_cables
 from flywheel.robots.ground import ground_of
+from flywheel.robots.integrators import integrator_of
 from flywheel.robots.mjcf_numbers import check_numbers
 from flywheel.robots.mjcf_source import compiled, read_mjcf
 from flywheel.robots.mujoco_warnings import collected_warnings
@@ -82,6 +83,7 @@ def read_robot(source: str | Path) -> Robot:
         winches=winches,
         keyframe=keyframe,
         timestep=float(model.opt.timestep),
+        integrator=integrator_of(model),
         length=_characteristic_length(bodies, points, cables),
         grounded=ground_of(model) is not None,
         free=bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).all()),

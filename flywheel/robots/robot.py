@@ -27,7 +27,8 @@ class Robot:
       digest: sha256 of the canonical MJCF; two robots with one digest are the same robot.
       bodies, points, cables, winches: in the MJCF's order.
       keyframe: (unbatched) state of the MJCF's first keyframe, where every reset starts.
-      timestep: MuJoCo's step [s].
+      timestep: MuJoCo's step [s]. A plant takes this one and the integrator, whatever `xml` says.
+      integrator: MuJoCo's, by the MJCF's word for it.
       length: characteristic length L, for errors and noise: the longest distance between two tracked
         points of one body [m].
       grounded: the MJCF has a plane that takes part in contacts.
@@ -43,6 +44,7 @@ class Robot:
     winches: tuple[Winch, ...]
     keyframe: State
     timestep: float
+    integrator: str
     length: float
     grounded: bool
     free: bool

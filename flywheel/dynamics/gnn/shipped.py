@@ -61,6 +61,7 @@ class ModelCard(BaseModel):
       plants: that it was trained on.
       minutes: of simulated motion that it was trained on [min].
       steps: of the optimiser.
+      continued: digest of the weights that it was trained on from; "" for random ones.
       noise: of the points, in training and here [share of the robot's length].
       horizon: of the errors [s].
       episodes: with random controls for each plant; each lasts `seconds`, and there are `starts` predictions.
@@ -78,6 +79,7 @@ class ModelCard(BaseModel):
     plants: Samples
     minutes: Annotated[float, Bounds(0, 1e9, "min")]
     steps: OptimiserSteps
+    continued: Name = ""
     noise: Share
     horizon: HorizonSeconds
     episodes: Episodes

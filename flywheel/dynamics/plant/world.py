@@ -9,6 +9,7 @@ import numpy as np
 
 from flywheel.errors import ModelError
 from flywheel.robots import Box, Ground, Robot, add_plain, free_name, ground_of
+from flywheel.robots.integrators import INTEGRATORS
 from flywheel.terrain import Terrain
 
 BOX_COLOR = (0.55, 0.50, 0.46, 1.0)
@@ -32,6 +33,7 @@ def scene(
       ModelError: a terrain for a robot whose MJCF has no level ground plane.
     """
     spec = mujoco.MjSpec.from_string(robot.xml)
+    spec.option.timestep, spec.option.integrator = robot.timestep, INTEGRATORS[robot.integrator]
     if not obstacles and terrain is None:
         return spec
     model = spec.compile()

@@ -35,6 +35,7 @@ def robot() -> Robot:
         winches=(Winch("winch", "rate", (0,), (0,), (-0.5, 0.5), (0.2, 1.5), 0.0, False, 0),),
         keyframe=State(np.zeros(14), np.zeros(12), np.array([0.7])),
         timestep=0.005,
+        integrator="Euler",
         length=2.0,
         grounded=True,
         free=True,

@@ -1,0 +1,17 @@
+"""MuJoCo's integrators, by the words that an MJCF has for them."""
+
+import mujoco
+
+INTEGRATORS = {
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+}
+IMPLICIT = ("implicit", "implicitfast")  # their damping lasts to the step's end
+
+
+def integrator_of(model: mujoco.MjModel) -> str:
+    """The word for a model's integrator."""
+    return next(word for word, number in INTEGRATORS.items() if number == model.opt.integrator)
