@@ -5,6 +5,7 @@ import ctypes.util
 import os
 import secrets
 import shlex
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -90,6 +91,20 @@ class OneProcessForRay(LoadScopeScheduling):
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> LoadScopeScheduling:
     """How tests are shared out to the processes."""
     return OneProcessForRay(config, log)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def default_signals() -> None:
+    """Children begin with the defaults of the signals, however pytest was started.
+
+    A script's `&` ignores Ctrl-C and nohup the end of a terminal; children inherit what is ignored, but no
+    handlers. So pytest itself outlives its terminal where it should, and its children do not.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for each in (signal.SIGQUIT, signal.SIGTERM):
+        signal.signal(each, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda number, frame: None)
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,10 @@ def dashboard(first_run: object, stranger: Stranger) -> Iterator[tuple[subproces
     with served:
         yield served, served.stdout.readline()
         os.killpg(served.pid, signal.SIGINT)  # as Ctrl-C does
-        served.wait(30)
+        try:
+            served.wait(30)
+        finally:
+            served.kill()
 
 
 @pytest.mark.ray

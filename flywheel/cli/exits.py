@@ -11,7 +11,6 @@ import contextlib
 import io
 import os
 import platform
-import select
 import shlex
 import signal
 import stat
@@ -32,7 +31,7 @@ from typer.exceptions import TyperException
 FAILED = 1  # a check did not pass, or a run could not go on
 USAGE = 2  # bad usage or bad input
 BUG = 70  # EX_SOFTWARE of sysexits.h: an error that nobody foresaw
-INTERRUPTED = 130  # stopped by Ctrl-C or SIGTERM; finished work is kept
+INTERRUPTED = 130  # stopped by Ctrl-C, SIGTERM or the end of its terminal; finished work is kept
 NOBODY_READS = 141  # as of a program that SIGPIPE ended: `flywheel list runs | head -1`
 
 CODES = """\
@@ -86,8 +85,11 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
     Args:
       debug: show also where an error was raised.
     """
+    from flywheel.outputs import drop_broken_streams
+    from flywheel.runtime.pool.interrupts import caught
+
     try:
-        with _quiet(debug), _interruptible():
+        with _quiet(debug), caught(_interrupt):
             yield
     except (typer.Exit, typer.Abort, TyperException):
         raise
@@ -97,7 +99,7 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
         _say("interrupted")
         raise typer.Exit(INTERRUPTED) from None
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, BrokenPipeError) and _nobody_reads():
+        if isinstance(error, BrokenPipeError) and drop_broken_streams():
             raise typer.Exit(NOBODY_READS) from None
         if debug:
             typer.echo(_trace(error), err=True)
@@ -213,43 +215,11 @@ def _quiet(debug: bool) -> Iterator[None]:
         threading.excepthook = before
 
 
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """SIGTERM, and the end of the terminal, are what Ctrl-C is, unless someone has seen to them."""
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        signals = (signal.SIGTERM, signal.SIGHUP)
-        before = {each: signal.getsignal(each) for each in signals}
-        before = {each: was for each, was in before.items() if was is signal.SIG_DFL}
-    for each in before:
-        signal.signal(each, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for each, was in before.items():
-            signal.signal(each, was)
+def _interrupt() -> None:
+    raise KeyboardInterrupt
 
 
 def _thread_ended(failed: threading.ExceptHookArgs) -> None:
     """The end of a thread does not end the command; it is said."""
     if isinstance(failed.exc_value, Exception):
         _say(ending_of(failed.exc_value).message)
-
-
-def _nobody_reads() -> bool:
-    """Whether the reader of the output is gone; if so, what is still to be flushed goes nowhere."""
-    gone = [stream for stream in (sys.stdout, sys.stderr) if _broken(stream)]
-    for stream in gone:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
-    return bool(gone)
-
-
-def _broken(stream: Any) -> bool:
-    try:
-        asked = select.poll()
-        asked.register(stream.fileno(), select.POLLERR)
-        return any(event & select.POLLERR for _, event in asked.poll(0))
-    except (AttributeError, OSError, ValueError):  # closed, or no file
-        return False

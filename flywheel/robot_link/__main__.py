@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import os
-import signal
 import sys
 import threading
 
@@ -17,8 +16,9 @@ from flywheel.robots import read_robot
 
 def main() -> None:
     """Serve one stand-in for as long as somebody holds the standard input."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started it says when it ends
-    order = json.loads(sys.stdin.buffer.readline())
+    if not (line := sys.stdin.buffer.readline()):
+        return  # whoever started it is gone already
+    order = json.loads(line)
     threading.Thread(target=_end_with_input, daemon=True).start()
     try:
         robot = read_robot(order["mjcf"])

@@ -39,6 +39,7 @@ class SimulatedLink:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, "OMP_NUM_THREADS": "1"},
+            start_new_session=True,  # what ends a group or a terminal is not for it: it ends with its input
         )
         assert self._process.stdin is not None and self._process.stdout is not None
         order = {"mjcf": robot.xml, "config": config.model_dump(), "dt": period}

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -42,14 +43,19 @@ def server(
         process.wait()
 
 
-def driver(address: str, folder: Path, seconds: float) -> subprocess.Popen[str]:
+@contextmanager
+def driver(address: str, folder: Path, seconds: float) -> Iterator[subprocess.Popen[str]]:
     options = ["--model", "plant", "--robot", address, "--logs", str(folder)]
-    return subprocess.Popen(
+    with subprocess.Popen(
         [*FLYWHEEL, "drive", "smoke", *options, *SMALL, f"task.seconds={seconds}"],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-    )
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def wait_for(said: Path, before: int, words: str) -> None:
@@ -60,9 +66,12 @@ def wait_for(said: Path, before: int, words: str) -> None:
         time.sleep(0.05)
 
 
-def on_its_way(said: Path, before: int) -> None:
-    wait_for(said, before, "drives")
-    time.sleep(1.5)
+def on_its_way(folder: Path) -> None:
+    """Wait until a drive has measured for a while."""
+    until = time.monotonic() + 90
+    while not any(file.read_text().count("\n") > 50 for file in folder.glob("*.jsonl")):
+        assert time.monotonic() < until
+        time.sleep(0.05)
 
 
 def rows(folder: Path) -> list[list[str]]:
@@ -75,22 +84,23 @@ def test_a_drive_in_real_time_leaves_a_whole_log(
     server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
 ) -> None:
     _, address, said = server
-    driving = driver(address, tmp_path / "logs", 2.0)
-    out, _ = driving.communicate(timeout=120)
+    with driver(address, tmp_path / "logs", 2.0) as driving:
+        out, _ = driving.communicate(timeout=120)
     assert driving.returncode == 0 and "were left" in out, out
     assert len(rows(tmp_path / "logs")) == 1 + 201
     assert "the robot holds still" in said.read_text()
 
 
-def test_ctrl_c_ends_a_drive_with_a_whole_log(
+def test_a_drive_that_is_asked_to_end_leaves_a_whole_log(
     server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
 ) -> None:
     _, address, said = server
     before = said.read_text().count("drives")
-    driving = driver(address, tmp_path / "logs", 100.0)
-    on_its_way(said, before)
-    driving.send_signal(signal.SIGINT)
-    out, _ = driving.communicate(timeout=120)
+    with driver(address, tmp_path / "logs", 100.0) as driving:
+        on_its_way(tmp_path / "logs")
+        for _ in range(2):  # as `timeout` does
+            driving.send_signal(signal.SIGTERM)
+        out, _ = driving.communicate(timeout=120)
     assert driving.returncode == 130 and "stopped after" in out, out
     assert len(rows(tmp_path / "logs")) > 5
     wait_for(said, before, "the robot holds still")
@@ -101,10 +111,10 @@ def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(
 ) -> None:
     _, address, said = server
     before = said.read_text().count("drives")
-    driving = driver(address, tmp_path / "logs", 100.0)
-    on_its_way(said, before)
-    driving.kill()
-    driving.communicate()
+    with driver(address, tmp_path / "logs", 100.0) as driving:
+        on_its_way(tmp_path / "logs")
+        driving.kill()
+        driving.communicate()
     wait_for(said, before, "the robot holds still")
     host, _, port = address.removeprefix("tcp://").partition(":")
     TcpLink(host, int(port)).close()
@@ -114,12 +124,11 @@ def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(
 def test_a_lost_robot_ends_the_drive_with_a_whole_log(
     server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
 ) -> None:
-    process, address, said = server
-    before = said.read_text().count("drives")
-    driving = driver(address, tmp_path / "logs", 100.0)
-    on_its_way(said, before)
-    process.send_signal(signal.SIGKILL)
-    out, _ = driving.communicate(timeout=120)
+    process, address, _ = server
+    with driver(address, tmp_path / "logs", 100.0) as driving:
+        on_its_way(tmp_path / "logs")
+        process.send_signal(signal.SIGKILL)
+        out, _ = driving.communicate(timeout=120)
     assert driving.returncode == 1, out
     assert "the link was lost after" in out and "is lost: " in out
     table = rows(tmp_path / "logs")

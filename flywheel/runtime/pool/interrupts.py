@@ -1,4 +1,7 @@
-"""Ctrl-C and SIGTERM: the first asks the run to stop cleanly, the second stops it at once."""
+"""Ctrl-C, SIGTERM and the end of the terminal: the first asks a run to stop cleanly, a further one stops it.
+
+A signal that is ignored when the block begins stays ignored: what nohup, or a script's `&`, started goes on.
+"""
 
 from __future__ import annotations
 
@@ -6,36 +9,70 @@ import math
 import signal
 import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from types import FrameType, TracebackType
 from typing import Self
 
 from flywheel.errors import FlywheelError
+from flywheel.outputs import drop_broken_streams
 
 EXIT_CODE = 130
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ONE_WISH = (
+    0.2  # within which signals are one wish: `timeout` sends it to a process and to its group [s]
+)
 
 
 class Interrupted(FlywheelError):
     """The run stopped because it was asked to; `--resume` goes on from there."""
 
 
+@contextmanager
+def caught(act: Callable[[], None]) -> Iterator[None]:
+    """Call `act` each time that somebody wants this process to end; what it raises is raised where that is.
+
+    The end of the terminal counts once: it may be told several times. What is still printed then goes
+    nowhere. In a thread other than the main one no signal can be caught.
+    """
+    last: float | None = None
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        nonlocal last
+        now, before = time.monotonic(), last
+        last = now
+        if number == signal.SIGHUP:
+            drop_broken_streams()
+        if before is None or (number != signal.SIGHUP and now - before > ONE_WISH):
+            act()
+
+    main = threading.current_thread() is threading.main_thread()
+    heard = [s for s in SIGNALS if main and signal.getsignal(s) not in (signal.SIG_IGN, None)]
+    before = {each: signal.signal(each, handler) for each in heard}
+    try:
+        yield
+    finally:
+        for each, was in before.items():
+            signal.signal(each, was)
+
+
 class StopRequest:
     """Is called to learn whether the user asked to stop. As a context manager it catches the signals.
 
-    In a thread other than the main one no signal can be caught; there `ask` is the only way.
+    The second wish to end is a KeyboardInterrupt, wherever the process is. In a thread other than the main
+    one no signal can be caught; there `ask` is the only way.
 
     Args:
       seconds: after which it is as if the user had asked [s]; counted from here.
     """
 
-    SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
     def __init__(self, seconds: float = math.inf) -> None:
         self._asked, self._end = threading.Event(), time.monotonic() + seconds
-        self._before: dict[signal.Signals, object] = {}
+        self._caught = ExitStack()
 
     def __call__(self) -> bool:
-        if not self._asked.is_set() and time.monotonic() >= self._end:
-            self._stop_next()
+        if time.monotonic() >= self._end:
+            self.ask()
         return self._asked.is_set()
 
     def ask(self) -> None:
@@ -43,8 +80,7 @@ class StopRequest:
         self._asked.set()
 
     def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():
-            self._before = {s: signal.signal(s, self._caught) for s in self.SIGNALS}
+        self._caught.enter_context(caught(self._wished))
         return self
 
     def __exit__(
@@ -53,18 +89,9 @@ class StopRequest:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._restore()
+        self._caught.close()
 
-    def _caught(self, number: int, frame: FrameType | None) -> None:
-        self._stop_next()
-
-    def _stop_next(self) -> None:
-        """Ask; from now on Python's own handling is back, and a further Ctrl-C stops wherever we are."""
+    def _wished(self) -> None:
+        if self._asked.is_set():
+            raise KeyboardInterrupt
         self.ask()
-        for each in self._before:
-            signal.signal(each, signal.default_int_handler)
-
-    def _restore(self) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
-        self._before = {}

@@ -223,6 +223,80 @@ def test_a_command_that_is_asked_to_end_tidies_up_and_says_so(tmp_path, ending):
     assert {s: signal.getsignal(s) for s in before} == before
 
 
+def test_a_signal_that_comes_twice_in_a_moment_does_not_disturb_the_tidying_up():
+    tidied = []
+
+    def work() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            signal.raise_signal(signal.SIGTERM)  # as `timeout` sends it
+            tidied.append(True)
+
+    done = CliRunner().invoke(doing(work), ["work"])
+    assert (done.exit_code, done.stderr, tidied) == (130, "flywheel: interrupted\n", [True])
+
+
+HUNG_UP = """
+import fcntl, sys, termios, time
+from pathlib import Path
+import typer
+from flywheel.cli.exits import OneCommand
+from flywheel.runtime.pool.progress import console_progress
+
+app = typer.Typer(pretty_exceptions_enable=False)
+
+@app.command(cls=OneCommand)
+def work(kept: Path) -> None:
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    try:
+        with console_progress().stage("work", 1.0) as stage:
+            time.sleep(60)
+    except KeyboardInterrupt:
+        print("best so far", flush=True)
+        kept.write_text("whole")
+        raise
+
+app()
+"""
+
+
+@pytest.mark.slow
+def test_a_command_whose_terminal_closes_still_keeps_what_it_has(tmp_path):
+    kept = tmp_path / "kept"
+    terminal, end = os.openpty()
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), end)
+    script = [sys.executable, "-c", HUNG_UP, str(kept)]
+    with subprocess.Popen(script, cwd=ROOT, start_new_session=True, **streams) as work:  # type: ignore[call-overload]
+        try:
+            os.close(end)
+            assert os.read(terminal, 100), "the bar is shown"
+            os.close(terminal)
+            assert work.wait(20) == 130
+        finally:
+            work.kill()
+    assert kept.read_text() == "whole"
+
+
+IMPORTS = """
+import os, signal, sys
+from flywheel.cli.__main__ import main
+
+class Pressed:
+    def find_spec(self, name, *_):
+        if name == "flywheel.cli.main":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Pressed())
+main()
+"""
+
+
+def test_ctrl_c_while_a_command_is_still_imported_ends_it_without_a_traceback():
+    done = subprocess.run([sys.executable, "-c", IMPORTS], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
+
+
 def test_a_command_started_with_nohup_lives_on():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:

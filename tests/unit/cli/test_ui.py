@@ -10,7 +10,8 @@ import sqlite3
 import subprocess
 import sys
 import time
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,17 @@ def alive(pid: int) -> bool:
         return False
 
 
+@contextmanager
+def started(command: Sequence[object]) -> Iterator[subprocess.Popen[str]]:
+    """A command, which ends with the block; its caretaker then ends the server."""
+    quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+    with subprocess.Popen(command, cwd=ROOT, **quiet) as process:  # type: ignore[call-overload]
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("end", "code"), [("SIGTERM", 130), ("SIGHUP", 130), ("SIGINT", 130), ("SIGKILL", -9)]
@@ -57,24 +69,17 @@ def alive(pid: int) -> bool:
 def test_the_server_and_its_children_end_with_the_command(run, end, code):
     child = run / "child.py"
     child.write_text(CHILD)
-    served = subprocess.Popen(
-        [sys.executable, "-c", UI, SERVER, child, run],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    assert served.stdout is not None
-    assert served.stdout.readline().startswith("Open url")
-    pids = [int(pid) for pid in served.stdout.readline().split()]
-    assert all(map(alive, pids))
-    served.send_signal(signal.Signals[end])
-    assert served.wait(20) == code
-    limit = time.monotonic() + 10
-    while any(map(alive, pids)) and time.monotonic() < limit:
-        time.sleep(0.05)
-    assert not any(map(alive, pids))
-    served.stdout.close()
+    with started([sys.executable, "-c", UI, SERVER, child, run]) as served:
+        assert served.stdout is not None
+        assert served.stdout.readline().startswith("Open url")
+        pids = [int(pid) for pid in served.stdout.readline().split()]
+        assert all(map(alive, pids))
+        served.send_signal(signal.Signals[end])
+        assert served.wait(20) == code
+        limit = time.monotonic() + 10
+        while any(map(alive, pids)) and time.monotonic() < limit:
+            time.sleep(0.05)
+        assert not any(map(alive, pids))
 
 
 @pytest.mark.slow
@@ -83,23 +88,21 @@ def test_the_server_of_mlflow_ends_with_the_command(run):
         found.bind(("127.0.0.1", 0))
         port = found.getsockname()[1]
     command = [sys.executable, "-m", "flywheel.cli", "ui", str(run), "--port", str(port)]
-    served = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    limit = time.monotonic() + 120
-    while not listens(port):
-        assert served.poll() is None and time.monotonic() < limit
-        time.sleep(0.2)
-    processes = [int(entry.name) for entry in Path("/proc").glob("[0-9]*")]
-    pids = [pid for pid in processes if serves(pid, run)]
-    assert len(pids) >= 2, "MLflow's server has a child"
-    served.send_signal(signal.SIGTERM)
-    assert served.wait(30) == 130
-    limit = time.monotonic() + 10
-    while any(map(alive, pids)) and time.monotonic() < limit:
-        time.sleep(0.05)
-    assert not any(map(alive, pids))
-    assert not listens(port)
+    with started(command) as served:
+        limit = time.monotonic() + 120
+        while not listens(port):
+            assert served.poll() is None and time.monotonic() < limit
+            time.sleep(0.2)
+        processes = [int(entry.name) for entry in Path("/proc").glob("[0-9]*")]
+        pids = [pid for pid in processes if serves(pid, run)]
+        assert len(pids) >= 2, "MLflow's server has a child"
+        served.send_signal(signal.SIGTERM)
+        assert served.wait(30) == 130
+        limit = time.monotonic() + 10
+        while any(map(alive, pids)) and time.monotonic() < limit:
+            time.sleep(0.05)
+        assert not any(map(alive, pids))
+        assert not listens(port)
 
 
 def listens(port: int) -> bool:
