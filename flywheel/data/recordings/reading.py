@@ -24,6 +24,7 @@ from flywheel.data.recordings.geometry import (
 from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap, read_map
 from flywheel.data.recordings.markers import judged, track
+from flywheel.data.recordings.repeats import mask_repeats
 from flywheel.data.recordings.report import Finding, ImportReport, listed
 from flywheel.data.recordings.table import Told, open_table
 from flywheel.data.recordings.values import check_commanded, mask_impossible
@@ -157,6 +158,7 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
     if len(log.time) < 2:
         raise DataError("all rows have one time; a recording needs at least 2.")
     period = usual_period(log, dt)
+    findings += mask_repeats(log, robot)
     check_units(log.points, robot)
     check_commands(log, robot)
     check_winches(log, robot)

@@ -20,8 +20,8 @@ class Finding:
     """One kind of thing that was found in a log.
 
     Attributes:
-      kind: "missing", "infinite", "far", "duplicate stamp", "irregular stamp", "gap", "swap", "leap",
-        "rod length", "rate", "height", "column" or "channel".
+      kind: "missing", "infinite", "far", "repeat", "duplicate stamp", "irregular stamp", "gap", "swap",
+        "leap", "rod length", "rate", "height", "column" or "channel".
       action: what was done about it.
       subject: the marker, pair or column that it is about; "" for the whole log.
       count: samples (or rows) that it concerns.

@@ -1,0 +1,144 @@
+"""Samples that repeat the one before them, digit by digit: a tracker that froze, or one slower than the log.
+
+Such a sample is no measurement. That cannot be told from equal digits alone: coarse digits repeat, and so
+does a robot at rest in a simulation without noise. A sample only counts as repeated where its digits ought
+to have changed, because of noise that is seen in all of the log, or because the marker moved just before
+and just after.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flywheel.data.recordings.columns import Log
+from flywheel.data.recordings.report import Finding
+from flywheel.records import Floats
+from flywheel.robots import Robot
+
+FINEST = 1e-7  # smallest change that is one, in L: no tracker is finer
+CHANCE = 1e-6  # of a log in which a run of repeats, or their number, comes by chance
+SURE_STEPS = 20.0  # least last digits per sample at which a marker moves, noise aside
+LIKELY = 0.05  # chance of a repeat from which on single ones say nothing
+WINDOW = 16  # samples over which noise is looked at
+QUIET = 0.25  # share of the windows, those with the least noise
+WHITE = 0.7  # least ratio of sixth to fourth differences, of white noise 1; below it is motion
+MANY = 20_000  # samples of which the digits are looked at
+SQUARES = {4: 70.0, 6: 924.0}  # variance of white noise's differences of that order
+
+
+def mask_repeats(log: Log, robot: Robot) -> list[Finding]:
+    """Mask, in place, the points' samples that only repeat the ones before them.
+
+    Args:
+      log: with each time once; NaN where a point is missing.
+      robot: whose length tells which changes are too small to be any.
+    """
+    findings = []
+    for index, point in enumerate(robot.points):
+        values = log.points[:, index]
+        found = _stale(values, FINEST * robot.length)
+        if found.any():
+            values[found] = np.nan
+            words = _words(found, log.time)
+            findings.append(Finding.over("repeat", "masked", point.name, found, log.time, words))
+    return findings
+
+
+def _stale(values: Floats, finest: float) -> NDArray[np.bool_]:
+    """(N,) which of the values (N, 3) only repeat the last ones seen, and are no measurements."""
+    found = np.zeros(len(values), bool)
+    if not _equal(values[1:], values[:-1]).any():
+        return found
+    seen = np.flatnonzero(np.isfinite(values[:, 0]))
+    new = np.ones(len(seen), bool)
+    new[1:] = ~_equal(values[seen[1:]], values[seen[:-1]])
+    index = np.cumsum(new) - 1  # of the sample that is repeated
+    samples = values[seen[new]]
+    repeats = np.bincount(index) - 1
+    digit = _last_digit(samples, finest)
+    noisy = _chance(np.sqrt(2) * _noise(samples, digit), digit)
+    chance = np.minimum(noisy, _chance(_least_steps(samples, SURE_STEPS * digit), digit))
+    sure = len(values) * chance**repeats < CHANCE
+    # Repeats that are too few in a run may be too many in all.
+    single = chance < LIKELY
+    if repeats[single].sum() > 10 + 5 * chance[single].sum():
+        sure |= single
+    found[seen] = ~new & sure[index]
+    return found
+
+
+def _equal(some: Floats, others: Floats) -> NDArray[np.bool_]:
+    """(n,) which samples (n, 3) are the same."""
+    x, y, z = (some[:, axis] == others[:, axis] for axis in range(3))
+    return np.asarray(x & y & z)
+
+
+def _last_digit(values: Floats, finest: float) -> Floats:
+    """(3,) least change of each coordinate from one of its values (M, 3) to the next [m]."""
+    found = np.full(3, finest)
+    for axis, column in enumerate(values[:: 1 + len(values) // MANY].T):
+        steps = np.diff(np.unique(column))
+        steps = steps[steps > finest]
+        if len(steps):
+            found[axis] = max(finest, min(float(steps.min()), _decimal(column, finest)))
+    return found
+
+
+def _decimal(values: Floats, finest: float) -> float:
+    """The largest power of ten that all values (M,) are multiples of; else about `finest` [m]."""
+    found = 1.0
+    while found > finest and (np.abs(values - found * np.rint(values / found)) > finest / 2).any():
+        found /= 10
+    return found
+
+
+def _noise(values: Floats, digit: Floats) -> Floats:
+    """(3,) standard deviation of the noise on values (M, 3) in their quietest parts; 0 where there is none.
+
+    Rounding to a last digit (3,) is none, nor is a motion that is smooth from sample to sample.
+    """
+    levels = []
+    for order, square in SQUARES.items():
+        rough = np.diff(values, n=order, axis=0) / np.sqrt(square)
+        if len(rough) < WINDOW // 2:
+            return np.zeros(3)
+        size = min(WINDOW, len(rough))
+        parts = rough[: len(rough) // size * size].reshape(-1, size, 3)
+        levels.append(np.quantile(np.sqrt((parts**2).mean(axis=1)), QUIET, axis=0))
+    fourth, sixth = levels
+    beyond = np.sqrt(np.maximum(fourth**2 - digit**2 / 12, 0))
+    return np.where((sixth > WHITE * fourth) & (beyond > digit / 2), beyond, 0.0)
+
+
+def _least_steps(samples: Floats, least: Floats) -> Floats:
+    """(M, 3) the least of the changes before, from and after each sample to its next (M, 3) [m].
+
+    0 where it is below `least` (3,): a marker that comes to rest, or begins to move. The end of the log
+    is no rest; its beginning may be one.
+    """
+    steps = np.abs(np.diff(samples, axis=0))
+    before = np.concatenate([np.zeros((1, 3)), steps])[: len(samples)]
+    endless = np.full((2, 3), np.inf)
+    at = np.concatenate([steps, endless])[: len(before)]
+    after = np.concatenate([steps[1:], endless])[: len(before)]
+    found = np.minimum(before, np.minimum(at, after))
+    return np.where(found < least, 0.0, found)
+
+
+def _chance(steps: Floats, digit: Floats) -> Floats:
+    """(...) chance that no coordinate's last digit changes over normal steps (..., 3) of that size."""
+    with np.errstate(divide="ignore"):
+        each = np.minimum(1.0, digit / (np.sqrt(2 * np.pi) * steps))
+    return np.asarray(each.prod(axis=-1))
+
+
+def _words(found: NDArray[np.bool_], time: Floats) -> str:
+    """How a marker's samples repeat, for people: now and then, or as those of a slower tracker."""
+    told = "the digits of the sample before it: no measurement"
+    new = np.flatnonzero(~found)
+    apart = float(np.median(np.diff(new))) if len(new) > 1 else 1.0
+    if apart < 2:
+        return f"{told}; was tracking lost?"
+    rate = 1 / float(np.median(np.diff(time[new])))
+    return f"{told}; new ones come {apart:.0f} rows apart: a tracker of {rate:.4g} Hz?"
