@@ -33,6 +33,7 @@ LEAST_WRONG = 0.02  # share of a rod's usual length in the log
 MOST_WRONG = 0.3  # share of a rod: largest tolerance, however noisy the log
 MUCH_BETTER = 0.5  # an exchange must at least halve the leaps
 FEWEST_ROWS, MOST_ROWS = 16, 4096  # rows decided at once
+ROUGH_ROWS, ROUGH_PIECE = 50_000, 500  # rows, in pieces, from which the noise is taken
 PASSES = 8  # over the same rows: while a marker is away, each decides one row more
 
 
@@ -84,6 +85,10 @@ class Bounds:
         """How far a marker may have come [m]."""
         return self.speed * seconds + NOISES * self.noise
 
+    def quick(self, seconds: Floats) -> Floats:
+        """How far a marker hardly ever comes, though it may [m]."""
+        return self.kick * seconds + NOISES * self.noise
+
     def wrong(self, points: Floats) -> NDArray[np.bool_]:
         """(..., rods) which distances of points (..., P, 3) are wrong."""
         return wrong_rods(points, self.rods, self.tolerance)
@@ -116,11 +121,25 @@ class Followed:
 
 @dataclass(frozen=True)
 class _Seen:
-    """Before a row: the order (P,), and where (P, 3) and when (P,) each point was seen last."""
+    """Before a row: where (P, 3) and when (P,) each point was seen last.
+
+    Attributes:
+      order: (P,).
+      last, when: the last sample that was right.
+      raw, raw_when: the last sample of all.
+      away: (P,) that one was a leap.
+    """
 
     order: NDArray[np.int64]
     last: Floats
     when: Floats
+    raw: Floats
+    raw_when: Floats
+    away: NDArray[np.bool_]
+
+
+BEFORE = ("last", "when", "raw", "raw_when", "away")  # of _Rows: before each row, and after all
+EACH = ("now", "reach", "leaps", "rods", "odd")  # of _Rows: in each row
 
 
 @dataclass(frozen=True)
@@ -130,44 +149,45 @@ class _Rows:
     Attributes:
       order: (P,).
       now: (n, P, 3) points in that order.
-      last, when: (n + 1, P, ...) where and when each was seen last: before each row, and after all.
+      last, when: (n + 1, P, ...) where and when each was right last: before each row, and after all.
+      raw, raw_when, away: (n + 1, P, ...) the same of all samples, and whether those are leaps.
       reach: (n, P) how far each may have come.
       leaps, rods: (n, P) what is wrong.
+      odd: (n, P) what came so far that an exchange is more likely, if there may be one.
     """
 
     order: NDArray[np.int64]
     now: Floats
     last: Floats
     when: Floats
+    raw: Floats
+    raw_when: Floats
+    away: NDArray[np.bool_]
     reach: Floats
     leaps: NDArray[np.bool_]
     rods: NDArray[np.bool_]
+    odd: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.now)
 
     def first(self, rows: int) -> _Rows:
         """The first rows, that many."""
-        return _Rows(
-            self.order,
-            self.now[:rows],
-            self.last[: rows + 1],
-            self.when[: rows + 1],
-            self.reach[:rows],
-            self.leaps[:rows],
-            self.rods[:rows],
-        )
+        before = {name: getattr(self, name)[: rows + 1] for name in BEFORE}
+        each = {name: getattr(self, name)[:rows] for name in EACH}
+        return replace(self, **before, **each)
 
     def after(self) -> _Seen:
         """What is known after them."""
-        return _Seen(self.order, self.last[-1], self.when[-1])
+        return _Seen(self.order, *(getattr(self, name)[-1] for name in BEFORE))
 
 
 def follow(points: Floats, time: Floats, bounds: Bounds) -> Followed:
     """Follow the markers (N, P, 3) [m] through times (N,) [s]."""
     rows, count = points.shape[:2]
     followed = Followed(rows, count)
-    seen = _Seen(np.arange(count), np.full((count, 3), np.nan), np.full(count, time[0]))
+    nowhere, begin = np.full((count, 3), np.nan), np.full(count, time[0])
+    seen = _Seen(np.arange(count), nowhere, begin, nowhere, begin, np.zeros(count, bool))
     row, size = 0, FEWEST_ROWS
     while row < rows:
         some = slice(row, row + size)
@@ -187,32 +207,72 @@ def _decided(points: Floats, time: Floats, seen: _Seen, bounds: Bounds) -> _Rows
     """Rows (n, P, 3) under the order known before them: all, or the first of them."""
     now = points[:, seen.order]
     there, off = np.isfinite(now[..., 0]), bounds.wrong(now)
+    raw, raw_when = _seen_last(now, time, there, seen.raw, seen.raw_when)
+    step = distance(now, raw[:-1])
+    steady = step <= bounds.reach(time[:, None] - raw_when[:-1])
     wrong = np.zeros_like(there)
     for _ in range(PASSES):
-        last, when = _seen_last(now, time, there & ~wrong, seen)
-        reach = bounds.reach(time[:, None] - when[:-1])
-        leaps = distance(now, last[:-1]) > reach
+        last, when = _seen_last(now, time, there & ~wrong, seen.last, seen.when)
+        since = time[:, None] - when[:-1]
+        reach, way = bounds.reach(since), distance(now, last[:-1])
+        leaps = _away(there, way > reach, steady & (step <= way), seen.away)
         rods = (off & ~(leaps @ bounds.ends.T)) @ bounds.ends
         changed = np.flatnonzero(((leaps | rods) != wrong).any(axis=1))
         wrong = leaps | rods
         if len(changed) == 0:
             break
+    away = np.take_along_axis(np.concatenate([seen.away[None], leaps]), _latest(there), axis=0)
+    odd = way > bounds.quick(since)
+    decided = _Rows(seen.order, now, last, when, raw, raw_when, away, reach, leaps, rods, odd)
     # In each pass at least one more row is decided, because all before it are.
-    decided = _Rows(seen.order, now, last, when, reach, leaps, rods)
     return decided.first(int(changed[0])) if len(changed) else decided
 
 
+def _away(
+    there: NDArray[np.bool_],
+    far: NDArray[np.bool_],
+    steady: NDArray[np.bool_],
+    before: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """(n, P) which samples are leaps: those too far away, and what goes on from them.
+
+    Time does not bring back a marker that was seen to leap: it may have come to where it is from where
+    it was, but it did not.
+
+    Args:
+      there: samples that were seen.
+      far: those that are too far from the last right one.
+      steady: those that go on from the sample before.
+      before: (P,) the last one before all of them was a leap.
+    """
+    if not (far.any() or before.any()):
+        return far
+    begins = _latest(there & ~steady)[1:]  # of the steady part that each sample is in
+    return there & np.take_along_axis(np.concatenate([before[None], far]), begins, axis=0)
+
+
+def _latest(which: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(n + 1, P) 1 + the latest row that is true, before each row and after all; 0 where there is none."""
+    rows = np.where(which, np.arange(1, len(which) + 1)[:, None], 0)
+    return np.maximum.accumulate(np.concatenate([np.zeros_like(rows[:1]), rows]), axis=0)
+
+
 def _seen_last(
-    now: Floats, time: Floats, well: NDArray[np.bool_], seen: _Seen
+    now: Floats, time: Floats, which: NDArray[np.bool_], last: Floats, when: Floats
 ) -> tuple[Floats, Floats]:
-    """(n + 1, P, ...) where and when each point was last seen well: before each row, and after all."""
-    rows, count = well.shape
-    index = np.zeros((rows + 1, count), np.int64)  # 0: before all of them
-    index[1:] = np.maximum.accumulate(np.where(well, np.arange(1, rows + 1)[:, None], 0), axis=0)
-    places = np.concatenate([seen.last[None], now])
+    """(n + 1, P, ...) the latest of some samples: before each row, and after all.
+
+    Args:
+      now: (n, P, 3) points.
+      time: (n,) of the rows.
+      which: (n, P) the samples that count.
+      last, when: (P, 3), (P,) the latest before all of them.
+    """
+    index = _latest(which)
+    places = np.concatenate([last[None], now])
     times = np.concatenate([[0.0], time])
-    last = np.take_along_axis(places, index[..., None], axis=0)
-    return last, np.where(index == 0, seen.when, times[index])
+    found = np.take_along_axis(places, index[..., None], axis=0)
+    return found, np.where(index == 0, when, times[index])
 
 
 def _first_exchange(
@@ -223,69 +283,97 @@ def _first_exchange(
     couples = np.array(list(combinations(range(count), 2)), np.int64).reshape(-1, 2)
     orders = np.tile(decided.order, (len(couples), 1))
     np.put_along_axis(orders, couples, decided.order[couples[:, ::-1]], axis=1)
-    rows = np.flatnonzero((decided.leaps | decided.rods).any(axis=1))
-    for piece in pieces(len(rows), 3 * orders.size):
+    rows = np.flatnonzero((decided.leaps | decided.rods | decided.odd).any(axis=1))
+    for piece in pieces(len(rows), 3 * (orders.size + 2 * count)):
         some = rows[piece]
-        best = _exchanged(points[some], decided, some, couples, orders, bounds)
+        tried = np.concatenate(
+            [
+                np.broadcast_to(orders, (len(some), *orders.shape)),
+                _nearest(points[some], decided, some)[:, None],
+            ],
+            axis=1,
+        )
+        best = _exchanged(points[some], decided, some, tried, bounds)
         found = np.flatnonzero(best >= 0)
         if len(found):
-            return int(some[found[0]]), orders[best[found[0]]]
+            return int(some[found[0]]), tried[found[0], best[found[0]]]
     return len(decided), None
+
+
+def _nearest(points: Floats, decided: _Rows, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n, P) orders of points (n, P, 3) in which each goes on from where it was, if none is taken twice.
+
+    A point that is not seen, or never was right, keeps its marker.
+    """
+    last, order = decided.last[rows], decided.order
+    known = np.isfinite(last[..., 0]) & np.isfinite(decided.now[rows][..., 0])
+    way = distance(points[:, None], last[:, :, None])
+    markers = np.zeros_like(known)
+    markers[:, order] = known
+    way[~(known[:, :, None] & markers[:, None])] = np.inf
+    found = np.where(known, way.argmin(axis=2), order)
+    once = (np.sort(found, axis=1) == np.arange(len(order))).all(axis=1)
+    return np.where(once[:, None], found, order)
 
 
 def _exchanged(
     points: Floats,
     decided: _Rows,
     rows: NDArray[np.int64],
-    couples: NDArray[np.int64],
     orders: NDArray[np.int64],
     bounds: Bounds,
 ) -> NDArray[np.int64]:
-    """(n,) which of the couples (C, 2) makes points (n, P, 3) right when exchanged; -1 where none does.
+    """(n,) which of the orders (n, C, P) makes points (n, P, 3) right; -1 where none does.
 
     Args:
       points: of some rows.
       decided: all rows.
       rows: (n,) which they are.
-      couples: pairs of points.
-      orders: (C, P) with each of them exchanged.
+      orders: to try in each row.
       bounds: what is possible.
     """
     last, reach = decided.last[rows], decided.reach[rows]
     least = MUCH_BETTER * np.nansum(distance(decided.now[rows], last), axis=-1)
-    tried = points[:, orders]
+    other = orders != decided.order
+    tried = points[np.arange(len(rows))[:, None, None], orders]
     way = distance(tried, last[:, None])
     total = np.nansum(way, axis=-1)
-    near = way[:, np.arange(len(couples))[:, None], couples] <= reach[:, couples]
-    touching = bounds.ends.T[couples].any(axis=1)
+    near = (way <= reach[:, None]) | ~other
+    touching = (other @ bounds.ends.T) > 0
     right = ~(bounds.wrong(tried) & touching).any(axis=-1)
-    good = near.all(axis=-1) & right & (total < least[:, None])
+    good = other.any(axis=-1) & near.all(axis=-1) & right & (total < least[:, None])
     return np.where(good.any(axis=1), np.where(good, total, np.inf).argmin(axis=1), -1)
 
 
 def _perhaps_back(
     points: Floats, decided: _Rows, bounds: Bounds
 ) -> Iterator[tuple[NDArray[np.int64], int]]:
-    """Exchanged points that may as well have their own names again: both, and the first such row."""
-    order, last, reach = decided.order, decided.last[:-1], decided.reach
-    for point in np.flatnonzero(order != np.arange(len(order))):
-        both = np.array([point, np.flatnonzero(order == point)[0]])
-        back = order.copy()
-        back[both] = order[both[::-1]]
-        taken = np.where(
-            (decided.leaps | decided.rods)[:, both, None], np.nan, decided.now[:, both]
-        )
-        way, instead = (
-            distance(taken, last[:, both]),
-            distance(points[:, back[both]], last[:, both]),
-        )
-        possible = ((instead <= reach[:, both]) | np.isnan(instead)).all(axis=1)
+    """Exchanged points that may as well have other names again: which, and the first such row."""
+    for back in _undone(decided.order):
+        them = np.flatnonzero(back != decided.order)
+        last, reach = decided.last[:-1, them], decided.reach[:, them]
+        wrong = (decided.leaps | decided.rods)[:, them, None]
+        way = distance(np.where(wrong, np.nan, decided.now[:, them]), last)
+        instead = distance(points[:, back[them]], last)
+        possible = ((instead <= reach) | np.isnan(instead)).all(axis=1)
         as_good = MUCH_BETTER * np.nansum(instead, axis=1) < np.nansum(way, axis=1)
-        touching = bounds.ends[:, both].any(axis=1)
+        touching = bounds.ends[:, them].any(axis=1)
         right = ~(bounds.wrong(points[:, back]) & touching).any(axis=1)
         found = np.flatnonzero(possible & as_good & right)
         if len(found):
-            yield both, int(found[0])
+            yield them, int(found[0])
+
+
+def _undone(order: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Orders in which one of the exchanged points has its own marker again, or all have."""
+    away = np.flatnonzero(order != np.arange(len(order)))
+    found = [np.arange(len(order))] if len(away) else []
+    for point in away:
+        back = order.copy()
+        both = [point, np.flatnonzero(order == point)[0]]
+        back[both] = order[both[::-1]]
+        found.append(back)
+    return found
 
 
 def _wobble(points: Floats, rods: list[Pair]) -> Floats:
@@ -297,15 +385,36 @@ def _wobble(points: Floats, rods: list[Pair]) -> Floats:
 def _roughness(points: Floats) -> float:
     """Standard deviation of what does not move smoothly, of a coordinate's second differences [m].
 
-    By quantiles, so that it is the same where most rows only repeat or interpolate others.
+    By quantiles, so that it is the same where most rows only interpolate others; and of points that are
+    nearest to each other, so that it is the same whatever their names are.
     """
-    found, count = np.empty(points.size), 0
-    for some in pieces(len(points) - 2, points[0].size):
-        rough = np.diff(points[some.start : some.stop + 2], n=2, axis=0)
-        rough = np.abs(rough[np.isfinite(rough)])
-        found[count : count + len(rough)] = rough
-        count += len(rough)
-    if count == 0:
+    seen = points[np.isfinite(points[..., 0]).any(axis=1)]
+    rough = [np.zeros(0)]
+    step = max(1, len(seen) // ROUGH_ROWS)
+    for begin in range(0, len(seen) - 2, ROUGH_PIECE * step):
+        some = seen[begin : begin + ROUGH_PIECE]
+        ahead, behind = _same(some[:-1], some[1:]), _same(some[1:], some[:-1])
+        before = np.take_along_axis(some[:-2], np.maximum(behind[:-1], 0)[..., None], axis=1)
+        after = np.take_along_axis(some[2:], np.maximum(ahead[1:], 0)[..., None], axis=1)
+        both = (behind[:-1] >= 0) & (ahead[1:] >= 0)
+        rough.append(np.abs(before - 2 * some[1:-1] + after)[both].ravel())
+    found = np.concatenate(rough)
+    if len(found) == 0:
         return 0.0
-    half, most = np.quantile(found[:count], [0.5, 0.9], overwrite_input=True)
+    half, most = np.quantile(found, [0.5, 0.9], overwrite_input=True)
     return float(max(1.4826 * half, most / 1.645))
+
+
+def _same(points: Floats, others: Floats) -> NDArray[np.int64]:
+    """(n, P) which of the others (n, P, 3) each of the points (n, P, 3) is, by their places; -1: none.
+
+    Two names may only be exchanged where both are in both.
+    """
+    way = distance(points[:, :, None], others[:, None])
+    way[np.isnan(way)] = np.inf
+    ahead, back = way.argmin(axis=2), way.argmin(axis=1)
+    own = np.arange(points.shape[1])
+    mutual = np.take_along_axis(back, ahead, axis=1) == own
+    there = np.isfinite(points[..., 0]) & np.isfinite(others[..., 0])
+    known = there & np.take_along_axis(there, ahead, axis=1)
+    return np.where(mutual & known, ahead, -1)
