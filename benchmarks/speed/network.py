@@ -1,9 +1,9 @@
 """How fast the network is, and against what: for `python -m benchmarks.speed`.
 
 Every function times its contenders in turns within one process and keeps the least time of each, so
-that only ratios between them are meant; one thread is timed by its CPU time, several by the clock.
-Speeds do not depend on the weights, which are random here, and are robot-steps per second: one
-predicted control step of one candidate.
+only ratios between them are meaningful; one thread is timed by its CPU time, several by wall-clock
+time. Speeds do not depend on the weights, which are random here, and are robot-steps per second:
+one predicted control step of one candidate.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ _PRODUCT = (768, 128, 128)  # sizes of the matrix product that stands for the ma
 
 @dataclass(frozen=True)
 class Speed:
-    """What was measured.
+    """One measured speed.
 
     Attributes:
-      of: what.
-      rate: robot-steps per second, or floating-point operations per second where said.
-      against: what `ratio` compares it with, or "".
-      ratio: how many times faster it is than that; 0 without.
+      of: name of the contender.
+      rate: robot-steps per second, or floating-point operations per second where stated.
+      against: the reference of `ratio`, or "".
+      ratio: how many times faster it is than the reference; 0 without one.
     """
 
     of: str
@@ -59,9 +59,9 @@ def least_seconds(
     """Least time of one call of each [s], called in turns after one call to warm up.
 
     Args:
-      contenders: what to call, by name.
-      seconds: to spend on each, at least; and at least five calls.
-      threads: that a call computes with.
+      contenders: functions to time, by name.
+      seconds: minimum time for each; at least five calls are made.
+      threads: used by a call.
     """
     clock = time.process_time if threads == 1 else time.perf_counter
     for call in contenders.values():
@@ -84,7 +84,7 @@ def rollout_call(
     threads: int = 1,
     block: int = BLOCK,
 ) -> Callable[[], object]:
-    """A call of a whole rollout of `STEPS` steps, from one past, as a planner makes it."""
+    """A call of a whole rollout of `STEPS` steps from one past, as in a planner."""
     torch.manual_seed(0)
     network = ChunkNetwork(robot, config)
     model = LearnedDynamics(robot, network, threads, block)
@@ -106,7 +106,7 @@ def learned_against_plant(
     threads: int = 1,
     configs: Mapping[str, NetworkConfig] | None = None,
 ) -> tuple[Speed, ...]:
-    """The whole learned step beside the plant.
+    """The whole learned step compared with the plant.
 
     Args:
       robot: the robot.
@@ -129,7 +129,7 @@ def learned_against_plant(
 
 
 def lean_against_paper(robot: Robot, width: int, seconds: float) -> tuple[Speed, ...]:
-    """`lean` beside `paper` of the same width and number of rounds."""
+    """`lean` compared with `paper` at the same width and number of rounds."""
     paper = NetworkConfig.paper(width=width)
     lean = NetworkConfig.lean(width=width, rounds=paper.rounds)
     calls = {"paper": rollout_call(robot, paper), "lean": rollout_call(robot, lean)}
@@ -141,7 +141,7 @@ def lean_against_paper(robot: Robot, width: int, seconds: float) -> tuple[Speed,
 
 
 def fused_against_plain(robot: Robot, config: NetworkConfig, seconds: float) -> tuple[Speed, ...]:
-    """The fused forward pass beside plain PyG: one call of the network alone, at equal weights."""
+    """The fused forward pass compared with plain PyG: one call of the network alone, at equal weights."""
     calls = {
         "plain PyG": _forward_call(robot, config, PlainForward),
         "fused, float32": _forward_call(robot, config, FusedForward),
@@ -156,7 +156,7 @@ def fused_against_plain(robot: Robot, config: NetworkConfig, seconds: float) -> 
 def blocked_against_unblocked(
     robot: Robot, config: NetworkConfig, seconds: float, candidates: int = 1024
 ) -> tuple[Speed, ...]:
-    """Many candidates in blocks beside all at once."""
+    """Many candidates in blocks compared with all at once."""
     blocked = f"blocks of {BLOCK}"
     calls = {
         "unblocked": rollout_call(robot, config, candidates, block=candidates),
@@ -175,7 +175,7 @@ def blocked_against_unblocked(
 
 
 def product_fraction(robot: Robot, config: NetworkConfig, seconds: float) -> tuple[Speed, ...]:
-    """Floating-point operations per second of the fused network beside those of `torch.mm`."""
+    """Floating-point operations per second of the fused network compared with those of `torch.mm`."""
     rows, inner, columns = _PRODUCT
     left, right = torch.randn(rows, inner), torch.randn(inner, columns)
     network = _forward_call(robot, config, FusedForward)
@@ -195,7 +195,7 @@ def product_fraction(robot: Robot, config: NetworkConfig, seconds: float) -> tup
 def _forward_call(
     robot: Robot, config: NetworkConfig, prepare: ForwardFactory
 ) -> Callable[[], object]:
-    """One call of the network, features and LSTM state given."""
+    """One call of the network, with given features and LSTM state."""
     torch.manual_seed(0)
     network = ChunkNetwork(robot, config).requires_grad_(False)
     simulator = Simulator(robot, config, prepare=prepare)

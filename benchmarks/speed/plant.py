@@ -19,7 +19,7 @@ STEPS = 100
 def contenders(
     robot: Robot, threads: int, simulations: int = SIMULATIONS, steps: int = STEPS
 ) -> dict[str, Callable[[], object]]:
-    """Two calls that simulate the same: `plant` as everyone calls it, `bare` without any of us.
+    """Two calls that simulate the same: `plant` through this package, `bare` directly in MuJoCo.
 
     Each call makes `simulations * steps` control steps. Controls are random; start is the keyframe.
     """

@@ -1,6 +1,6 @@
-"""The network as plain PyTorch Geometric: slow, short, and what the network *is*.
+"""The network as plain PyTorch Geometric: slow, short, and the definition of the network.
 
-`flywheel.dynamics.gnn.fused` computes the same from the same weights; a test holds the two together to
+`flywheel.dynamics.gnn.fused` computes the same from the same weights; a test compares the two to
 1e-5 relative in float32. Read this one.
 """
 
@@ -46,7 +46,7 @@ class Messages(MessagePassing):
           nodes: (M, width) latent vectors.
           edge_index: (2, E) senders and receivers.
           edges: (E, width) latent vectors.
-          present: (E, 1) 1 where there is an edge, else 0.
+          present: (E, 1) 1 for an existing edge, else 0.
         """
         messages = self.edge_updater(edge_index, nodes=nodes, edges=edges)
         size = (len(nodes), len(nodes))
@@ -58,7 +58,7 @@ class Messages(MessagePassing):
         return edges + output if self.edge_updates else torch.relu(output)
 
     def message(self, messages: Tensor) -> Tensor:
-        """The message that is summed at the receiver."""
+        """The summed message at the receiver."""
         return messages
 
 

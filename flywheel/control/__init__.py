@@ -1,4 +1,4 @@
-"""Control: what chooses the commands, and the loop in which it does."""
+"""Control: controllers, and the closed loop around them."""
 
 from flywheel.control.closed_loop import record_episode
 from flywheel.control.gaits import Gait

@@ -26,15 +26,15 @@ from flywheel.tasks import Task
 
 
 class PlantLog:
-    """An episode on a plant so far: what was true, too.
+    """An episode on a plant so far, including the true states.
 
     Args:
-      plant: that is stepped.
+      plant: stepped plant.
       measurement: between the plant and the controller.
       start: (1,) state.
       rng: of the measurement.
-      steps: the most that will be recorded.
-      reckoning: of winches that are not measured.
+      steps: maximum number of recorded steps.
+      reckoning: of unmeasured winches.
     """
 
     def __init__(
@@ -62,18 +62,18 @@ class PlantLog:
         return self._states[-1][:, -1]
 
     def append(self, simulated: Trajectory) -> None:
-        """Add what the plant did from the present on."""
+        """Append the plant's motion from the present on."""
         assert simulated.states is not None
         self._measure(simulated.observations[:, 1:], self.done + 1)
         self._log.command(simulated.controls[0])
         self._states.append(simulated.states[:, 1:])
 
     def past(self) -> Past:
-        """All that is known now."""
+        """The past up to now."""
         return self._log.past(self.state)
 
     def trajectory(self) -> Trajectory:
-        """The whole of it, unbatched."""
+        """The whole trajectory, unbatched."""
         parts = [(s.qpos, s.qvel, s.act) for s in self._states]
         states = State(*(np.concatenate(part, axis=1) for part in zip(*parts, strict=True)))
         return self._log.trajectory(states[0])
@@ -97,25 +97,26 @@ def record_episode(
     on_piece: OnPiece | None = None,
     reckoning: Reckoning | None = None,
 ) -> Episode:
-    """Let a controller drive the plant until the goal is reached or the time is over.
+    """Let a controller drive the plant until the goal is reached or time is up.
 
-    It sees measurements and the ground only; `Past.state` is for the oracle. Whether the goal is reached
-    is judged at every step on the true points.
+    The controller sees measurements and the ground only; `Past.state` is for the oracle. Success is
+    judged at every step on the true points.
 
     Args:
       plant: one simulation is stepped, with the plant's (first) parameters.
-      measurement: between the plant and the controller, and what is recorded.
-      controller: chooses the commands.
-      task: with what follows it, or None. Its time limit is for all of it, beside `seconds`.
+      measurement: between the plant and the controller, and for the recording.
+      controller: source of the commands.
+      task: with its successors, or None. Its time limit covers all of them, in addition to
+        `seconds`.
       start: (1,) state.
       seconds, seed: longest duration [s]; seed of controller and measurement.
       episode_id, provenance, split: of the episode.
-      on_piece: told of each piece; may raise to end the recording.
-      reckoning: of winches that are not measured; None for nominal ones.
+      on_piece: called with each piece; may raise to end the recording.
+      reckoning: of unmeasured winches; None for nominal ones.
 
     Raises:
-      ConfigError: no time for a single step.
-      ModelError: the controller gave commands that do not fit, or plant or model diverged.
+      ConfigError: `seconds` is shorter than one step.
+      ModelError: the controller's commands have a wrong shape, or plant or model diverged.
     """
     steps = steps_of(seconds if task is None else min(seconds, task.seconds), plant.dt)
     for_controller, noise = np.random.SeedSequence(seed).spawn(2)
@@ -149,7 +150,7 @@ def number_of(seeds: np.random.SeedSequence) -> int:
 
 
 def telemetry_of(commands: Mapping[float, Command]) -> dict[str, Floats]:
-    """What planning took and foresaw, at which time; to the millimetre, for it is to be looked at."""
+    """Planning times and predictions, with time stamps; rounded to millimetres, for figures only."""
     taken = np.array([command.plan_seconds for command in commands.values()])
     paths = {at: c.diagnostics["paths"] for at, c in commands.items() if "paths" in c.diagnostics}
     if not paths:
@@ -159,7 +160,9 @@ def telemetry_of(commands: Mapping[float, Command]) -> dict[str, Floats]:
 
 
 def _until_reached(simulated: Trajectory, task: Task) -> tuple[Trajectory, bool]:
-    """The piece up to the first step at which the goal is reached; all of it where more follows."""
+    """The piece up to the first step at which the goal is reached; the whole piece if another task
+    follows.
+    """
     assert simulated.states is not None
     there = task.reached(simulated.observations.points[0, 1:])
     if not there.any() or task.then is not None:

@@ -1,8 +1,9 @@
-"""Driving a robot through a link, by what is measured alone.
+"""Driving a robot through a link, based on measurements alone.
 
-A robot that waits to be observed is driven in lockstep, and planning takes none of its time. In real time a
-plan is made while the one before goes on; it begins `lead` control steps after it was asked for, and the
-commands until then are known to whoever plans. If it comes late, the one before goes on to its end.
+A robot that waits to be observed is driven in lockstep; planning takes none of its time. In real
+time a plan is computed while the previous one is executed; it starts `lead` control steps after the
+request, and the planner knows the commands until then. If a plan is late, the previous one
+continues to its end.
 """
 
 from __future__ import annotations
@@ -36,15 +37,15 @@ OnStep = Callable[[int, Sample], None]
 
 @dataclass(frozen=True)
 class Drive:
-    """How a drive went.
+    """Result of a drive.
 
     Attributes:
-      episode: what was measured and commanded, whole up to its end.
-      ended: at the goal, by the time limit, because the link was lost, because the controller failed, or
-        because the user stopped it.
-      why: in words, where something was lost or failed; else "".
-      late_plans: plans that came after they were to begin.
-      skipped: control periods in which no command was sent in time; the one before stayed.
+      episode: measurements and commands, complete up to its end.
+      ended: at the goal, by the time limit, by a lost link, by a failure of the controller, or by
+        the user.
+      why: message if something was lost or failed; else "".
+      late_plans: plans that came after their start.
+      skipped: control periods without a command in time; the previous one was kept.
     """
 
     episode: Episode
@@ -56,7 +57,7 @@ class Drive:
 
 @dataclass
 class _Going:
-    """A drive that is under way."""
+    """A drive in progress."""
 
     log: EpisodeLog
     planner: Planner | _Repeated
@@ -82,27 +83,28 @@ def drive(
     lead: int = 0,
     on_step: OnStep | None = None,
 ) -> Drive:
-    """Let a controller drive a robot until the goal is reached or the time is over.
+    """Let a controller drive a robot until the goal is reached or time is up.
 
-    Success is judged by what is measured. However the drive ends, the robot is told to hold still, and what
-    was measured until then is kept.
+    Success is judged by measurements. However the drive ends, the robot is commanded to hold its
+    winches, and the measurements until then are kept.
 
     Args:
       link: to the robot; it is reset first.
       robot: of its MJCF.
-      controller: chooses the commands.
-      task_of: gives the task, from the points (P, 3) where the robot stands; None for none.
-      seconds, seed: longest duration [s]; seed of controller and, where simulated, of the sensors.
+      controller: source of the commands.
+      task_of: returns the task, given the points (P, 3) of the standing robot; None for none.
+      seconds, seed: longest duration [s]; seed of controller and of simulated sensors.
       episode_id, provenance, split: of the episode.
-      reckoning: of winches that are not measured.
-      dataset: index of the data set that a network takes the robot for.
-      lead: control steps before which a plan is asked for; 0 to wait for every plan.
-      on_step: is told of every control step, and may raise to end the drive.
+      reckoning: of unmeasured winches.
+      dataset: index of the data set assumed by a network.
+      lead: control steps between the request for a plan and its start; 0 to wait for every plan.
+      on_step: called at every control step; may raise to end the drive.
 
     Raises:
-      ConfigError: no time for a single step.
+      ConfigError: `seconds` is shorter than one step.
       LinkError: the robot is another one, or is lost before the first step.
-      ModelError: the same of the controller: its commands do not fit, or its model diverged.
+      ModelError: likewise for the controller: its commands have a wrong shape, or its model
+        diverged.
     """
     link.info.check_is(robot)
     log_of = partial(EpisodeLog, robot, link.info.period, reckoning=reckoning, dataset=dataset)
@@ -133,7 +135,7 @@ def replayed(
     provenance: Provenance,
     reckoning: Reckoning,
 ) -> Drive:
-    """The drive that a transcript tells of, up to where it ends: that of a driver that was killed, say.
+    """Reconstruct a drive from its transcript up to the end of that, e.g. if the driver was killed.
 
     Args:
       link: the transcript, from its beginning.
@@ -169,7 +171,7 @@ def _begun(
     seed: int,
     lead: int,
 ) -> tuple[Sample, _Going, int]:
-    """The first measurement, the drive that begins with it, and its most control steps."""
+    """The first measurement, the drive that starts with it, and its maximum number of control steps."""
     dt = link.info.period
     link.reset(seed)
     first = link.info.check(link.observe())
@@ -197,7 +199,7 @@ def _go(
         sample = link.info.check(link.observe())
         passed = round((sample.time - begun) / dt) - log.done
         if passed < 1:
-            raise LinkError(f"The robot's clock stands still at {sample.time:.3f} s.")
+            raise LinkError(f"The robot's clock is stopped at {sample.time:.3f} s.")
         passed = min(passed, steps - log.done)
         going.skipped += passed - 1
         log.command(_obeyed(control, passed, valid, dt, log.robot))
@@ -214,7 +216,7 @@ def _go(
 
 
 def _arrive(going: _Going, sample: Sample) -> None:
-    """Go on to the next task where a goal is reached, or be done."""
+    """Start the next task if the goal is reached, or end the drive."""
     task = going.task
     assert task is not None
     if not task.reached(sample.points):
@@ -227,12 +229,12 @@ def _arrive(going: _Going, sample: Sample) -> None:
 
 
 class Planner:
-    """Asks a controller for commands: when they are needed, or ahead of time, in a thread.
+    """Requests commands from a controller: when they are needed, or ahead of time in a thread.
 
     Args:
-      controller: that is asked.
+      controller: source of the commands.
       log: of the episode.
-      lead: control steps before which it is asked; 0 to wait for it.
+      lead: control steps ahead of which a plan is requested; 0 to wait for it.
     """
 
     def __init__(self, controller: Controller, log: EpisodeLog, lead: int = 0) -> None:
@@ -267,7 +269,7 @@ class Planner:
         return self._plan.at(now - self._begin, self._log.robot)
 
     def close(self) -> None:
-        """Wait for what is being planned, and forget it."""
+        """Wait for the plan in progress, and discard it."""
         if self._thread is not None:
             self._thread.shutdown(wait=True, cancel_futures=True)
 
@@ -291,7 +293,7 @@ class Planner:
 
 
 class _Repeated:
-    """In the place of a planner: gives the commands that a transcript has."""
+    """Replacement for a planner: returns the commands of a transcript."""
 
     late = 0
 
@@ -300,35 +302,35 @@ class _Repeated:
         self.commands: dict[float, Command] = {}
 
     def command(self) -> Floats:
-        """The command (W,) that was sent next.
+        """The next recorded command (W,).
 
         Raises:
-          LinkError: there is none.
+          LinkError: the transcript has ended.
         """
         return np.array(self._link.coming(Send).controls)
 
     def begin(self, task: Task) -> None:
-        """Nothing: what was planned was planned."""
+        """Nothing: recorded plans cannot change."""
 
     def close(self) -> None:
-        """Nothing is left to do."""
+        """Nothing: no thread is running."""
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """Commands (n, W) from some control step on."""
+    """Commands (n, W) starting at a given control step."""
 
     controls: Floats
 
     def at(self, row: int, robot: Robot) -> Floats:
-        """(W,) of a control step; after the last one the winches hold still."""
+        """(W,) of a control step; holding commands after the last one."""
         if row < len(self.controls):
             return self.controls[row]
         return np.where(robot.rate_driven, 0.0, self.controls[-1])
 
 
 def _obeyed(control: Floats, passed: int, valid: float, dt: float, robot: Robot) -> Floats:
-    """(passed, W) what the robot did while control periods passed: it holds still after `valid` [s]."""
+    """(passed, W) commands executed while control periods passed: holding ones after `valid` [s]."""
     still = np.where(robot.rate_driven, 0.0, control)
     return np.array([control if row * dt < valid - 1e-9 else still for row in range(passed)])
 
@@ -338,7 +340,7 @@ def _observation(sample: Sample) -> Observation:
 
 
 def without_gaps(points: Floats) -> Floats:
-    """Points (P, 3) with the middle of the others for those that are not seen."""
+    """Points (P, 3), with the mean of the visible ones in place of missing ones."""
     seen = np.asarray(np.isfinite(points).all(axis=-1))
     middle = points[seen].mean(axis=0) if seen.any() else np.zeros(3)
     return np.where(seen[:, None], points, middle)

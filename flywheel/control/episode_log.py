@@ -1,4 +1,4 @@
-"""One episode so far: what was measured, what was commanded, and where the winches are by that."""
+"""Log of an episode in progress: measurements, commands, and the resulting winch positions."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class EpisodeLog:
     """Measurements and commands on a grid of control steps.
 
     Args:
-      robot: whose they are.
+      robot: measured robot.
       dt: control step [s].
-      steps: the most that will be commanded.
-      reckoning: of winches that are not measured.
+      steps: maximum number of commands.
+      reckoning: of unmeasured winches.
       terrain: under the robot.
-      dataset: index of the data set that a network takes it for.
+      dataset: index of the data set assumed by a network.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class EpisodeLog:
         self._controls = np.empty((1, steps, len(robot.winches)))
 
     def see(self, observations: Observation, first: int) -> None:
-        """Note measurements (1, n, ...) of the control steps from `first` on."""
+        """Add measurements (1, n, ...) of the control steps from `first` on."""
         end = first + observations.points.shape[1]
         self._points[:, first:end], self._winch[:, first:end] = (
             observations.points,
@@ -56,7 +56,7 @@ class EpisodeLog:
             self._reckoned[:, 0] = np.where(np.isfinite(begin), begin, self._reckoned[:, 0])
 
     def command(self, controls: Floats) -> None:
-        """Note the next commands (n, W)."""
+        """Add the next commands (n, W)."""
         now, after = self.done, self.done + len(controls)
         self._controls[0, now:after] = controls
         self.done = after
@@ -66,13 +66,14 @@ class EpisodeLog:
         )
 
     def past(self, state: State | None = None, planned: Floats | None = None) -> Past:
-        """All that is known now, up to the newest measurement.
+        """The past, up to the newest measurement.
 
-        A winch counts as measured if it was at every step so far, or it would seem to jump.
+        A winch counts as measured only if it was measured at every step so far; otherwise it would
+        seem to jump.
 
         Args:
           state: (1,) of the plant, for the oracle.
-          planned: (c, W) commands that will be sent before anything that is decided now.
+          planned: (c, W) commands that are already fixed.
         """
         end = min(self._newest, self.done)
         seen = self._winch[:, : end + 1]
@@ -91,13 +92,13 @@ class EpisodeLog:
         )
 
     def trajectory(self, states: State | None = None) -> Trajectory:
-        """The whole of it, unbatched."""
+        """The whole episode, unbatched."""
         end = slice(None, self.done + 1)
         observations = Observation(self._points[0, end].copy(), self._winch[0, end].copy())
         return Trajectory(observations, self._controls[0, : self.done].copy(), self.dt, states)
 
     def _lengths(self, first: int, end: int) -> Floats | None:
-        """(end - first, C) of the cables, where they matter [m]; for a moment they stay as they were."""
+        """(end - first, C) lengths of the cables, if they are needed [m]; kept constant over short gaps."""
         if not self._reckoning.loaded:
             return None
         if end >= self._next_look:

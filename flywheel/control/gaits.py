@@ -1,4 +1,4 @@
-"""Gaits of the three-rod robot: sequences of cable lengths, reached one after the other."""
+"""Gaits of the three-rod robot: sequences of cable lengths."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Pattern:
     """One cycle of a gait. The numbers are those of the robot's published controller.
 
     Attributes:
-      targets: cable lengths wanted, in turn; 0 is `shortest`, 1 is `shortest + range` [-].
+      targets: sequence of relative cable lengths; 0 is `shortest`, 1 is `shortest + range` [-].
       shortest: [m].
       range: [m].
     """
@@ -60,20 +60,20 @@ DWELL = 0.45  # after a target is reached, to let the robot finish tipping over 
 class Gait:
     """Walks the three-rod robot by feedback on the distances of its end caps.
 
-    Every target is six cable lengths. A winch stops once its length is reached, or once it can do no
-    more: it would pay out a cable that is slack, or pull beyond its shortest rest length. When all
-    have stopped, or patience ends, the next target follows after a short dwell.
+    Every target is six cable lengths. A winch stops once its length is reached, or once it can do
+    no more: it would pay out a slack cable, or pull beyond its shortest rest length. When all have
+    stopped, or patience ends, the next target follows after a short dwell.
 
     Args:
       robot: prism3, or a robot with the same caps and winches.
       pattern: "roll", "cw" or "ccw".
       dt: control step [s].
-      cycles: of the pattern; then back to rest, and hold. None: for ever.
-      variation: the most by which a target's lengths are off at random, anew for every target [-].
-        Without it, two gaits from the same start are the same motion.
+      cycles: of the pattern, followed by rest; None to repeat without end.
+      variation: largest random deviation of a target's lengths, drawn for every target [-]. Without
+        it, two gaits from the same start are the same motion.
 
     Raises:
-      ConfigError: no such gait, or another kind of robot.
+      ConfigError: unknown gait, or another kind of robot.
     """
 
     model, history = "", 0
@@ -95,7 +95,7 @@ class Gait:
         self.reset(None, 0)
 
     def reset(self, task: Task | None, seed: int) -> None:
-        """Begin again with the first target."""
+        """Start again with the first target."""
         self._index = 0
         self._rng = np.random.default_rng(seed)
         self._side = SIDES[0, 2, 5]
@@ -104,11 +104,11 @@ class Gait:
 
     @property
     def finished(self) -> bool:
-        """All cycles are done, and the robot is back at rest."""
+        """True when all cycles are complete and the robot is back at rest."""
         return self._last < self._index and (self._reach is None or self._reach.finished)
 
     def act(self, past: Past) -> Command:
-        """The command for one control step; it holds still until every cap was seen once."""
+        """The command for one control step; winches hold until every cap was seen once."""
         seen = past.observations.points[0, -1]
         self._points = np.where(np.isfinite(seen), seen, self._points)
         rest = past.winch[0, -1]
@@ -126,7 +126,7 @@ class Gait:
         return np.inf if self.cycles is None else 1 + self.cycles * len(self.pattern.targets)
 
     def _next(self) -> Reach:
-        """The next target: rest, the pattern's cycles as the robot lies, and rest again."""
+        """The next target: rest, the pattern's cycles for the robot's present side, and rest again."""
         step, in_cycle = self._index, (self._index - 1) % len(self.pattern.targets)
         self._index += 1
         if step == 0 or step == self._last:
@@ -145,8 +145,8 @@ class Reach:
     """Brings all cables to one target's lengths.
 
     Args:
-      robot: whose winches are commanded.
-      pattern: what the relative lengths mean.
+      robot: commanded robot.
+      pattern: meaning of the relative lengths.
       wanted: (W,) relative lengths.
       dt: control step [s].
     """
@@ -160,7 +160,7 @@ class Reach:
 
     @property
     def finished(self) -> bool:
-        """Reached and dwelt upon, or given up."""
+        """True once the target is reached and the dwell is over, or patience has ended."""
         return self._dwelt > DWELL or self._elapsed >= PATIENCE
 
     def command(self, lengths: Floats, rest: Floats) -> Floats:

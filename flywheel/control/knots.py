@@ -1,7 +1,7 @@
 """Plans as rest lengths at knots in time, and the commands that follow them.
 
-Rest lengths make a better space to search in than rates: noise on a rate is a random walk of the
-rest length, which soon sits at an end of its range; noise on a knot is not.
+Rest lengths are a better search space than rates: noise on a rate is a random walk of the rest
+length, which soon reaches a limit of its range; noise on a knot is not.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from flywheel.robots import Robot
 
 @dataclass(frozen=True)
 class Knots:
-    """The grid of knots that plans for one robot are written on.
+    """Grid of knots for the plans of one robot.
 
-    A plan is (..., S, W): the winch positions wanted at the ends of S spans of time, of `steps`
-    control steps each. Between knots the wish moves linearly.
+    A plan is (..., S, W): the desired winch positions at the ends of S spans of `steps` control
+    steps each. Between knots they are interpolated linearly.
 
     Attributes:
-      robot: whose winches.
+      robot: commanded robot.
       dt: control step [s].
       steps: control steps between knots.
       count: S.
@@ -37,7 +37,7 @@ class Knots:
         """The plan (..., S, W) that winches starting at `winch` (..., W) can follow.
 
         Positions are clipped to the range, and changes between knots to the fastest rate; a winch
-        that cannot keep up goes on towards the knots that follow.
+        that cannot keep up continues towards the following knots.
         """
         robot, span = self.robot, self.steps * self.dt
         unbounded = np.full(len(robot.winches), np.inf)

@@ -1,7 +1,7 @@
 """Model predictive path integral control: sample plans, roll them out, average the good ones.
 
-K plans are drawn around the current one; plan k costs C_k and weighs exp(-(C_k - min C) / beta); the
-weighted mean is the new plan, of which the beginning is carried out (paper, section 3.3).
+K plans are drawn around the current one; plan k costs C_k and weighs exp(-(C_k - min C) / beta);
+the weighted mean is the new plan, whose beginning is executed (paper, section 3.3).
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ class Mppi:
 
     @property
     def history(self) -> int:
-        """Past control steps that the model can use."""
+        """Past control steps used by the model."""
         return self.dynamics.history
 
     def reset(self, task: Task | None, seed: int) -> None:
-        """Begin an episode without a plan."""
+        """Start an episode without a plan."""
         self._task, self._rng = task, np.random.default_rng(seed)
         self._plan: Floats | None = None
         self._elites: Floats | None = None
@@ -62,10 +62,10 @@ class Mppi:
 
         Raises:
           ConfigError: there is no task.
-          ModelError: not one rollout was finite.
+          ModelError: no rollout was finite.
         """
         if self._task is None:
-            raise ConfigError("MPPI needs a task to plan for; call reset with one first.")
+            raise ConfigError("MPPI needs a task; call reset with one first.")
         begun = time.perf_counter()
         winch, config = self._winch_at_begin(past), self.config
         plan = self._resumed(winch)
@@ -83,14 +83,14 @@ class Mppi:
         return Command(controls[:now], seconds, seen, tail=controls[now:])
 
     def _winch_at_begin(self, past: Past) -> Floats:
-        """(W,) where the winches are when the plan begins [m]."""
+        """(W,) winch positions at the beginning of the plan [m]."""
         if past.pending is None or not past.pending.shape[1]:
             return past.winch[0, -1]
         dynamics = self.dynamics
         return dynamics.robot.wind(past.winch[0, -1], past.pending[0], dynamics.dt)[-1]
 
     def _paths(self, search: Search) -> Floats:
-        """(SHOWN, M, 2) where candidates lead, from the best to the worst, a knot apart [m]."""
+        """(SHOWN, M, 2) paths of candidates, best first, one point per knot [m]."""
         assert self._task is not None
         order = np.argsort(search.costs, kind="stable")[: np.isfinite(search.costs).sum()]
         shown = order[np.linspace(0, len(order) - 1, SHOWN).round().astype(int)]
@@ -98,7 +98,7 @@ class Mppi:
         return self._task.place(search.rollout.points[shown][:, ::every])
 
     def _resumed(self, winch: Floats) -> Floats:
-        """The rest of the last plan, or one that holds still."""
+        """The rest of the last plan, or a holding plan."""
         if self._plan is None:
             return np.repeat(winch[None], self.knots.count, axis=0)
         if self._elites is not None:
@@ -106,7 +106,7 @@ class Mppi:
         return self.knots.later(self._plan, self._act_steps)
 
     def _candidates(self, plan: Floats, noise: float) -> Floats:
-        """(K, S, W): the plan itself, the best of those tried before, fresh ones and noisy ones."""
+        """(K, S, W): the plan itself, the best earlier ones, fresh ones and noisy ones."""
         robot, config = self.dynamics.robot, self.config
         low, range_ = robot.rest_low, robot.rest_high - robot.rest_low
         kept = plan[None] if self._elites is None else np.concatenate([plan[None], self._elites])
@@ -120,7 +120,7 @@ class Mppi:
         return np.clip(drawn, robot.rest_low, robot.rest_high)
 
     def _rollout(self, past: Past, controls: Floats) -> Rollout:
-        """From the plan's beginning on, with what is pending before it."""
+        """Rollouts from the beginning of the plan, preceded by pending commands."""
         if past.pending is None or not past.pending.shape[1]:
             return self.dynamics.rollout(past, controls)
         first = np.repeat(past.pending, len(controls), axis=0)
@@ -144,7 +144,7 @@ class Mppi:
 
 @dataclass(frozen=True)
 class Search:
-    """Candidates that were tried: costs (K,), weights (K,), and where they led."""
+    """Evaluated candidates: costs (K,), weights (K,), and predicted paths."""
 
     costs: Floats
     weights: Floats

@@ -1,4 +1,4 @@
-"""What a user can choose about MPPI."""
+"""Settings of MPPI."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ class MppiConfig(BaseModel):
     """How MPPI searches. The defaults are measured: docs/results/oracle.md.
 
     Attributes:
-      samples: K, plans tried per round.
-      rounds: of trying and averaging per plan.
+      samples: K, plans sampled per round.
+      rounds: of sampling and averaging per plan.
       horizon_seconds: H, predicted [s].
       knot_seconds: between the knots of a plan [s].
-      replan_seconds: carried out of each plan [s].
+      replan_seconds: executed part of each plan [s].
       temperature: beta of the weights, > 0.
-      relative_temperature: count it in standard deviations of the sampled costs, which makes it
-        independent of the costs' scale and of how near the goal is.
+      relative_temperature: measure it in standard deviations of the sampled costs, which makes it
+        independent of the costs' scale and of the distance to the goal.
       noise: standard deviation of a knot, as a fraction of the winch's range of rest lengths.
       smoothness: correlation of the noise from knot to knot.
       narrowing: factor on the noise from each round to the next.
-      elites: best plans that are tried again in the next round, and in the next plan.
-      fresh: share of the samples that do not start from the plan: every winch strokes to an end or
-        to the middle of its range.
+      elites: best plans that are kept for the next round, and for the next plan.
+      fresh: fraction of the samples that do not start from the plan: every winch strokes to an end
+        or to the middle of its range.
       fresh_seconds: duration of such a stroke [s].
     """
 
@@ -53,7 +53,7 @@ class MppiConfig(BaseModel):
     def _acts_within_its_horizon(self) -> Self:
         if self.replan_seconds > self.horizon_seconds:
             raise ValueError(
-                f"replan_seconds ({self.replan_seconds}) is carried out of a plan of "
+                f"replan_seconds ({self.replan_seconds}) is the executed part of a plan of "
                 f"horizon_seconds ({self.horizon_seconds}); it cannot be longer"
             )
         return self

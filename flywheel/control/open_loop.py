@@ -1,4 +1,4 @@
-"""Controllers that need not look: they hold still, play a script, or excite the robot at random."""
+"""Controllers without feedback: they hold, play a script, or excite the robot at random."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flywheel.tasks import Task
 
 
 class OpenLoop(Protocol):
-    """A controller whose commands depend on the first winch positions only."""
+    """A controller whose commands depend only on the first winch positions."""
 
     @property
     def name(self) -> str: ...
@@ -36,10 +36,10 @@ class Hold:
         self._steps = max(1, round(seconds / dt))
 
     def reset(self, task: Task | None, seed: int) -> None:
-        """Nothing to forget."""
+        """Nothing: it has no state."""
 
     def act(self, past: Past) -> Command:
-        """Hold for another while."""
+        """Hold for another block of steps."""
         return Command(self.sequence(past.winch[0, -1], self._steps, 0))
 
     def sequence(self, winch: Floats, steps: int, seed: int) -> Floats:
@@ -48,15 +48,15 @@ class Hold:
 
 
 class Playback:
-    """Plays commands that were written beforehand, and then holds still.
+    """Plays scripted commands, and then holds.
 
     Args:
-      robot: that is commanded.
+      robot: commanded robot.
       controls: (T, W) commands, one for each control step.
-      script: what they are called.
+      script: name of the script.
 
     Raises:
-      ConfigError: they are no commands for this robot.
+      ConfigError: the commands do not fit this robot.
     """
 
     model, history = "", 0
@@ -67,33 +67,33 @@ class Playback:
         winches = len(robot.winches)
         if self.controls.ndim != 2 or self.controls.shape[1] != winches:
             raise ConfigError(
-                f"A script for {robot.name} has {winches} commands in each step, got an array of the shape "
-                f"{self.controls.shape}."
+                f"A script for {robot.name} needs {winches} commands in each step, got an array "
+                f"of the shape {self.controls.shape}."
             )
         if not np.isfinite(self.controls).all():
-            raise ConfigError(f"A script for {robot.name} has commands that are no finite numbers.")
+            raise ConfigError(f"A script for {robot.name} has commands that are not finite.")
         self._played = 0
 
     def reset(self, task: Task | None, seed: int) -> None:
-        """Begin again with the first command."""
+        """Start again with the first command."""
         self._played = 0
 
     def act(self, past: Past) -> Command:
-        """All of the script at once; after it, to hold still for a step."""
+        """The whole script at once; holding commands after it."""
         rest, self._played = self.controls[self._played :], len(self.controls)
         return Command(rest if len(rest) else self.robot.holding(past.winch[0, -1])[None])
 
 
 class RandomConfig(BaseModel):
-    """How random controls excite the robot.
+    """Settings of random excitation.
 
-    Each winch by itself alternates between moving at a random rate and moving to a random rest
-    length to stay there; it changes its mind after a random while.
+    Each winch independently alternates between moving at a random rate and moving to a random rest
+    length and staying there; it switches after a random time.
 
     Attributes:
-      seconds: (least, most) time between changes of mind [s].
+      seconds: (least, most) time between switches [s].
       drive: probability that a winch moves at a rate; else it moves to a rest length.
-      slowest: speeds are drawn between this share of the fastest and the fastest.
+      slowest: speeds are drawn between this fraction of the fastest and the fastest.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -110,7 +110,7 @@ class RandomConfig(BaseModel):
 
 
 class RandomControls:
-    """Random winch commands, to collect data before there is a model to plan with."""
+    """Random winch commands, to collect data before a model exists."""
 
     name, model, history = "random", "", 0
 
@@ -119,11 +119,11 @@ class RandomControls:
         self._rng = np.random.default_rng(0)
 
     def reset(self, task: Task | None, seed: int) -> None:
-        """Begin another random episode."""
+        """Start another random episode."""
         self._rng = np.random.default_rng(seed)
 
     def act(self, past: Past) -> Command:
-        """Random commands for as long as the longest time between changes of mind."""
+        """Random commands for the longest time between switches."""
         steps = max(1, round(self.config.seconds[1] / self.dt))
         return Command(self.sequence(past.winch[0, -1], steps, int(self._rng.integers(2**63))))
 
@@ -140,7 +140,7 @@ class RandomControls:
         return np.clip(commands, robot.control_low, robot.control_high)
 
     def _whims(self, steps: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Where each winch wants to be, and the most it hurries: (steps, W) [m], [m/s]."""
+        """Target and fastest rate of each winch: (steps, W) [m], [m/s]."""
         robot, (least, most) = self.robot, self.config.seconds
         winches, number = len(robot.winches), int(np.ceil(steps * self.dt / least)) + 1
         shape = (number, winches)

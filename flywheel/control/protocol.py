@@ -1,4 +1,4 @@
-"""What chooses the controls, and what it says when it has chosen."""
+"""Interface of controllers, and the record of their choice."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from flywheel.tasks.task import Task
 
 @dataclass(frozen=True)
 class Command:
-    """What a controller wants done next.
+    """A controller's choice for the next control steps.
 
     Attributes:
-      controls: (S, W) commands for the next S >= 1 control steps; the controller is asked again after.
-      plan_seconds: computing time the choice took [s]; 0 where nothing was planned.
-      diagnostics: named arrays for figures and videos; nothing reads them to decide. "paths" (K, M, 2)
-        are ways that the robot's centre of mass would take, the best one first [m].
-      tail: (R, W) commands to go on with for as long as nothing newer was chosen; None to hold still.
+      controls: (S, W) commands for the next S >= 1 control steps; the controller is asked again
+        after them.
+      plan_seconds: computing time of the choice [s]; 0 without planning.
+      diagnostics: named arrays for figures and videos only. "paths" (K, M, 2) are predicted paths
+        of the robot's centre of mass, best first [m].
+      tail: (R, W) commands to continue with until a newer choice; None to hold.
     """
 
     controls: Floats
@@ -30,12 +31,12 @@ class Command:
 
 @dataclass(frozen=True)
 class Piece:
-    """What just happened in an episode, from one choice of commands to the next.
+    """Part of an episode, from one choice of commands to the next.
 
     Attributes:
       done: control steps since the beginning.
-      simulated: (1,) what the plant did, from the state before on.
-      command: that it followed.
+      simulated: (1,) motion of the plant, starting with the previous state.
+      command: the choice that it followed.
     """
 
     done: int
@@ -49,12 +50,12 @@ OnPiece = Callable[[Piece], None]
 
 @runtime_checkable
 class Controller(Protocol):
-    """Anything that chooses controls for one robot.
+    """Any source of controls for one robot.
 
     Attributes:
       name: for provenance: "random", "gait:roll", "mppi", ...
-      model: digest of the weights it plans with, or "".
-      history: past control steps it looks at; it is given at least that many where there are.
+      model: digest of the weights used for planning, or "".
+      history: number of past control steps used. It is given at least that many once they exist.
     """
 
     @property
@@ -67,7 +68,7 @@ class Controller(Protocol):
     def history(self) -> int: ...
 
     def reset(self, task: Task | None, seed: int) -> None:
-        """Begin an episode: forget the last one. All of its chance comes from `seed`.
+        """Start an episode without memory of the last one. All randomness comes from `seed`.
 
         Raises:
           ConfigError: the controller needs a task and got none.
@@ -78,10 +79,10 @@ class Controller(Protocol):
         """Choose the next commands.
 
         Args:
-          past: of batch size 1; as long as the episode so far, at least `history` steps if it is
-            that long.
+          past: of batch size 1; as long as the episode so far, at least `history` steps once they
+            exist.
 
         Raises:
-          ModelError: nothing finite could be predicted from here.
+          ModelError: no finite prediction from here.
         """
         ...

@@ -1,4 +1,4 @@
-"""Where episodes begin: dropped from above, in any orientation, or standing somewhere."""
+"""Initial states of episodes: dropped from above, in any orientation, or standing somewhere."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ HEIGHT = (0.03, 0.4)  # height of the lowest cap's surface above the ground [rob
 
 
 def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
-    """The robot at rest in its own shape, turned any way, above the ground.
+    """The robot at rest in its own shape, in a random orientation above the ground.
 
     Args:
-      plant: of a robot whose bodies are all free, and tied to each other only.
-      rng: source of all chance.
-      n: how many.
+      plant: of a robot whose bodies are all free, and connected to each other only.
+      rng: source of randomness.
+      n: number of states.
 
     Returns:
       (n,) states.
 
     Raises:
-      RobotError: the robot cannot be turned, for it is tied to something fixed.
+      RobotError: the robot is attached to something fixed.
     """
     robot, rest = plant.robot, plant.rest(n)
     turn = Rotation.from_quat(_unit(rng.standard_normal((n, 4))))
@@ -40,10 +40,10 @@ def random_drop(plant: Plant, rng: np.random.Generator, n: int) -> State:
 
 
 def above_ground(plant: Plant, state: State) -> State:
-    """Robots (n,) that stand or hang over the plane, as far above the highest ground below them.
+    """Standing or hanging robots (n,), raised by the height of the highest ground below them.
 
     Raises:
-      RobotError: they have joints, and the ground is not level.
+      RobotError: the robot has joints, and the ground is not level.
     """
     if plant.terrain is None:
         return state
@@ -57,10 +57,10 @@ def above_ground(plant: Plant, state: State) -> State:
 
 
 def standing(plant: Plant, state: State, place: Floats, turn: float) -> State:
-    """A robot that lies still (1,), carried to a place (2,) [m] and turned about the vertical [rad].
+    """A resting robot (1,), moved to a place (2,) [m] and turned about the vertical [rad].
 
     Raises:
-      RobotError: it cannot be moved, for it is tied to something fixed.
+      RobotError: it is attached to something fixed.
     """
     pose, center = _turned(plant.robot, state, Rotation.from_rotvec([[0.0, 0.0, turn]]))
     pose[..., :2] += place
@@ -69,10 +69,10 @@ def standing(plant: Plant, state: State, place: Floats, turn: float) -> State:
 
 
 def refuse_fixed(robot: Robot) -> None:
-    """Refuse a robot that cannot be anywhere else than where it is.
+    """Check that a robot can be placed anywhere.
 
     Raises:
-      RobotError: it is tied to something fixed, or has joints.
+      RobotError: it is attached to something fixed, or has joints.
     """
     if robot.tethered:
         raise RobotError(
@@ -82,7 +82,8 @@ def refuse_fixed(robot: Robot) -> None:
 
 
 def _turned(robot: Robot, state: State, turn: Rotation) -> tuple[Floats, Floats]:
-    """Poses (n, bodies, 7) turned (n,) about their centres of mass, relative to these, and the centres.
+    """Poses (n, bodies, 7) rotated by (n,) about their centres of mass, relative to these, and the
+    centres.
 
     Returns:
       The poses, and the centres (n, 1, 3) [m].

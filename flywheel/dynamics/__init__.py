@@ -1,4 +1,4 @@
-"""Dynamics models: everything that answers `rollout` (see `protocol.Dynamics`)."""
+"""Dynamics models: all implementations of `rollout` (see `protocol.Dynamics`)."""
 
 from flywheel.dynamics.baselines import Persistence
 from flywheel.dynamics.plant import (

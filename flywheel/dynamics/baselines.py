@@ -1,4 +1,4 @@
-"""Dynamics models that know nothing: what every other model has to beat."""
+"""Trivial dynamics models, as baselines for all others."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from flywheel.robots import Robot
 
 @dataclass(frozen=True)
 class Persistence:
-    """Nothing moves: the last seen points are repeated; the winches follow their commands.
+    """No motion: the last seen points are repeated; the winches follow their commands.
 
-    A point that is missing at the present stays where it was last seen within the past.
+    A point missing at the present stays at its last known position within the past.
 
     Attributes:
       robot: the robot it predicts.
       dt: control step [s].
-      history: past steps it looks back for a missing point.
+      history: past steps searched for a missing point.
     """
 
     robot: Robot
@@ -31,7 +31,7 @@ class Persistence:
         """Predict the points under `controls` (B, H, W).
 
         Raises:
-          ModelError: the shapes do not fit the robot, or a point was not seen in the whole past.
+          ModelError: the shapes do not fit the robot, or a point is missing in the whole past.
         """
         batch, horizon, winches = controls.shape
         if winches != len(self.robot.winches):
@@ -44,7 +44,9 @@ class Persistence:
         for step in range(2, seen.shape[1] + 1):
             points = np.where(np.isfinite(points), points, seen[:, -step])
         if not np.isfinite(points).all():
-            raise ModelError("A tracked point was not seen in the whole past; nothing to repeat.")
+            raise ModelError(
+                "A tracked point was not seen in the whole past; there is no position to repeat."
+            )
         points = np.broadcast_to(points[:, None], (len(points), horizon + 1, *points.shape[1:]))
         start = np.broadcast_to(past.winch[:, -1], (batch, winches))
         winch = self.robot.dead_reckon(start, controls, self.dt)

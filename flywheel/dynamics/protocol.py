@@ -1,4 +1,4 @@
-"""The one call that every dynamics model answers."""
+"""The common interface of all dynamics models."""
 
 from typing import Protocol, runtime_checkable
 
@@ -8,10 +8,10 @@ from flywheel.robots import Robot
 
 @runtime_checkable
 class Dynamics(Protocol):
-    """Anything that can predict where the tracked points go.
+    """Any predictor of the tracked points.
 
-    MuJoCo, the graph network, the analytic baselines and a model with added physics all answer
-    `rollout`; planners, evaluation and diagnosis cannot tell which one they hold.
+    MuJoCo, the graph network, the analytic baselines and a model with added physics all implement
+    `rollout`; planners, evaluation and diagnosis do not depend on the kind of model.
 
     Attributes:
       robot: the robot it predicts.

@@ -1,7 +1,8 @@
-"""Arrays in a file without pickle, and a readable side file that says what they are.
+"""Arrays in a file without pickle, and a readable side file that describes them.
 
-The side file says which network it is, and that network how large the file may be, and the names, shapes
-and types of the arrays in it: that is looked at before an array is read, and the digest before one is kept.
+The side file identifies the network, which determines the largest size of the file, and the names,
+shapes and types of its arrays: these are checked before an array is read, and the digest before one
+is used.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _LARGEST_DIRECTORY = 1000  # everything else in an .npz [bytes]
 
 @dataclass(frozen=True)
 class Wanted:
-    """An array as it has to be."""
+    """Required shape and type of an array."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -58,7 +59,7 @@ def arrays_of(network: nn.Module) -> Arrays:
 
 
 def digest_of(head: Mapping[str, Any], arrays: Iterable[tuple[str, np.ndarray]]) -> str:
-    """Sha256 of what a network is and of its arrays, in the order of their names."""
+    """Sha256 of a network's identity and of its arrays, in the order of their names."""
     found = hashlib.sha256(json.dumps(head, sort_keys=True).encode())
     for name, array in arrays:
         array = np.ascontiguousarray(array)
@@ -68,10 +69,10 @@ def digest_of(head: Mapping[str, Any], arrays: Iterable[tuple[str, np.ndarray]])
 
 
 def write_arrays(path: Path, arrays: Arrays, about: Mapping[str, Any]) -> None:
-    """Write arrays to `path` (.npz) and what they are beside it (.json).
+    """Write arrays to `path` (.npz) and their description next to it (.json).
 
-    Both files are replaced whole, the .npz first: a kill in between leaves a side file that does not
-    match, which reading refuses.
+    Both files are replaced atomically, the .npz first: a kill in between leaves a side file that
+    does not match, and reading raises.
     """
     content = BytesIO()
     np.savez(content, **arrays)  # type: ignore[arg-type]
@@ -80,10 +81,10 @@ def write_arrays(path: Path, arrays: Arrays, about: Mapping[str, Any]) -> None:
 
 
 def read_side_file(path: Path | str) -> dict[str, Any]:
-    """What the side file of weights at `path` says.
+    """Content of the side file of weights at `path`.
 
     Raises:
-      ModelError: there is none, or it is no such file.
+      ModelError: it is missing or malformed.
     """
     side = Path(path).with_suffix(".json")
     if not side.exists():
@@ -97,16 +98,16 @@ def read_side_file(path: Path | str) -> dict[str, Any]:
 def checked_side_file(
     path: Path | str, format: int, kinds: Mapping[str, type | tuple[type, ...]]
 ) -> dict[str, Any]:
-    """The same, of this format, with values of these types.
+    """The same, checked for this format, with values of these types.
 
     Raises:
-      ModelError: it is another.
+      ModelError: it differs.
     """
     about, side = read_side_file(path), Path(path).with_suffix(".json")
     if about["format"] != format:
         raise ModelError(
-            f"{side} has format {shown(about['format'])}; this version reads format {format}. Train the "
-            "network anew, or read it with the version of this project that wrote it."
+            f"{side} has format {shown(about['format'])}; this version reads format {format}. "
+            "Train the network again, or read it with the version of this project that wrote it."
         )
     for name, kind in kinds.items():
         if not isinstance(about.get(name), kind):
@@ -118,16 +119,16 @@ def checked_side_file(
 def read_arrays(
     path: Path, wanted: Mapping[str, Wanted], head: Mapping[str, Any], digest: str
 ) -> Arrays:
-    """The arrays of a file, if they are those that are wanted and have their digest.
+    """The arrays of a file, checked against their expected shapes and digest.
 
     Args:
       path: of the .npz file.
       wanted: arrays by name.
-      head: what the network is, see `digest_of`.
-      digest: that the side file names.
+      head: identity of the network, see `digest_of`.
+      digest: from the side file.
 
     Raises:
-      ModelError, and those of `DAMAGED`: they are not.
+      ModelError, and those of `DAMAGED`: they differ.
     """
     largest = _LARGEST_DIRECTORY + sum(w.nbytes + _LARGEST_HEADER for w in wanted.values())
     with opened(path, "file of weights", ModelError, largest) as raw, ZipFile(raw) as archive:
@@ -146,7 +147,7 @@ def read_arrays(
 
 
 def _arrays_in(archive: ZipFile, wanted: Mapping[str, Wanted]) -> Iterator[tuple[str, np.ndarray]]:
-    """Names and arrays by name; none is read whose header says that it is another."""
+    """Arrays by name; one with a wrong header is not read."""
     for name in sorted(wanted):
         one = wanted[name]
         with archive.open(f"{name}.npy") as file:

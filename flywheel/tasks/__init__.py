@@ -1,4 +1,4 @@
-"""Tasks: goals, obstacles, and what a predicted motion costs."""
+"""Tasks: goals, obstacles, and the cost of a predicted motion."""
 
 from collections.abc import Callable
 
@@ -33,10 +33,10 @@ def sample_task(
 
     Args:
       name: as in `TASKS`.
-      robot: that it is for.
-      start: (P, 3) where its tracked points are [m].
-      rng: source of all chance.
-      config: what to draw from; its own `name` is not looked at.
+      robot: for the task.
+      start: (P, 3) present positions of its tracked points [m].
+      rng: source of randomness.
+      config: distribution of tasks; its own `name` is ignored.
 
     Raises:
       UnknownNameError: no such task.

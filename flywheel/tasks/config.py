@@ -1,4 +1,4 @@
-"""What a user can choose about tasks."""
+"""Settings of tasks."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Range = tuple[PositiveRobotLengths, PositiveRobotLengths]
 
 
 class TaskConfig(BaseModel):
-    """Tasks to draw, and what they cost. Lengths are in units of the robot's length L.
+    """Distribution and cost of tasks. Lengths are in units of the robot's length L.
 
     Attributes:
       name: kind of task, as in `TASKS`.
-      goal: (x, y) where it is given [m]; None to draw it. For the reaching tasks only.
+      goal: (x, y) of a given goal [m]; None to draw it. For the reaching tasks only.
       radius: (least, most) distance of a drawn goal from the start [L]; its bearing is uniform.
       tolerance: distance at which the goal counts as reached [L]. 0.17 L is the 0.5 m of published
         planners, for rods of 2.95 m.
@@ -34,18 +34,18 @@ class TaskConfig(BaseModel):
       along: weight of the distance to the goal, averaged over the horizon (the paper's alpha1).
       final: weight of the distance to the goal at the end of the horizon.
       broadside: weight of the robot's spread along the way to the goal. It makes a long robot turn
-        sooner; too much of it makes the robot stretch itself out across the way, and stay.
+        sooner; too much makes the robot stretch itself out across the way, and stay.
       arrival: reward for reaching the goal within the horizon.
       near: weight alpha2 of the collision term, among boxes only.
       course: of the task "obstacle_course": the name of a shipped one, or the path of an MJCF.
       spread: radius around the course's start and goals within which they are drawn [L].
-      stops: number of goals of the task "tour", one `radius` after the other.
-      obstacles: boxes where they are given [m]; none to draw `boxes` of them.
+      stops: number of goals of the task "tour", each at `radius` from the last.
+      obstacles: given boxes [m]; empty to draw `boxes` of them.
       boxes: number of boxes to draw between start and goal.
       box_half_width: (least, most) of a drawn box [L].
       box_height: of a drawn box [L].
-      clearance: that planned ways keep between the centre of mass and the boxes [L].
-      cell: of the grid on which ways around boxes are found [L].
+      clearance: of planned paths, between the centre of mass and the boxes [L].
+      cell: of the grid for paths around boxes [L].
       moves: "diagonal" (8 neighbours) or "manhattan" (4).
     """
 
@@ -90,7 +90,7 @@ class TaskConfig(BaseModel):
                 raise ValueError(f"{name} needs 0 < least <= most, got {(low, high)}")
         if self.radius[0] <= self.tolerance:
             raise ValueError(
-                f"goals at {self.radius[0]} L would be reached at the start already: the tolerance "
-                f"is {self.tolerance} L"
+                f"goals at {self.radius[0]} L would be reached at the start already: the "
+                f"tolerance is {self.tolerance} L"
             )
         return self

@@ -1,4 +1,4 @@
-"""Terms of a cost. Lengths count in robot lengths, so that weights fit robots of any size."""
+"""Terms of a cost. Lengths are in robot lengths, so that weights fit robots of any size."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Arrival:
 
 @dataclass(frozen=True)
 class Broadside:
-    """How much of the robot's spread on the ground lies along the way to the goal: 0 to `weight`.
+    """Fraction of the robot's spread on the ground along the way to the goal: 0 to `weight`.
 
-    An elongated robot rolls across its long side, and has to turn first where the goal lies beyond its
-    end; the distance alone does not tell it to. For a round robot the term is constant. It fades
-    within a robot length of the goal. Taken at the end of the horizon, along the straight way.
+    An elongated robot rolls across its long side, and has to turn first if the goal lies beyond its
+    end; the distance alone does not reward this. For a round robot the term is constant. It fades
+    within a robot length of the goal. Evaluated at the end of the horizon, along the straight way.
     """
 
     weight: float
@@ -73,7 +73,7 @@ class Broadside:
 class Collision:
     """alpha2 / d of the paper's section 3.3, averaged over the horizon.
 
-    d is the gap between the end caps and the obstacles, the smallest of all, in robot lengths.
+    d is the smallest gap between the end caps and the obstacles, in robot lengths.
     """
 
     weight: float
@@ -87,7 +87,7 @@ class Collision:
 def gap(points: Floats, robot: Robot, boxes: tuple[Box, ...]) -> Floats:
     """Smallest distance (...) between the caps' surfaces and boxes, for points (..., P, 3) [m].
 
-    Infinite without boxes; not below minus a cap's radius, which is where its centre touches a box.
+    Infinite without boxes; at least minus a cap's radius, where its centre touches a box.
     """
     radii = np.array([point.radius for point in robot.points])
     nearest = np.full(points.shape[:-2], np.inf)

@@ -1,4 +1,4 @@
-"""Tasks with a way: through an obstacle course, or from goal to goal on open ground."""
+"""Tasks along a path: through an obstacle course, or from goal to goal on open ground."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flywheel.tasks.task import Stand, Task
 def obstacle_course(
     robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig
 ) -> Task:
-    """A course from an MJCF, from about its start to about each of its goals."""
+    """A course from an MJCF, from near its start to near each of its goals."""
     course, why = load_course(config.course), ""
     for _ in range(ATTEMPTS):
         here = _around(course.start, robot, rng, config)
@@ -38,8 +38,8 @@ def obstacle_course(
         except ConfigError as error:
             why = str(error)
     raise ConfigError(
-        f"{robot.name} cannot be brought onto the course {course.name}, in {ATTEMPTS} attempts; the last "
-        f"one failed: {why} Draw a wider course, or ask for less spread or clearance."
+        f"{robot.name} could not be placed on the course {course.name}, in {ATTEMPTS} attempts; "
+        f"the last one failed: {why} Use a wider course, or less spread or clearance."
     )
 
 
@@ -64,7 +64,7 @@ def _through(
     goals: Sequence[Floats],
     config: TaskConfig,
 ) -> Task:
-    """The way from `here` (2,) to one goal after the other."""
+    """The path from `here` (2,) to one goal after the other."""
     goal, *later = goals
     ways = ways_to(goal, here, course.obstacles, robot, config)
     task = around_boxes("obstacle_course", robot, goal, ways, course.obstacles, config)
@@ -74,7 +74,7 @@ def _through(
 def _around(
     place: tuple[float, float], robot: Robot, rng: np.random.Generator, config: TaskConfig
 ) -> Floats:
-    """(2,) anywhere in a disc around a place of the course."""
+    """(2,) a random place in a disc around a place of the course."""
     radius = config.spread * robot.length * np.sqrt(rng.uniform())
     bearing = rng.uniform(-np.pi, np.pi)
     return np.array(place) + radius * np.array([np.cos(bearing), np.sin(bearing)])

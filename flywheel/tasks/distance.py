@@ -1,4 +1,4 @@
-"""How far it is to a goal: in a straight line, or around boxes on a grid."""
+"""Distance to a goal: in a straight line, or around boxes on a grid."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Grid:
       origin: (2,) place [m] of the corner [0, 0].
       cell: side of a cell [m].
       values: (X, Y) distances at the corners [m].
-      reachable: (X, Y) corners from which a way leads to the goal; the values at the others lead
-        to the nearest of them.
+      reachable: (X, Y) corners with a path to the goal; the values at the others lead to the
+        nearest of them.
     """
 
     origin: Floats
@@ -52,7 +52,7 @@ class Grid:
     def __call__(self, places: Floats) -> Floats:
         """Distance (...) from places (..., 2) to the goal [m].
 
-        A place outside the grid counts its straight way to the grid on top.
+        A place outside the grid adds its straight distance to the grid.
         """
         last = np.array(self.values.shape) - 1
         wanted = (places - self.origin) / self.cell
@@ -66,7 +66,7 @@ class Grid:
         return (1 - u) * left + u * right + outside
 
     def reaches(self, place: Floats) -> bool:
-        """Whether a way leads to the goal from the corner nearest to `place` (2,)."""
+        """True if a path leads to the goal from the corner nearest to `place` (2,)."""
         corner = np.rint((place - self.origin) / self.cell).astype(int)
         corner = np.clip(corner, 0, np.array(self.values.shape) - 1)
         return bool(self.reachable[tuple(corner)])
@@ -82,18 +82,18 @@ def grid_around(
     clearance: float,
     moves: Moves = "diagonal",
 ) -> Grid:
-    """Shortest ways to a goal that keep clear of boxes.
+    """Shortest paths to a goal that keep clear of boxes.
 
     Args:
       goal: (2,) [m].
-      boxes: obstacles; their height does not matter, nothing goes over or under them.
+      boxes: obstacles; their height is ignored, nothing passes over or under them.
       low, high: (2,) corners of the ground that the grid covers at least [m].
       cell: side of a cell [m].
       clearance: kept from the boxes [m].
       moves: "diagonal" moves to 8 neighbours, "manhattan" to the 4 along x and y.
 
     Raises:
-      ConfigError: the goal lies outside of the ground, or in an obstacle or too near to one.
+      ConfigError: the goal lies outside of the ground, or in an obstacle or too close to one.
     """
     size = np.ceil((high - low) / cell).astype(int) + 1
     # The goal is a corner of the grid, so that the distance is exactly zero there and only there.
@@ -113,7 +113,7 @@ def grid_around(
 
 
 def near_boxes(places: Floats, boxes: Sequence[Box], clearance: float) -> NDArray[np.bool_]:
-    """(...) whether places (..., 2) lie within `clearance` [m] of a box, seen from above."""
+    """(...) bool: True for places (..., 2) within `clearance` [m] of a box, seen from above."""
     near = np.zeros(places.shape[:-1], dtype=bool)
     for box in boxes:
         beyond = np.abs(places - np.array(box.center[:2])) - np.array(box.half_size[:2])
@@ -122,7 +122,7 @@ def near_boxes(places: Floats, boxes: Sequence[Box], clearance: float) -> NDArra
 
 
 def shortest_ways(free: NDArray[np.bool_], start: tuple[int, int], moves: Moves) -> Floats:
-    """Length (X, Y) of the shortest way from `start` over free corners, in cells; inf where none.
+    """Length (X, Y) of the shortest path from `start` over free corners, in cells; inf without one.
 
     A diagonal move needs both of the corners that it passes between to be free.
     """
@@ -156,7 +156,7 @@ def _beside(dx: int, dy: int, *, first: bool) -> tuple[slice, slice]:
 
 
 def _leading_out(values: Floats, cell: float) -> Floats:
-    """Fill unreachable corners with the distance at the nearest reachable one and the way to it."""
+    """Fill unreachable corners with the distance at the nearest reachable one plus the way to it."""
     steps, nearest = distance_transform_edt(~np.isfinite(values), return_indices=True)
     return values[tuple(nearest)] + steps * cell
 

@@ -41,7 +41,7 @@ def on_open_ground(
 def reach_among_boxes(
     robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig
 ) -> Task:
-    """A goal behind boxes that the robot has to go around."""
+    """A goal behind boxes, which the robot has to go around."""
     here = robot.center_weights @ start[:, :2]
     boxes, goal, ways = _course(robot, here, start, rng, config)
     return around_boxes("reach_among_boxes", robot, goal, ways, boxes, config)
@@ -55,7 +55,7 @@ def around_boxes(
     boxes: tuple[Box, ...],
     config: TaskConfig,
 ) -> Task:
-    """Go to a goal (2,) by ways around boxes."""
+    """Go to a goal (2,) by paths around boxes."""
     return Task(
         name=name,
         robot=robot,
@@ -69,7 +69,7 @@ def around_boxes(
 
 
 def going(config: TaskConfig) -> tuple[Cost, ...]:
-    """What every way to a goal costs."""
+    """Cost terms common to all paths to a goal."""
     return (
         MeanDistance(config.along),
         FinalDistance(config.final),
@@ -79,7 +79,7 @@ def going(config: TaskConfig) -> tuple[Cost, ...]:
 
 
 def drawn_goal(robot: Robot, here: Floats, rng: np.random.Generator, config: TaskConfig) -> Floats:
-    """(2,) the goal that is given, or one at a distance from `here` (2,)."""
+    """(2,) the given goal, or one at a distance from `here` (2,)."""
     if config.goal is not None:
         return np.array(config.goal)
     radius, bearing = rng.uniform(*config.radius), rng.uniform(-np.pi, np.pi)
@@ -89,7 +89,7 @@ def drawn_goal(robot: Robot, here: Floats, rng: np.random.Generator, config: Tas
 def _course(
     robot: Robot, here: Floats, start: Floats, rng: np.random.Generator, config: TaskConfig
 ) -> tuple[tuple[Box, ...], Floats, Grid]:
-    """Boxes, goal and ways around, drawn until the goal can be reached."""
+    """Boxes, goal and paths around, drawn until the goal can be reached."""
     why = ""
     for _ in range(ATTEMPTS):
         goal = drawn_goal(robot, here, rng, config)
@@ -108,10 +108,10 @@ def _course(
 def ways_to(
     goal: Floats, here: Floats, boxes: tuple[Box, ...], robot: Robot, config: TaskConfig
 ) -> Grid:
-    """Shortest ways around boxes to a goal (2,), on ground that holds all of them [m].
+    """Shortest paths around boxes to a goal (2,), on ground that holds all of them [m].
 
     Raises:
-      ConfigError: the goal lies in a box or too near to one, or no way leads there from `here`.
+      ConfigError: the goal lies in a box or too close to one, or cannot be reached from `here`.
     """
     corners = [
         np.array(b.center[:2]) + s * np.array(b.half_size[:2]) for b in boxes for s in (-1, 1)
@@ -129,7 +129,7 @@ def ways_to(
     )
     if not ways.reaches(here):
         raise ConfigError(
-            f"No way leads from ({here[0]:.3g}, {here[1]:.3g}) to the goal ({goal[0]:.3g}, "
+            f"No path leads from ({here[0]:.3g}, {here[1]:.3g}) to the goal ({goal[0]:.3g}, "
             f"{goal[1]:.3g}) with {config.clearance:.3g} L of clearance from the boxes."
         )
     return ways
@@ -138,7 +138,7 @@ def ways_to(
 def _boxes(
     robot: Robot, here: Floats, goal: Floats, rng: np.random.Generator, config: TaskConfig
 ) -> tuple[Box, ...]:
-    """Boxes beside the straight way, a third to two thirds along it."""
+    """Boxes near the straight path, a third to two thirds along it."""
     length, along = robot.length, goal - here
     across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
     height = config.box_height * length / 2
@@ -151,7 +151,8 @@ def _boxes(
 
 
 def check_start(robot: Robot, here: Floats, start: Floats, boxes: tuple[Box, ...]) -> None:
-    """Refuse boxes that touch a robot with its centre at (2,) and its points at (P, 3), however turned.
+    """Reject boxes that touch a robot with its centre at (2,) and its points at (P, 3), in any
+    orientation.
 
     Raises:
       ConfigError: one does.

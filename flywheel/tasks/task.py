@@ -13,7 +13,7 @@ from flywheel.robots import Box, Robot
 
 
 class Distance(Protocol):
-    """How far it is from a place to the goal."""
+    """Distance from a place to the goal."""
 
     def __call__(self, places: Floats) -> Floats:
         """Distance (...) from places (..., 2) on the ground to the goal [m]."""
@@ -30,7 +30,7 @@ class Cost(Protocol):
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a robot stands on the ground, and how it is turned.
+    """Position of a robot on the ground, and its rotation about the vertical.
 
     Attributes:
       place: (2,) of its centre of mass [m].
@@ -41,7 +41,7 @@ class Stand:
     turn: float
 
     def points(self, points: Floats, weights: Floats) -> Floats:
-        """Points (P, 3) of a robot brought there; (P,) weights of its centre of mass."""
+        """Points (P, 3) of a robot placed there; (P,) weights of its centre of mass."""
         cosine, sine = np.cos(self.turn), np.sin(self.turn)
         around = points[:, :2] - weights @ points[:, :2]
         turned = around @ np.array([[cosine, sine], [-sine, cosine]])
@@ -54,15 +54,15 @@ class Task:
 
     Attributes:
       name: of its kind, as in `TASKS`.
-      robot: that it is for.
+      robot: for the task.
       goal: (2,) place on the ground [m].
       tolerance: straight distance at which the goal counts as reached [m].
       seconds: time limit [s].
-      to_goal: the distance that the costs see, around obstacles where there are any.
+      to_goal: the distance for the costs, around obstacles if there are any.
       costs: terms of the cost.
       obstacles: boxes on the way; the plant needs the same ones.
-      begin: where the robot has to stand at first; None for where it is.
-      then: what to do next, once the goal is reached; None if that was all.
+      begin: required initial position of the robot; None for its present one.
+      then: next task, once the goal is reached; None for none.
     """
 
     name: str
@@ -78,11 +78,11 @@ class Task:
 
     @property
     def last_goal(self) -> Floats:
-        """(2,) where it all ends [m]."""
+        """(2,) the last goal [m]."""
         return self.goal if self.then is None else self.then.last_goal
 
     def place(self, points: Floats) -> Floats:
-        """Where the robot is: (..., 2) of its centre of mass, for points (..., P, 3) [m]."""
+        """Position of the robot: (..., 2) of its centre of mass, for points (..., P, 3) [m]."""
         return np.einsum("p,...pi->...i", self.robot.center_weights, points[..., :2])
 
     def distance(self, points: Floats) -> Floats:
@@ -90,7 +90,7 @@ class Task:
         return np.linalg.norm(self.place(points) - self.goal, axis=-1)
 
     def reached(self, points: Floats) -> NDArray[np.bool_]:
-        """(...) whether the goal is reached, for points (..., P, 3)."""
+        """(...) bool: True if the goal is reached, for points (..., P, 3)."""
         return self.distance(points) <= self.tolerance
 
     def cost(self, points: Floats) -> Floats:

@@ -1,11 +1,11 @@
-"""Where cables end: on the bodies' surfaces, beside the points that are tracked.
+"""Cable ends on the surfaces of bodies, next to the tracked points.
 
-A rod whose tracked points lie on its axis shows everything but its roll, the turn about that axis. Its
-cables end on its surface, though, and centimetres more or less of a stiff cable are all of its force.
-The roll can be computed: a rod has little inertia about its axis, so it soon comes to rest where the
-elastic energy of its cables is least. There it is taken to be, at the start of every prediction chunk.
+Tracked points on the axis of a rod do not show its roll, the rotation about that axis. Its cables
+end on its surface, though, and the force of a stiff cable depends on centimetres. The roll can be
+computed: a rod has little inertia about its axis, so it soon rests where the elastic energy of its
+cables is least. That roll is assumed at the start of every prediction chunk.
 
-Arrays are component-major: (3, ..., M, K) for M things of K samples.
+Arrays are component-major: (3, ..., M, K) for M items of K samples.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LARGEST = 0.5  # turn of one descent [rad]
 class Attachments:
     """The ends of all cables of a robot; ends 2c and 2c + 1 are those of cable c.
 
-    A *rod* is a body of which only an axis is seen. Its roll is told by its *side*: a unit vector
+    A *rod* is a body with only a visible axis. Its roll is described by its *side*: a unit vector
     across its axis that turns with it.
 
     Args:
@@ -69,7 +69,7 @@ class Attachments:
         self._edge = graph.relations["cable"].origin.argsort()[::2]
 
     def positions(self, frames: Tensor, sides: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
-        """(3, 2 C, K) places of all ends [m], and the part of them that is across a rod's axis [m].
+        """(3, 2 C, K) positions of all ends [m], and their component across a rod's axis [m].
 
         Gradients pass through the frames, but not through the roll.
 
@@ -106,7 +106,7 @@ class Attachments:
 
     @torch.no_grad()
     def find(self, frames: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
-        """(3, R, K) sides at which the cables' energy is least, with nothing known of them before.
+        """(3, R, K) sides of least cable energy, without a previous estimate.
 
         Args:
           frames: (3, F, K) rigid frames.
@@ -140,7 +140,7 @@ class Attachments:
 
     @torch.no_grad()
     def follow(self, frames: Tensor, sides: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
-        """The sides (3, R, K) after the rods have moved a little; arguments as of `find`."""
+        """The sides (3, R, K) after a small motion of the rods; arguments as of `find`."""
         sides = upright(sides, frames[:, self._axes])
         return self._descended(frames, sides, origin, self._rest(winch)) if self._rolls else sides
 
@@ -169,13 +169,13 @@ class Attachments:
 
 
 def upright(sides: Tensor, axes: Tensor) -> Tensor:
-    """Sides (3, R, K) made unit vectors across the axes (3, R, K)."""
+    """Vectors (3, R, K) projected to unit vectors across the axes (3, R, K)."""
     sides = sides - (sides * axes).sum(0) * axes
     return sides / (sides * sides).sum(0).clamp(min=1e-12).sqrt()
 
 
 def _any_across(axes: Tensor) -> Tensor:
-    """(3, R, K) some unit vectors across the axes."""
+    """(3, R, K) arbitrary unit vectors across the axes."""
     steep = (axes[2].abs() > 0.9).to(axes)
     return upright(torch.stack([torch.zeros_like(steep), steep, 1.0 - steep]), axes)
 

@@ -1,4 +1,4 @@
-"""What a user can choose about the network, one field per component so that each can be ablated."""
+"""Settings of the network, one field per component so that each can be ablated."""
 
 from __future__ import annotations
 
@@ -10,40 +10,41 @@ from flywheel.quantities import Bounds, ControlStep, PositiveRobotLengths
 
 
 class NetworkConfig(BaseModel):
-    """The shape of a `ChunkNetwork` and what it is shown. The defaults are the `lean` network.
+    """Shape and inputs of a `ChunkNetwork`. The defaults are the `lean` network.
 
     Attributes:
       decomposition: body nodes stand at the tracked points ("caps"), or at every geometric piece of
         a body and at the tracked points without one ("primitives").
       width: of all latent vectors.
       rounds: L, of message passing.
-      chunk: n, the control steps that one call predicts.
+      chunk: n, the control steps predicted by one call.
       dt: control step [s].
-      control_history: h, past controls that a cable's features hold.
+      control_history: h, past controls in a cable's features.
       warmup_chunks: measured past prediction chunks that the LSTM runs through before it predicts.
-      velocity_window: steps over which node velocities are fitted to the measured past; 1 is the
-        backward difference, more is for noisy points.
-      smooth_present: also take the present positions from that fit instead of as measured.
-      config_features: show nodes their place relative to a designated node and to their body's
+      velocity_window: steps of the measured past in the fit of node velocities; 1 is the backward
+        difference, more is for noisy points.
+      smooth_present: also take the present positions from that fit instead of the measurement.
+      config_features: give nodes their position relative to a designated node and to their body's
         centre of mass, and the body's axis.
-      cable_ends: what a cable's features are measured between: the points of the bodies where it is
-        attached, with a rod's unseen roll computed from the cables ("attachments"), or the nodes
-        that stand for them ("nodes").
+      cable_ends: ends of a cable in its features: the points of attachment on the bodies, with a
+        rod's invisible roll computed from the cables ("attachments"), or the nodes that represent
+        them ("nodes").
       recurrent: an LSTM on the body nodes.
       winch: the rest-length changes are the cable decoder's ("learned"), the decoder's on top of
         the nominal winch's ("residual"), or the nominal winch's alone ("analytic").
       edge_updates: edges carry latent vectors that every round updates (an interaction network).
-        Else edge encodings stay, and what a round sends is a single layer of them and of the nodes.
+        Else edge encodings stay constant, and the message of a round is a single layer of them and
+        of the nodes.
       mlp_layers: linear layers of the encoders, of the decoders and, with edge_updates, of the
         messages and updates.
       layer_norm: normalise the encoded latents, and the nodes' after each round.
-      contact_edges: connect nodes near the ground with it; else they only feel their distance.
+      contact_edges: connect nodes near the ground with it; else only their distance is an input.
       contact_threshold: distance below which there is a contact edge, as a fraction of the robot's
         length.
-      ground_clamp: largest distance to the ground that a node sees, likewise.
-      yaw_frame: show and predict all vectors in a frame that turns with the robot about the
-        vertical, so that predictions turn with it exactly. Else in world axes, where only turned
-        training data teaches that.
+      ground_clamp: largest ground distance in a node's features, likewise.
+      yaw_frame: express all inputs and outputs in a frame that turns with the robot about the
+        vertical, so that predictions turn with it exactly. Else in world axes, where this must be
+        learned from rotated training data.
       datasets: size of the data sets' one-hot.
     """
 

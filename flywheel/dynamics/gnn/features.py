@@ -1,8 +1,8 @@
-"""What the network is shown: the features of nodes and edges, from a state and controls.
+"""Network inputs: the features of nodes and edges, from a state and controls.
 
 Arrays are component-major: (F, M, K) for F features of M nodes or edges of K samples, so that every
-feature is one contiguous plane. All features are invariant to horizontal translation. With `yaw_frame`
-they are shown in axes that turn with the robot's heading, and so are invariant to yaw as well.
+feature is one contiguous plane. All features are invariant to horizontal translation. With
+`yaw_frame` their axes turn with the robot's heading, so they are invariant to yaw as well.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class Field:
     """Neighbouring features of one kind.
 
     Attributes:
-      width: how many.
-      scale: their natural size, in SI units; what they are divided by before any data is seen.
-      fitted: normalised by what the data shows. Unit vectors are not.
+      width: number of features.
+      scale: their natural size, in SI units; the divisor before any data is available.
+      fitted: normalised by the data. Unit vectors are not.
     """
 
     width: int
@@ -64,14 +64,14 @@ def feature_fields(robot: Robot, config: NetworkConfig) -> dict[str, tuple[Field
 
 @dataclass(frozen=True)
 class MechanicalState:
-    """Where the bodies are, in a frame whose origin moves with the robot.
+    """Positions of the bodies, in a frame whose origin moves with the robot.
 
     Attributes:
       frames: (3, F, K) rigid frames [m, -].
       velocities: (3, N, K) of the body nodes [m/s].
       winch: (W, K) winch positions [m].
-      sides: (3, R, K) how far the rods are rolled, see `Attachments`; None where cables are taken to
-        end at nodes, and in a past that no cable is seen of.
+      sides: (3, R, K) rolls of the rods, see `Attachments`; None if cables end at nodes, and in a
+        past without cables.
     """
 
     frames: Tensor
@@ -82,13 +82,13 @@ class MechanicalState:
 
 @dataclass(frozen=True)
 class GraphFeatures:
-    """Everything one call of the network is shown.
+    """All inputs of one call of the network.
 
     Attributes:
       nodes: changing features (F, M, K) of "body_node", "anchor_node", "ground_node".
       edges: changing features (F, E, K) of "body", "cable", "contact".
       controls: (W, K, h + n) past and future controls in units of their range.
-      touching: (N, K) 1 where a body node is near enough to the ground for a contact edge, else 0.
+      touching: (N, K) 1 for a body node within contact distance of the ground, else 0.
       dataset: (K,) or (1,) index of the data set.
     """
 
@@ -100,7 +100,7 @@ class GraphFeatures:
 
 
 def turn(vectors: Tensor, heading: Tensor) -> Tensor:
-    """Show `vectors` (3, ..., K) in axes turned by the angle whose (cos, sin) is `heading` (2, K)."""
+    """Express `vectors` (3, ..., K) in axes turned by the angle whose (cos, sin) is `heading` (2, K)."""
     cos, sin = heading
     x, y, z = vectors
     return torch.stack([cos * x + sin * y, cos * y - sin * x, z])
@@ -115,7 +115,7 @@ def turn_back(vectors: Tensor, heading: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class _Ends:
-    """Places and velocities of the cables' ends, (3, 2 C, K) each."""
+    """Positions and velocities of the cables' ends, (3, 2 C, K) each."""
 
     places: Tensor
     velocities: Tensor
@@ -123,9 +123,9 @@ class _Ends:
 
 @dataclass(frozen=True)
 class _View:
-    """A state in the axes it is shown in; (3, N, K) each but the clearance (N, K) and anchors.
+    """A state in the axes of the features; (3, N, K) each but the clearance (N, K) and anchors.
 
-    `ends` is None where cables are taken to end at nodes.
+    `ends` is None if cables end at nodes.
     """
 
     nodes: Tensor
@@ -186,7 +186,7 @@ class FeatureBuilder:
     def memory_features(
         self, state: MechanicalState, origin: Tensor, ground: Ground = flat_ground
     ) -> Tensor:
-        """Features of the body nodes alone, (F, N, K): all that the LSTM sees of a measured past."""
+        """Features of the body nodes alone, (F, N, K): the LSTM's input in a measured past."""
         return self._node_features(self._view(state, origin, self.heading(state), ground))
 
     def __call__(
@@ -201,7 +201,7 @@ class FeatureBuilder:
         """All features of one call.
 
         Args:
-          state: where the bodies are.
+          state: positions of the bodies.
           origin: (2, K) horizontal position of the state's origin in the world [m].
           heading: of the state.
           controls: (W, K, h + n) in units of their range.

@@ -131,7 +131,7 @@ class FusedForward:
         return edges
 
     def _control_bias(self, encoder: Encoder, controls: Tensor) -> Tensor:
-        """(E K, width) what the winches' controls add to the cable edges; nothing for passive ones."""
+        """(E K, width) contribution of the winches' controls to the cable edges; zero for passive ones."""
         winches, samples, steps = controls.shape
         flat = controls.reshape(winches * samples, steps)
         driven = torch.addmm(encoder.first.bias, flat, encoder.tail).view(winches, samples, -1)
@@ -208,7 +208,7 @@ class FusedForward:
     def _decode_cables(self, edges: dict[str, Tensor], messages: dict[str, Tensor]) -> Tensor:
         """(n, W, K): decoded per cable edge, averaged over the edges of a winch.
 
-        The average is taken before the last layer, with which it commutes.
+        The average is taken before the last layer, because averaging commutes with it.
         """
         first, *middle, last = self._packed.cable_decoder
         latent = messages["cable"]

@@ -1,9 +1,9 @@
-"""The static part of a robot's graph: nodes, edges, and everything that never changes in them.
+"""The static part of a robot's graph: nodes, edges, and all constants on them.
 
 Nodes are numbered body nodes first, then anchors, then the ground. Every edge has a sender and a
-receiver; each cable and each pair of nodes of one body is an edge in both directions, and so is each
-possible contact of a body node with the ground. Contact edges are candidates: a mask says at every
-prediction which of them are there, so that all shapes are fixed.
+receiver; each cable and each pair of nodes of one body is an edge in both directions, and so is
+each possible contact of a body node with the ground. Contact edges are candidates: a mask selects
+the active ones at every prediction, so that all shapes are fixed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Group:
-    """Receivers that all receive the same number of edges; their edges are consecutive.
+    """Receivers with the same number of edges; their edges are consecutive.
 
     Attributes:
       first: number of its first edge.
@@ -48,12 +48,12 @@ class Group:
 
     @property
     def edges(self) -> slice:
-        """Where its edges are."""
+        """Slice of its edges."""
         return slice(self.first, self.first + self.size)
 
     @property
     def size(self) -> int:
-        """How many edges it has."""
+        """Number of its edges."""
         return self.degree * len(self.receivers)
 
 
@@ -64,9 +64,9 @@ class Relation:
     Attributes:
       name: "body", "cable" or "contact".
       senders, receivers: (E,) node numbers.
-      groups: which receivers have how many.
-      origin: (E,) number each edge had when it was listed (cable number, pair number ...).
-      constants: (E, ...) features that never change.
+      groups: receivers by number of edges.
+      origin: (E,) original number of each edge (cable number, pair number ...).
+      constants: (E, ...) constant features.
     """
 
     name: str
@@ -82,24 +82,24 @@ class RobotGraph:
 
     Args:
       robot: the robot.
-      config: decomposition, which edges there are.
-      device: where its tensors are.
+      config: decomposition, types of edges.
+      device: of its tensors.
 
     Attributes:
       nodes: the body nodes, N of them.
-      anchors: (3, A) places of the anchors [m].
+      anchors: (3, A) positions of the anchors [m].
       ground: number of the ground node, -1 without ground or without contact edges.
       count: of all nodes.
       relations: by name; a type without edges is missing.
-      node_constants: (N, ...) features of the body nodes that never change.
-      radius: (N, 1) of what touches the ground at each body node [m].
-      designated: two body nodes; positions are shown relative to the first, and the horizontal
-        direction to the second is the robot's heading.
+      node_constants: (N, ...) constant features of the body nodes.
+      radius: (N, 1) of the contact sphere at each body node [m].
+      designated: two body nodes; positions are relative to the first, and the horizontal direction
+        to the second is the robot's heading.
       cable_winch: (E,) winch of each cable edge; W (one past the last) for a passive cable.
       stiffness, damping: (E, 1) of each cable edge in weights of the robot per metre, and per m/s.
       winch_average: (W, E) averages over the cable edges of each winch.
-      rest_offset: (E, 1) rest length of each cable edge at winch position 0 [m]; for a passive cable
-        the rest length itself.
+      rest_offset: (E, 1) rest length of each cable edge at winch position 0 [m]; for a passive
+        cable the rest length itself.
     """
 
     def __init__(
@@ -135,24 +135,24 @@ class RobotGraph:
 
     @property
     def family_sizes(self) -> list[int]:
-        """How many nodes each family has."""
+        """Number of nodes in each family."""
         return [stop - start for start, stop in self.families]
 
     def cached(self, name: str, make: Callable[[RobotGraph], T]) -> T:
-        """What `make` makes of this graph, made once."""
+        """Cached result of `make` for this graph."""
         if name not in self._cache:
             self._cache[name] = make(self)
         return self._cache[name]
 
     def anchors_from(self, origin: Tensor, samples: int) -> Tensor:
-        """(3, A, K) places of the anchors relative to horizontal positions `origin` (2, K) [m]."""
+        """(3, A, K) positions of the anchors relative to horizontal positions `origin` (2, K) [m]."""
         anchors = self.anchors[:, :, None].expand(-1, -1, samples)
         if not anchors.shape[1]:
             return anchors
         return anchors - torch.cat([origin, torch.zeros_like(origin[:1])])[:, None]
 
     def rest_lengths(self, winch: Tensor) -> Tensor:
-        """(E, K) of the cable edges [m], from winch positions (W, K) [m]."""
+        """(E, K) rest lengths of the cable edges [m], from winch positions (W, K) [m]."""
         driven = torch.cat([winch, torch.zeros_like(winch[:1])])
         return driven[self.cable_winch] + self.rest_offset
 
@@ -236,7 +236,7 @@ class RobotGraph:
         return self._relation("contact", ground + bodies, bodies + ground, sign)
 
     def anchor_at(self, end: Attachment) -> int:
-        """Which of the anchors a cable's end in the world is."""
+        """Index of the anchor at a cable's end in the world."""
         return find(self._places, end.offset, self.robot.length)
 
     def _node_at(self, end: Attachment) -> int:
@@ -245,7 +245,7 @@ class RobotGraph:
         return self._node_of_point[end.point]
 
     def _place_winches(self) -> None:
-        """Which winch drives which cable edge, and what a winch position means for its rest length."""
+        """Winch of each cable edge, and the relation of its rest length to the winch position."""
         robot = self.robot
         cable = self.relations["cable"].origin.cpu().numpy() // 2
         drives = np.array([c.winch for c in robot.cables])[cable]

@@ -1,4 +1,4 @@
-"""The ground below the robot, as the network's features ask for it."""
+"""The ground below the robot, for the network's features."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def flat_ground(places: Tensor) -> tuple[Tensor, Tensor]:
 def ground_of(
     terrains: Sequence[Terrain | None], device: torch.device | str = "cpu", view: View | None = None
 ) -> Ground:
-    """The ground of samples that stand each on a terrain of its own; None is the plane z = 0.
+    """Grounds of samples with separate terrains; None is the plane z = 0.
 
     Args:
       terrains: of each of K samples, or one for all.
-      device: of what is looked up.
-      view: of each sample; None where all are in the world's own axes.
+      device: of the lookup.
+      view: of each sample; None if all are in world axes.
     """
     if all(terrain is None for terrain in terrains):
         return flat_ground
@@ -40,11 +40,11 @@ def ground_of(
 
 @dataclass(frozen=True)
 class View:
-    """Axes in which samples are seen: turned about the vertical, then shifted.
+    """Axes of samples: turned about the vertical, then shifted.
 
     Attributes:
-      angle: (K,) by which the world was turned [rad].
-      shift: (2, K) what was then subtracted [m].
+      angle: (K,) rotation of the world [rad].
+      shift: (2, K) subtracted afterwards [m].
     """
 
     angle: Tensor

@@ -25,17 +25,17 @@ BLOCK = 128
 
 
 class LearnedDynamics:
-    """Predicts with a network; answers `flywheel.dynamics.protocol.Dynamics`.
+    """Predicts with a network; implements `flywheel.dynamics.protocol.Dynamics`.
 
     The batch is computed in blocks of equal size, small enough that a block's arrays stay in the
-    processor's cache. Each block runs on one thread; blocks run beside each other on `threads` of them.
-    Where candidates fall within blocks changes predictions by rounding only (about 1e-6 relative).
+    processor's cache. Each block runs on one thread; `threads` of them run in parallel. The
+    assignment of candidates to blocks changes predictions by rounding only (about 1e-6 relative).
 
     Args:
       robot: the robot.
-      network: its weights; they are taken as they are now, later changes have no effect.
+      network: its weights; copied, later changes have no effect.
       threads: Python threads that share the batch, block by block.
-      block: candidates computed at a time, at most.
+      block: largest number of candidates computed at a time.
 
     Raises:
       ModelError: the network was made for another robot.
@@ -60,15 +60,15 @@ class LearnedDynamics:
         return ThreadPoolExecutor(self._threads, "learned", torch.set_num_threads, (1,))
 
     def blocks(self, batch: int) -> list[slice]:
-        """How so many candidates are cut; each block may be predicted by another model of the kind."""
+        """Slices of the batch; each block may be predicted by another model of the kind."""
         return shares(batch, self._block, self._threads)
 
     def rollout(self, past: Past, controls: Floats) -> Rollout:
         """Predict the points under `controls` (B, H, W).
 
         Raises:
-          ModelError: shapes do not fit the robot, the data set is unknown to the network, a point was
-            never seen in the past, or the prediction is not finite.
+          ModelError: shapes do not fit the robot, the data set is unknown to the network, a point
+            is missing in the whole past, or the prediction is not finite.
         """
         past = past.latest(self.history, self.robot.holding(past.winch[:, 0]))
         seen, batch = past.observations.points, len(controls)
@@ -113,7 +113,8 @@ class LearnedDynamics:
         known = self._simulator.config.datasets
         if not 0 <= dataset < known:
             raise ModelError(
-                f"The network tells {known} data sets apart, numbers 0 to {known - 1}; got {dataset}."
+                f"The network distinguishes {known} data sets, numbers 0 to {known - 1}; got "
+                f"{dataset}."
             )
 
     def _not_finite(self, points: Floats, winch: Floats) -> str:
@@ -121,15 +122,16 @@ class LearnedDynamics:
         candidate, step = np.argwhere(wrong)[0]
         count = len(np.unique(np.argwhere(wrong)[:, 0]))
         return (
-            f"The network {self.digest[:12]} predicts no finite number for candidate {candidate} from "
-            f"{step * self.dt:.2f} s on ({count} of {len(points)} candidates)."
+            f"The network {self.digest[:12]} predicts a non-finite number for candidate "
+            f"{candidate} from {step * self.dt:.2f} s on ({count} of {len(points)} candidates)."
         )
 
 
 def shares(batch: int, block: int, threads: int) -> list[slice]:
-    """Blocks of a batch: equally large ones, at most `block`, for all threads where that is worth it.
+    """Blocks of a batch: of equal size, at most `block`, for all threads if that pays off.
 
-    What is no more than a block is never cut, so that blocks stay what they are wherever they are computed.
+    A batch of at most one block is never cut, so that blocks are the same wherever they are
+    computed.
     """
     worth_a_thread = block // 2 + 1  # with fewer candidates each, threads wait for each other
     count = max(1, -(-batch // block), min(threads, batch // worth_a_thread))
@@ -141,7 +143,7 @@ def shares(batch: int, block: int, threads: int) -> list[slice]:
 
 @contextmanager
 def one_thread_per_operation() -> Iterator[None]:
-    """Keep torch from spreading one small operation over threads, which is slower on a busy machine."""
+    """Keep torch from splitting one small operation over threads, which is slower on a busy machine."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -1,4 +1,4 @@
-"""The network's weights: one set, which the fused and the plain forward pass both read."""
+"""The network's weights, shared by the fused and the plain forward pass."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Normaliser(nn.Module):
         self.register_buffer("fitted", fitted, persistent=False)
 
     def fit(self, mean: torch.Tensor, std: torch.Tensor) -> None:
-        """Take over what was measured, except for unit vectors."""
+        """Store the measured values, except for unit vectors."""
         std = torch.maximum(std.to(self.scale), _LEAST_SPREAD * self.scale)
         self.mean.copy_(torch.where(self.fitted, mean.to(self.scale), torch.zeros_like(self.scale)))
         self.std.copy_(torch.where(self.fitted, std, self.scale))
@@ -63,9 +63,10 @@ class Normaliser(nn.Module):
 class Round(nn.Module):
     """One round of message passing.
 
-    With `edge_updates` the messages are perceptrons whose output is added to the edge's latent vector,
-    which is what receivers sum. Without, a message is one linear layer and a ReLU; the layer that
-    would follow it is linear and commutes with the sum, so that it is part of the update's first one.
+    With `edge_updates` the messages are perceptrons whose output is added to the edge's latent
+    vector, which receivers sum. Without, a message is one linear layer and a ReLU; the layer that
+    would follow it is linear and commutes with the sum, so that it is part of the update's first
+    one.
     """
 
     def __init__(self, config: NetworkConfig, relations: list[str]) -> None:
@@ -96,12 +97,12 @@ class ChunkNetwork(nn.Module):
     the graph, then the data sets' one-hot (body and anchor nodes) or controls (cable edges).
 
     Args:
-      robot: whose graph it works on.
+      robot: robot of the graph.
       config: its shape.
 
     Attributes:
-      velocity_scale: (n,) standard deviation of each step's velocity change since the chunk's start,
-        in which the node decoder speaks [m/s].
+      velocity_scale: (n,) standard deviation of each step's velocity change since the chunk's
+        start, the unit of the node decoder [m/s].
       winch_scale: (n,) likewise of the winch position's change [m].
     """
 
@@ -162,5 +163,5 @@ class ChunkNetwork(nn.Module):
 
     @property
     def parameter_count(self) -> int:
-        """How many weights there are."""
+        """Number of weights."""
         return sum(p.numel() for p in self.parameters())

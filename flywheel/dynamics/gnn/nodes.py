@@ -1,4 +1,4 @@
-"""Which nodes a robot's graph has: body nodes, the world's anchors of cables, and the ground."""
+"""Nodes of a robot's graph: body nodes, the world's anchors of cables, and the ground."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class BodyNode:
     Attributes:
       body: index into `Robot.bodies`.
       offset: (3,) in the body frame [m].
-      radius: of what touches the ground there [m].
-      mass: of the piece it stands for [kg].
+      radius: of the contact sphere there [m].
+      mass: of the represented piece [kg].
       inertia: (3,) of that piece [kg m^2].
-      point: index of the tracked point it is, -1 for none.
+      point: index of its tracked point, -1 for none.
     """
 
     body: int
@@ -44,14 +44,14 @@ def body_nodes(robot: Robot, decomposition: str) -> tuple[BodyNode, ...]:
     as its tracked points do.
 
     Raises:
-      ModelError: a body carries no tracked point, so that nothing says where it is.
+      ModelError: a body has no tracked point, so its pose is unknown.
     """
     nodes: list[BodyNode] = []
     for index, body in enumerate(robot.bodies):
         if not body.points:
             raise ModelError(
-                f"Body {body.name!r} of robot {robot.name} carries no tracked point, so a network "
-                "cannot know where it is; add a framepos sensor on a site of it to the MJCF."
+                f"Body {body.name!r} of robot {robot.name} has no tracked point, so a network "
+                "cannot know its pose; add a framepos sensor on a site of it to the MJCF."
             )
         pieces = _pieces(robot, index, body) if decomposition == "primitives" else []
         found = {node.point for node in pieces}
@@ -93,7 +93,7 @@ def _pieces(robot: Robot, index: int, body: Body) -> list[BodyNode]:
 
 
 def _thirds(piece: Primitive, length: float) -> list[Primitive]:
-    """A cylinder or capsule nearly as long as the robot stands for three pieces in a row."""
+    """A cylinder or capsule nearly as long as the robot counts as three pieces in a row."""
     if piece.shape not in ("capsule", "cylinder") or 2.0 * piece.size[1] < _LONG * length:
         return [piece]
     step = 2.0 / 3.0 * piece.size[1] * np.asarray(piece.axis)
@@ -109,7 +109,7 @@ def _thirds(piece: Primitive, length: float) -> list[Primitive]:
 
 
 def anchors(robot: Robot) -> tuple[Floats, ...]:
-    """Places in the world [m], (3,) each, where cables end; several cables may share one."""
+    """Positions in the world [m], (3,) each, of cable ends; several cables may share one."""
     places: list[Floats] = []
     for cable in robot.cables:
         for end in cable.ends:
@@ -119,7 +119,7 @@ def anchors(robot: Robot) -> tuple[Floats, ...]:
 
 
 def find(places: list[Floats] | tuple[Floats, ...], place: Floats, length: float) -> int:
-    """Index of `place` among `places`, -1 if it is not there."""
+    """Index of `place` among `places`, -1 if missing."""
     for index, other in enumerate(places):
         if np.linalg.norm(other - place) < _SAME * length:
             return index
@@ -127,10 +127,11 @@ def find(places: list[Floats] | tuple[Floats, ...], place: Floats, length: float
 
 
 def node_constants(robot: Robot, nodes: tuple[BodyNode, ...]) -> Floats:
-    """(N, 8) what never changes at a node: inverse mass, inverse inertia, offset, distance to CoM.
+    """(N, 8) constants of a node: inverse mass, inverse inertia, offset, distance to CoM.
 
-    Mass and inertia enter as logarithms relative to the robot's mean, lengths relative to its length.
-    Each column is standardised over the nodes; one that is everywhere equal tells nothing and is 0.
+    Mass and inertia enter as logarithms relative to the robot's mean, lengths relative to its
+    length. Each column is standardised over the nodes; a column with equal values is uninformative
+    and 0.
     """
     mass = sum(body.mass for body in robot.bodies) / len(nodes)
     floor = 1e-6
@@ -154,7 +155,7 @@ def node_constants(robot: Robot, nodes: tuple[BodyNode, ...]) -> Floats:
 def standardised(table: Floats) -> Floats:
     """Columns with mean 0 and standard deviation 1 over the rows; constant columns become 0.
 
-    Numbers that are of the order of 1 where they mean anything: what rounding leaves is no number.
+    Numbers of order 1, with rounding residues set to zero.
     """
     spread = table.std(axis=0)
     size = np.maximum(np.abs(table).max(axis=0, initial=0.0), _MEANT)

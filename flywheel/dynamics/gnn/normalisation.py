@@ -1,4 +1,4 @@
-"""Measuring, on training data, the scales that the network's inputs and outputs are divided by."""
+"""Measurement, on training data, of the scales of the network's inputs and outputs."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Windows(Protocol):
       past_points: (B, h + 1, P, 3) [m].
       past_controls: (B, h, W).
       past_winch: (B, h + 1, W) [m].
-      controls: (B, S, W) of the steps to come; S >= n.
+      controls: (B, S, W) of the future steps; S >= n.
       points: (B, S + 1, P, 3) from the present on [m]; NaN where missing.
-      winch: (B, S, W) at the steps to come [m]; NaN where unknown.
+      winch: (B, S, W) at the future steps [m]; NaN where unknown.
       dataset: (B,) index of the data set.
       ground: below the robots.
     """
@@ -51,7 +51,7 @@ class Windows(Protocol):
 
 
 class _Moments:
-    """Running mean and variance of the rows of arrays (F, ...), in float64; NaN is left out."""
+    """Running mean and variance of the rows of arrays (F, ...), in float64; NaN is ignored."""
 
     def __init__(self) -> None:
         self._count: Tensor | float = 0.0
@@ -72,7 +72,9 @@ class _Moments:
         return mean, (self._squares / count - mean * mean).clamp(min=0.0).sqrt()
 
     def size(self, natural: Tensor, without: float = 1.0) -> Tensor:
-        """Root mean square, at least a small part of the natural size; `without` data so many times that."""
+        """Root mean square, at least a small part of the natural size; without data `without` times
+        that.
+        """
         count = torch.as_tensor(self._count)
         size = (self._squares / count.clamp(min=1)).sqrt().to(natural)
         found = torch.maximum(size, _LEAST * natural)
@@ -85,12 +87,12 @@ def fit_normalisation(
 ) -> None:
     """Set the network's normalisation from training windows of at least one prediction chunk.
 
-    Features get the mean and standard deviation they have at the windows' presents; outputs the root
-    mean square of the changes that they stand for.
+    Features get their mean and standard deviation at the windows' presents; outputs the root mean
+    square of the changes that they predict.
 
     Args:
       simulator: of the network's robot.
-      network: whose buffers are set.
+      network: its buffers are set.
       batches: training windows.
 
     Raises:
@@ -121,15 +123,16 @@ def fit_normalisation(
 
 @torch.no_grad()
 def widen_winches(simulator: Simulator, network: ChunkNetwork, batches: Iterable[Windows]) -> None:
-    """Let a trained network speak of its winches in larger units, where new data ask for it.
+    """Give a trained network larger units for its winches, if new data require it.
 
-    It predicts what it did. Where winches had done as they were told, there was next to nothing to correct,
-    and the cable decoder's units are as small. A winch that is found to slow under load is hundreds of
-    them away, which no fine-tuning reaches. Without winch truth nothing is changed.
+    Its predictions do not change. If winches had followed their commands, there was next to nothing
+    to correct, and the cable decoder's units are equally small. A winch that slows down under load
+    deviates by hundreds of these units, which fine-tuning cannot reach. Without winch truth nothing
+    is changed.
 
     Args:
       simulator: of the network's robot.
-      network: that goes on learning.
+      network: to be trained further.
       batches: training windows of at least one prediction chunk.
     """
     if network.cable_decoder is None:
@@ -157,7 +160,7 @@ def _features(simulator: Simulator, batch: Windows) -> GraphFeatures:
 
 
 def _velocity_changes(simulator: Simulator, batch: Windows) -> Tensor:
-    """(n, ...) of the nodes since the present, by backward differences [m/s]."""
+    """(n, ...) velocity changes of the nodes since the present, by backward differences [m/s]."""
     steps = simulator.config.chunk
     if batch.points.shape[1] < steps + 1:
         raise DataError(
@@ -171,7 +174,9 @@ def _velocity_changes(simulator: Simulator, batch: Windows) -> Tensor:
 
 
 def _winch_changes(simulator: Simulator, batch: Windows) -> Tensor:
-    """(n, ...) of the winch positions since the present, beyond the nominal where that is given [m]."""
+    """(n, ...) changes of the winch positions since the present, beyond the nominal if that is
+    given [m].
+    """
     steps = simulator.config.chunk
     winches = simulator.parts(batch.controls.device).winches
     commands = winches.clipped(batch.controls[:, :steps].permute(1, 2, 0))

@@ -1,10 +1,11 @@
-"""A network's weights, rearranged once so that a forward pass does as little as possible.
+"""A network's weights, rearranged once for the cheapest forward pass.
 
 - Normalisation is folded into the first layers.
-- Where nothing bends between two linear layers, their product is taken: the last layer of an encoder
-  and what follows it (the LSTM's input, or the edge part of every round's messages).
-- The first layer of a message acts on [receiver, sender, edge]; it is split into its three parts, so
-  that nodes are multiplied once per node and not once per edge, for all edge types in one product.
+- Two linear layers without a nonlinearity between them are multiplied: the last layer of an encoder
+  and the following one (the LSTM's input, or the edge part of every round's messages).
+- The first layer of a message acts on [receiver, sender, edge]; it is split into its three parts,
+  so that nodes are multiplied once per node and not once per edge, for all edge types in one
+  product.
 - The decoders' scales are folded into their last layers.
 
 Gradients flow through the packing, so the same arrays serve training.
@@ -29,7 +30,7 @@ class Layer:
     bias: Tensor
 
     def then(self, other: Layer) -> Layer:
-        """The one layer that is this one followed by `other`."""
+        """The composition of this layer with `other`."""
         return Layer(self.weight @ other.weight, self.bias @ other.weight + other.bias)
 
 
@@ -40,7 +41,7 @@ class Encoder:
     Attributes:
       first: acts on [changing features, constants].
       constants: (S, M, 1) constants of the nodes or edges.
-      tail: (C, width) weights of what differs by sample: the one-hot, or the controls.
+      tail: (C, width) weights of the inputs that differ by sample: the one-hot, or the controls.
       middle: layers between the first and the last.
       last: final layer.
       norm: LayerNorm after it, or None.
@@ -60,7 +61,7 @@ class PackedRound:
 
     Attributes:
       nodes: (width, 2 R width) sender and receiver parts of all R relations' messages.
-      edges: per relation, what acts on the edge's latent vector (or on its encoder's last ReLU).
+      edges: per relation, weights of the edge's latent vector (or of its encoder's last ReLU).
       deeper: per relation, the message's further layers; empty without edge updates.
       self_part: part of the update's first layer that acts on the node itself.
       sum_parts: per relation, the part that acts on the summed messages.
@@ -83,8 +84,8 @@ class Packed:
 
     Attributes:
       encoders: by kind.
-      gates: of the LSTM, acting on the last ReLU of the encoder (or on its output where a LayerNorm
-        stands between), in the order input, forget, output, cell; the cell's doubled. None without.
+      gates: of the LSTM, acting on the last ReLU of the encoder (or on its output if followed by a
+        LayerNorm), in the order input, forget, output, cell; the cell's doubled. None without.
       recurrent: (width, 4 width) acting on the hidden state, likewise.
       rounds: of message passing.
       node_decoder, cable_decoder: layers; the last one is transposed, see `decode`.
@@ -190,7 +191,7 @@ def _round(module: Round, encoders: dict[str, Encoder], network: ChunkNetwork) -
 
 
 def _edges_fold(network: ChunkNetwork) -> bool:
-    """Whether the last layer of the edge encoders can be multiplied into the messages."""
+    """True if the last layer of the edge encoders can be multiplied into the messages."""
     return not network.config.edge_updates and not network.config.layer_norm
 
 

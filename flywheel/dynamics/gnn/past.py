@@ -1,4 +1,4 @@
-"""Read states off a measured past: missing points filled in, bodies made rigid, velocities fitted.
+"""Initial states from a measured past: missing points filled in, bodies made rigid, velocities fitted.
 
 Arrays are component-major with time first: (3, T, P, K).
 """
@@ -19,10 +19,10 @@ CARRIED = 4  # steps for which the motion of a hidden body is extrapolated; more
 
 
 class PastReader:
-    """Reads states off measured pasts of h + 1 observations.
+    """Computes states from measured pasts of h + 1 observations.
 
     The LSTM is run over the starts of `warmup_chunks` past prediction chunks, placed so that the
-    last of them ends at the present; then comes the present itself.
+    last of them ends at the present; the present itself follows.
 
     Args:
       robot: the robot.
@@ -50,14 +50,15 @@ class PastReader:
         self._starts = starts
 
     def states(self, points: Tensor, winch: Tensor) -> list[MechanicalState]:
-        """The states to warm up on, oldest first, and last the present one.
+        """The states for the warm-up, oldest first, and last the present one.
 
         Args:
           points: (3, h + 1, P, K) [m]; NaN where missing.
-          winch: (W, K) present winch positions [m]; stand in all states (the LSTM sees none).
+          winch: (W, K) present winch positions [m]; used in all states (the LSTM does not see
+            them).
 
         Raises:
-          ModelError: a point was not seen in the whole past.
+          ModelError: a point is missing in the whole past.
         """
         frames = self._frames.of_points(self._filled(points))
         nodes = torch.matmul(self._frames.to_nodes, frames)
@@ -73,10 +74,10 @@ class PastReader:
         ]
 
     def _filled(self, points: Tensor) -> Tensor:
-        """Missing points, moved along with what is seen of their body.
+        """Missing points, moved along with the visible points of their body.
 
-        Where nothing is seen of it, they move evenly between two sights, as in the rows that a slower
-        log leaves empty; after the last sight the body goes on as it moved, for a few steps.
+        Without any, they are interpolated linearly, as in the empty rows of a slower log; after the
+        last observation the body continues its motion for a few steps.
         """
         seen = torch.isfinite(points).all(0)
         if bool(seen.all()):
@@ -104,7 +105,7 @@ class PastReader:
         return torch.stack(filled, dim=1)
 
     def _motion(self, before: Tensor, now: Tensor, seen: Tensor) -> tuple[Tensor, Tensor]:
-        """(3, P, K) mean motion of the seen points of each point's body, and (P, K) how many."""
+        """(3, P, K) mean motion of the visible points of each point's body, and (P, K) their number."""
         body = self._frames.body_of_point
         same = (body[:, None] == body[None]).to(now.dtype)
         weight = seen.to(now.dtype)
@@ -113,9 +114,9 @@ class PastReader:
 
 
 def _upcoming(points: Tensor, seen: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """At each time, the next seen position of each point (3, P, K), and in how many steps (P, K).
+    """At each time, the next known position of each point (3, P, K), and the steps until then (P, K).
 
-    A point seen at that time is seen in 0 steps, one that is never seen again in infinitely many.
+    A point visible at that time has 0 steps, one that is never seen again infinitely many.
     """
     where, steps = points[:, -1], torch.full_like(points[0, 0], torch.inf)
     found = []

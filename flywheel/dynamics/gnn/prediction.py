@@ -1,4 +1,4 @@
-"""What passes between the simulator and a network's forward pass, shared by all implementations."""
+"""Records passed between the simulator and a network's forward pass, shared by all implementations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Memory = tuple[Tensor, Tensor]
 
 @dataclass(frozen=True)
 class Prediction:
-    """What one call of the network says about its n steps, in the input frame.
+    """Output of one call of the network for its n steps, in the input frame.
 
     Attributes:
       velocity: (3, n, N, K) velocity changes since the chunk's start [m/s].
@@ -33,7 +33,7 @@ class Prediction:
 
 
 class Forward(Protocol):
-    """One way of computing the network."""
+    """An implementation of the forward pass."""
 
     def warm_up(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""
@@ -54,7 +54,7 @@ class Unrolled:
     Attributes:
       points: (B, T, P, 3) tracked points, each body rigid [m].
       node_positions: (B, T, N, 3) body nodes, each body rigid [m].
-      velocities: (B, T, N, 3) body nodes' velocities as predicted, before the rigid fit [m/s].
+      velocities: (B, T, N, 3) predicted velocities of the body nodes, before the rigid fit [m/s].
       winch: (B, T, W) winch positions [m].
     """
 
@@ -66,11 +66,11 @@ class Unrolled:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a prediction starts, component-major; K = 1 if all samples share a start.
+    """Start of a prediction, component-major; K = 1 if all samples share a start.
 
     Attributes:
       origin: (2, K) horizontal position of the states' origin in the world [m].
-      states: to warm up on, oldest first, and last the present one.
+      states: for the warm-up, oldest first, and last the present one.
       controls: (h, W, K) past commands, within the winches' range.
       ground: below the robot.
     """

@@ -1,14 +1,15 @@
 """Rigid bodies from points, and points from rigid bodies.
 
-A body is described by a *frame*: the position of the centroid of its tracked points and as many unit
-vectors as those points can tell: none for a single point, one (the axis) for points on a line, as on a
-rod, three for points that span a plane or space. Offsets in the body enter only through their
-coordinates along these vectors, so what cannot be seen (a rod's roll) never matters.
+A body is described by a *frame*: the position of the centroid of its tracked points and as many
+unit vectors as those points determine: none for a single point, one (the axis) for points on a
+line, as on a rod, three for points that span a plane or space. Offsets in the body enter only
+through their coordinates along these vectors, so invisible quantities (a rod's roll) have no
+effect.
 
 Frames are fitted by least squares over an affine motion of the body, whose vectors are then made
 orthonormal: an axis is normalised, three vectors are replaced by the nearest rotation (their polar
-factor, by Newton-Schulz iterations). For a body that moved rigidly that is exact; it is differentiable
-everywhere, where the gradient of a singular value decomposition is not.
+factor, by Newton-Schulz iterations). For a rigid motion that is exact; unlike a singular value
+decomposition it is differentiable everywhere.
 
 Arrays are component-major: (3, ..., M, K) for M points of K samples.
 """
@@ -28,7 +29,7 @@ _FLAT = 1e-4  # singular values below this fraction of the robot's length span n
 
 
 class BodyAxes:
-    """Directions in one body that its tracked points can tell.
+    """Directions in one body that its tracked points determine.
 
     Args:
       points: (m, 3) offsets of the tracked points in the body frame [m].
@@ -68,14 +69,14 @@ class Frames:
     Args:
       robot: the robot.
       nodes: its body nodes.
-      device: where the matrices are.
+      device: of the matrices.
 
     Attributes:
       to_nodes, to_points: (N, F), (P, F) matrices from frames to positions.
       to_arms: (N, F) to the vectors from each node's body's centre of mass to the node.
-      to_axes: (N, F) to each node's body's z-axis; to its axis where there is just one.
+      to_axes: (N, F) to each node's body's z-axis, or to its only axis.
       from_nodes: (F, N) least-squares fit of frames to nodes, before vectors are made orthonormal.
-      rods: the bodies of which only an axis is seen; row `rod_rows[i]` is that of rod i's axis.
+      rods: the bodies with only a visible axis; row `rod_rows[i]` is that of rod i's axis.
     """
 
     def __init__(self, robot: Robot, nodes: tuple[BodyNode, ...], device: torch.device) -> None:
@@ -129,7 +130,7 @@ class Frames:
         return matrix
 
     def across(self, body: int, offset: Floats) -> Floats:
-        """(2,) coordinates of a place in a rod across its axis, which are not seen [m].
+        """(2,) invisible coordinates of a place in a rod, across its axis [m].
 
         They are along two directions fixed in the rod, the second one axis x first.
         """
@@ -140,7 +141,7 @@ class Frames:
         return np.array([arm @ first, arm @ np.cross(axis, first)])
 
     def along(self, bodies: list[int], offsets: Floats) -> Floats:
-        """Matrix (m, F) from frames to the places of `offsets` (m, 3), as far as that is seen.
+        """Matrix (m, F) from frames to the visible part of the positions of `offsets` (m, 3).
 
         A body of -1 stands for none: a row of zeros.
         """
@@ -161,7 +162,7 @@ class Frames:
     def _fit(self, bodies: list[int], to_places: Floats) -> Floats:
         """Matrix (F, m) of the affine least-squares fit of frames to places.
 
-        Where the places of a body with three vectors lie in a plane, its third vector gets zeros here
+        If the places of a body with three vectors lie in a plane, its third vector gets zeros here
         and is the cross product of the others.
         """
         matrix = np.zeros((self.rows, len(bodies)))
@@ -195,7 +196,7 @@ class Frames:
 
 
 def nearest_rotation(vectors: Tensor) -> Tensor:
-    """The rotation nearest to three vectors; the third is made from the others where it is 0.
+    """The rotation nearest to three vectors; a third vector of 0 is made from the others.
 
     Args:
       vectors: (3, ..., 3, B, K): components first, then which vector.

@@ -1,4 +1,4 @@
-"""Where messages come from and go to: static index work of the fused forward pass."""
+"""Senders and receivers of messages: static indices for the fused forward pass."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ class _Senders:
 
 
 class Route:
-    """Where the messages of one group of edges come from and go to.
+    """Senders and receivers of the messages of one group of edges.
 
     Attributes:
       name: of the relation.
       place: of the relation among all, in the order of the packed weights.
-      part: which of the relation's groups.
+      part: index of the group in the relation.
       family: 0 if the receivers are body nodes, 1 if they are anchors or the ground.
       whole: the receivers are all nodes of their family, in order.
       within_family: (R,) the receivers' numbers in their family.

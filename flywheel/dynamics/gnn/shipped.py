@@ -1,4 +1,4 @@
-"""Trained networks that come with Flywheel, each with a card: how it was made, and how well it predicts."""
+"""Trained networks shipped with Flywheel, each with a card: its training and its errors."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class PredictionError(BaseModel):
     """The errors of a model over a horizon, on plants of one group.
 
     Attributes:
-      plants: `MJCF`, or which others.
-      model: `NETWORK`, or what it is compared with.
+      plants: `MJCF`, or the name of the group.
+      model: `NETWORK`, or a model for comparison.
       e_pos: RMSE of the centres of mass [% of the robot's length].
       e_rot: mean angle between predicted and true bodies [deg].
     """
@@ -50,23 +50,24 @@ class PredictionError(BaseModel):
 
 
 class ModelCard(BaseModel):
-    """What a shipped network is.
+    """Description of a shipped network.
 
     Attributes:
       robot: its name.
       digest: of the weights.
-      configuration: of the run that made it.
+      configuration: of the training run.
       seed: of that run.
-      code: version of Flywheel that made it.
-      plants: that it was trained on.
-      minutes: of simulated motion that it was trained on [min].
+      code: version of Flywheel in that run.
+      plants: used for training.
+      minutes: of simulated motion in training [min].
       steps: of the optimiser.
-      continued: digest of the weights that it was trained on from; "" for random ones.
-      noise: of the points, in training and here [share of the robot's length].
+      continued: digest of the weights at the start of the training; "" for random ones.
+      noise: of the points, in training and here [fraction of the robot's length].
       horizon: of the errors [s].
-      episodes: with random controls for each plant; each lasts `seconds`, and there are `starts` predictions.
+      episodes: with random controls for each plant; each lasts `seconds`, and there are `starts`
+        predictions.
       seconds, starts: see `episodes`.
-      errors: on episodes that it was not trained on.
+      errors: on episodes not used for training.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -96,10 +97,10 @@ class ModelCard(BaseModel):
 
     @classmethod
     def read(cls, weights: Path) -> ModelCard:
-        """The card beside a file of weights.
+        """The card next to a file of weights.
 
         Raises:
-          ModelError: there is none, or it is no card.
+          ModelError: it is missing or malformed.
         """
         path = weights.with_suffix(".yaml")
         values = read_yaml(path, "model card", ModelError)
@@ -112,7 +113,7 @@ def shipped_networks() -> Mapping[str, Path]:
 
 
 def shipped_weights(robot: Robot) -> Path:
-    """The weights of the network that comes with Flywheel for a robot.
+    """The weights of the shipped network for a robot.
 
     Raises:
       ModelError: there is none for it.

@@ -1,9 +1,9 @@
 """Predict points from a measured past and controls, differentiable through all chunks.
 
-Within a prediction chunk the body nodes move freely, by semi-implicit Euler steps with the velocities
-that the network predicts; rigid bodies are then fitted to them at every step. What is reported is
-rigid at every step. The fit at the chunk's last step is where the next chunk starts, with the
-velocities that the fitted nodes had over that step: the same definition as for a measured past.
+Within a prediction chunk the body nodes move freely, by semi-implicit Euler steps with the
+predicted velocities; rigid bodies are then fitted to them at every step. The output is rigid at
+every step. The fit at the chunk's last step is the start of the next chunk, with the velocities of
+the fitted nodes over that step: the same definition as for a measured past.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Array = Tensor | NDArray[np.floating]
 
 
 class _Parts:
-    """What is derived from robot and configuration, on one device."""
+    """Quantities derived from robot and configuration, on one device."""
 
     def __init__(self, robot: Robot, config: NetworkConfig, device: torch.device) -> None:
         self.graph = RobotGraph(robot, config, device)
@@ -59,7 +59,7 @@ class Simulator:
     Args:
       robot: the robot.
       config: the network's.
-      prepare: how the network is computed; `PlainForward` is the readable way.
+      prepare: implementation of the forward pass; `PlainForward` is the readable one.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Simulator:
         return self._parts[device]
 
     def node_positions(self, points: Tensor) -> Tensor:
-        """Where the N body nodes are, (..., N, 3), if the tracked points are at (..., P, 3).
+        """Positions of the N body nodes, (..., N, 3), if the tracked points are at (..., P, 3).
 
         NaN for all nodes of a body that misses a point.
         """
@@ -95,7 +95,7 @@ class Simulator:
         return nodes.masked_fill((lost > 0)[..., None], torch.nan)
 
     def prepare(self, network: ChunkNetwork, device: torch.device | str = "cpu") -> Forward:
-        """A network made ready for `roll`; later changes of its weights have no effect.
+        """A network prepared for `roll`; later changes of its weights have no effect.
 
         Raises:
           ModelError: the network is of another robot or configuration.
@@ -125,14 +125,15 @@ class Simulator:
           past_points: (B, h + 1, P, 3) measured points [m]; NaN where missing.
           past_controls: (B, h, W) commands between them.
           past_winch: (B, h + 1, W) winch positions [m]; NaN where unknown.
-          controls: (B, T, W) commands to come; T need not be a multiple of the chunk.
+          controls: (B, T, W) future commands; T need not be a multiple of the chunk.
           dataset: (B,) int64 index of the data set.
           ground: below the robot.
 
         The past may have batch size 1, to start all B from the same present; so may `dataset`.
 
         Raises:
-          ModelError: shapes, robot or configuration do not fit, or a point was never seen.
+          ModelError: shapes, robot or configuration do not fit, or a point is missing in the whole
+            past.
         """
         self.check(past_points, past_controls, past_winch, controls)
         forward = self.prepare(network, controls.device)
@@ -146,7 +147,7 @@ class Simulator:
         past_winch: Tensor,
         ground: Ground = flat_ground,
     ) -> Start:
-        """Read states off a measured past; arguments as of `unroll`."""
+        """Initial states from a measured past; arguments as of `unroll`."""
         parts = self.parts(past_controls.device)
         present = past_points[:, -1, :, :2]
         seen = torch.isfinite(present)
@@ -243,7 +244,7 @@ class Simulator:
         winch: Tensor,
         steps: int,
     ) -> Unrolled:
-        """Give the first `steps` steps, sample-major and in the world."""
+        """The first `steps` steps, sample-major and in the world."""
         frames, velocities, winch = frames[:, :steps], velocities[:, :steps], winch[:steps]
         shift = torch.cat([origin, torch.zeros_like(origin[:1])]).t()[:, None, None]
 
@@ -258,14 +259,14 @@ class Simulator:
         )
 
     def present(self, start: Start) -> tuple[Tensor, Tensor]:
-        """(K, P, 3) tracked points and (K, W) winch positions that predictions start from [m]."""
+        """(K, P, 3) tracked points and (K, W) winch positions at the start of predictions [m]."""
         state, frames = start.states[-1], self.parts(start.origin.device).frames
         shift = torch.cat([start.origin, torch.zeros_like(start.origin[:1])]).t()
         points = torch.matmul(frames.to_points, state.frames).permute(2, 1, 0) + shift[:, None]
         return points, state.winch.t()
 
     def check(self, points: Array, past: Array, winch: Array, controls: Array) -> None:
-        """Refuse shapes that do not fit, by a `ModelError`; arguments as of `unroll`."""
+        """Check shapes; arguments as of `unroll`. Raises a `ModelError`."""
         robot, history = self.robot, self.config.history
         batch, winches = len(points), len(robot.winches)
         wanted = {
@@ -282,6 +283,6 @@ class Simulator:
                 )
         if batch not in (1, len(controls)) or controls.shape[1] == 0:
             raise ModelError(
-                f"The past must have batch size 1 or that of the controls, which must have at least "
-                f"one step; got a past of {batch} and controls {tuple(controls.shape)}."
+                "The past must have batch size 1 or that of the controls, which must have at "
+                f"least one step; got a past of {batch} and controls {tuple(controls.shape)}."
             )

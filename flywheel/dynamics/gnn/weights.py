@@ -1,4 +1,4 @@
-"""Weights of a network in a file: arrays without pickle, and a readable side file that says what they are."""
+"""Weights of a network in a file: arrays without pickle, and a readable side file that describes them."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _NARROW = (4, 5)  # widths
 
 
 def weights_arrays(network: ChunkNetwork) -> dict[str, np.ndarray]:
-    """Every weight and normalisation buffer by name; what is sent to other processes."""
+    """Every weight and normalisation buffer by name; the form for other processes."""
     return arrays_of(network)
 
 
 def network_from_arrays(
     robot: Robot, config: NetworkConfig, arrays: dict[str, np.ndarray]
 ) -> ChunkNetwork:
-    """The network whose `weights_arrays` these are.
+    """The network with given `weights_arrays`.
 
     Raises:
-      ModelError: names or shapes are not those of this configuration on this robot.
+      ModelError: names or shapes differ from those of this configuration on this robot.
     """
     with torch.random.fork_rng(devices=[]):  # the weights are replaced: draw no random number
         network = ChunkNetwork(robot, config)
@@ -59,21 +59,21 @@ def network_from_arrays(
 
 
 def weights_digest(network: ChunkNetwork) -> str:
-    """Sha256 of robot, configuration and every array; the same for the same weights whenever saved."""
+    """Sha256 of robot, configuration and every array; equal weights have equal digests."""
     arrays = weights_arrays(network)
     return digest_of(_head(network.robot_digest, network.config), sorted(arrays.items()))
 
 
 def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") -> str:
-    """Write weights to `path` (.npz) and what they are beside it (.json); return their digest.
+    """Write weights to `path` (.npz) and their description next to it (.json); return their digest.
 
-    Both files are replaced whole, the .npz first: a kill in between leaves a side file that does not
-    match, which `load_weights` refuses.
+    Both files are replaced atomically, the .npz first: a kill in between leaves a side file that
+    does not match, and `load_weights` raises.
 
     Args:
       network: to be saved.
       path: of the .npz file.
-      snapshot: digest of the data set they were trained on.
+      snapshot: digest of the training data.
     """
     path = Path(path)
     arrays = weights_arrays(network)
@@ -96,10 +96,10 @@ def save_weights(network: ChunkNetwork, path: Path | str, snapshot: str = "") ->
 
 
 def read_about(path: Path | str) -> dict[str, Any]:
-    """What the side file of weights at `path` says: digest, robot, snapshot, config, normalisation.
+    """Content of the side file of weights at `path`: digest, robot, snapshot, config, normalisation.
 
     Raises:
-      ModelError: there is none, or it is no such file.
+      ModelError: it is missing or malformed.
     """
     return checked_side_file(path, _FORMAT, _ABOUT)
 
@@ -108,7 +108,7 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
     """Read weights written by `save_weights`.
 
     Raises:
-      ModelError: no such weights, damaged ones, or ones for another robot.
+      ModelError: weights are missing, damaged, or for another robot.
     """
     path, about = Path(path), read_about(path)
     if about["robot"] != robot.digest:
@@ -126,7 +126,7 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
     except ValidationError as problem:
         why = first_problem(problem)
         raise ModelError(
-            f"The weights {path} are damaged: their network cannot be, {why}."
+            f"The weights {path} are damaged: their network is impossible, {why}."
         ) from None
     except DAMAGED as problem:
         raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
@@ -134,9 +134,10 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
 
 
 def wanted_arrays(robot: Robot, config: NetworkConfig) -> dict[str, Wanted]:
-    """Every weight and buffer of a network by name, without making it: it may claim to be huge.
+    """Every weight and buffer of a network by name, without making it: its claimed size may be huge.
 
-    Each of its sizes is a multiple of the width and a constant, which two narrow networks tell.
+    Each of its sizes is a multiple of the width plus a constant, which two narrow networks
+    determine.
 
     Raises:
       ValueError: it is deeper than any of ours.
@@ -159,5 +160,5 @@ def wanted_arrays(robot: Robot, config: NetworkConfig) -> dict[str, Wanted]:
 
 
 def _head(robot: str, config: NetworkConfig) -> dict[str, Any]:
-    """What a network is, for its digest."""
+    """Identity of a network, for its digest."""
     return {"robot": robot, "config": config.model_dump(mode="json")}

@@ -1,4 +1,4 @@
-"""The robot's nominal winches in torch, and what a winch position may be."""
+"""The robot's nominal winches in torch, and the limits of winch positions."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ class Winches:
         return torch.clamp(positions, self._rest_low, self._rest_high)
 
     def held(self, last: Tensor, steps: int) -> Tensor:
-        """(steps, W, K) commands that hold winches still whose last commands (W, K) were `last`."""
+        """(steps, W, K) commands that hold winches whose last commands (W, K) were `last`."""
         return torch.where(self._rate, torch.zeros_like(last), last).expand(steps, -1, -1)
 
     def nominal(self, position: Tensor, controls: Tensor) -> Tensor:
-        """Where nominal winches go: (T, W, K) positions after each of the commands (T, W, K).
+        """Motion of nominal winches: (T, W, K) positions after each of the commands (T, W, K).
 
-        Computes what `Robot.dead_reckon` does.
+        The same as `Robot.dead_reckon`.
         """
         positions = []
         for step in (self._gain * controls).unbind():
@@ -66,11 +66,11 @@ class Winches:
         return torch.stack(positions)
 
     def present(self, past: Tensor, controls: Tensor) -> Tensor:
-        """(W, K) best knowledge of the present positions.
+        """(W, K) best estimate of the present positions.
 
         Args:
-          past: (h + 1, W, K) positions; NaN where unknown. Before the first known one, the winches are
-            taken to have been where the robot's keyframe has them.
+          past: (h + 1, W, K) positions; NaN where unknown. Before the first known one, the winches
+            are assumed at their positions in the robot's keyframe.
           controls: (h, W, K) commands between them.
         """
         if bool(torch.isfinite(past[-1]).all()):

@@ -1,4 +1,4 @@
-"""The plant: MuJoCo as the robot's stand-in, what is measured of it, and MuJoCo as a model."""
+"""The plant: MuJoCo as simulated robot, its measurement, and MuJoCo as a model."""
 
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Motion
 from flywheel.dynamics.plant.course import Course

@@ -35,13 +35,13 @@ NEVER_DISABLED = 31  # an MJCF can disable groups of actuators, up to 30
 
 @dataclass(frozen=True)
 class Motion:
-    """What simulations did.
+    """Motions of a batch of simulations.
 
     Attributes:
-      points: (n, T + 1, P, 3) where the tracked points are seen [m].
+      points: (n, T + 1, P, 3) visible positions of the tracked points [m].
       states: (n, T + 1) full states.
-      finite: (n,) bool; a simulation that diverged repeats its start.
-      memory: effect name -> (n, C) what the cables remember at the end.
+      finite: (n,) bool; a diverged simulation repeats its start.
+      memory: effect name -> (n, C) final memory of the cables.
     """
 
     points: Floats
@@ -50,13 +50,13 @@ class Motion:
     memory: Memories
 
     def __getitem__(self, rows: np.ndarray) -> Motion:
-        """The simulations in another order, or some of them."""
+        """A selection or permutation of the simulations."""
         memory = {name: held[rows] for name, held in self.memory.items()}
         return Motion(self.points[rows], self.states[rows], self.finite[rows], memory)
 
     @classmethod
     def joined(cls, pieces: Sequence[Motion], rows: Sequence[np.ndarray]) -> Motion:
-        """Join parts, each of which holds these rows of the whole."""
+        """Join parts, each of which contains the given rows of the whole."""
 
         def together(arrays: list[Floats]) -> Floats:
             return np.concatenate(arrays)
@@ -76,7 +76,7 @@ class Motion:
 class AugmentedPlant:
     """The robot's MJCF with effects, stepped in batches.
 
-    Without terms it is `Plant`, to the bit.
+    Without terms it equals `Plant`, bit by bit.
 
     Args:
       plant: the plant without effects; one set of parameters.
@@ -97,7 +97,7 @@ class AugmentedPlant:
         self._batches: dict[tuple[bool, int], Batch] = {}  # movable, size
 
     def commands(self, controls: Floats, terms: Sequence[Terms]) -> Floats:
-        """What the winches are told (n, T, W), of what was commanded from an episode's beginning.
+        """The commands (n, T, W) that reach the winches, given all commands of an episode.
 
         Args:
           controls: (n, T, W) commands.
@@ -117,16 +117,16 @@ class AugmentedPlant:
         terms: Sequence[Terms],
         memory: Memories | None = None,
     ) -> Motion:
-        """Simulate each state under what its winches are told.
+        """Simulate each state under the commands that reach the winches.
 
         Args:
           start: (n,) states.
           told: (n, T, W) see `commands`; not clipped again.
           terms: of each simulation.
-          memory: effect name -> (n, C), as an earlier piece left it; none for fresh cables.
+          memory: effect name -> (n, C), from an earlier piece; none for fresh cables.
 
         Raises:
-          ModelError: shapes that do not fit.
+          ModelError: shapes do not fit.
         """
         total = len(told)
         if len(start.qpos) != total or len(terms) != total:
@@ -203,7 +203,7 @@ class AugmentedPlant:
         terms: Sequence[Terms],
         memory: Memories,
     ) -> Motion:
-        """All steps in one call into MuJoCo: nothing acts between them."""
+        """All steps in one call into MuJoCo: no law acts between them."""
         plant, steps = self.plant, told.shape[1]
         commands = np.zeros((len(told), plant.substeps * steps + 1, base.nu))
         driven = np.repeat(plant.commands(told), plant.substeps, axis=1)
@@ -220,9 +220,9 @@ class AugmentedPlant:
         return Motion(points, plant.unpacked(states), alive, memory)
 
     def _batch(self, base: mujoco.MjModel, terms: Sequence[Terms]) -> Batch:
-        """A batch whose first simulations run on the models that the terms ask for.
+        """A batch whose first simulations run on the models required by the terms.
 
-        Unless there are few it is larger than need be: one for each size would take gigabytes.
+        Unless there are few it is larger than necessary: one for each size would take gigabytes.
         """
         count = len(terms)
         size = count
@@ -261,7 +261,7 @@ def edited(
     """A copy of the model with terms compiled into it; the model itself without any.
 
     Args:
-      data: of the model, to be overwritten; None for new one.
+      data: of the model, to be overwritten; None for new data.
     """
     if not terms:
         return model
@@ -274,10 +274,10 @@ def edited(
 
 
 def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
-    """The plant's model with one more actuator per cable, which pulls it by its control [N].
+    """The plant's model with one more actuator per cable, whose control is a tension [N].
 
     Args:
-      movable: without MuJoCo's short cut for bodies whose centre of mass never moves.
+      movable: without MuJoCo's optimisation for bodies whose centre of mass never moves.
     """
     spec = scene(plant.robot, plant.obstacles, plant.terrain)
     strip_visuals(spec)
@@ -298,17 +298,17 @@ def _with_pulls(plant: Plant, movable: bool) -> mujoco.MjModel:
 
 
 def _parameters(plant: Plant) -> PlantParameters:
-    """The one set that a plant with effects has."""
+    """The one parameter set that a plant with effects has."""
     parameters = plant.parameters
     return parameters[0] if isinstance(parameters, Sequence) else parameters
 
 
 def _pieces(rows: np.ndarray, most: int) -> list[np.ndarray]:
-    """Rows in pieces of about the same length, `most` at most."""
+    """Rows in pieces of similar length, at most `most`."""
     return np.array_split(rows, -(-len(rows) // most)) if len(rows) else []
 
 
 def _hold_diverged(states: Floats, points: Floats, alive: np.ndarray) -> None:
-    """Let simulations that diverged repeat their start: nothing there means anything."""
+    """Let diverged simulations repeat their start, because their states are meaningless."""
     for row in np.flatnonzero(~alive):
         states[row, 1:], points[row, 1:] = states[row, 0], points[row, 0]

@@ -1,4 +1,4 @@
-"""One simulation that goes on piece by piece, as an episode is recorded."""
+"""One simulation that continues piece by piece, as in the recording of an episode."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from flywheel.records import Floats, State, Trajectory
 
 
 class Course(Protocol):
-    """A plant on its way through one episode.
+    """A plant within one episode.
 
     Attributes:
-      state: (1,) where it is now.
+      state: (1,) present state.
     """
 
     state: State
 
     def go(self, controls: Floats) -> Trajectory:
-        """Go on under controls (1, T, W), from the state now.
+        """Continue under controls (1, T, W) from the present state.
 
         Raises:
-          ModelError: controls that do not fit, or the simulation diverged.
+          ModelError: controls do not fit, or the simulation diverged.
         """
         ...

@@ -1,4 +1,4 @@
-"""What is drawn over a robot in a picture: its goal, the way gone, predictions, and plans."""
+"""Overlays in a picture of a robot: its goal, its path, predictions, and plans."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ PLAN, OTHERS = np.array([0.85, 0.10, 0.45, 0.9]), np.array([0.35, 0.35, 0.42, 0.
 
 @dataclass(frozen=True)
 class Scenery:
-    """What is around a robot.
+    """Surroundings of a robot in a picture.
 
     Attributes:
       obstacles: boxes.
-      goal: (2,) where it is to go, or None [m].
+      goal: (2,) or None [m].
       goal_radius: of the goal's disc [m]; None: half the robot's length.
-      terrain: that it stands on; None for the MJCF's ground.
+      terrain: under the robot; None for the MJCF's ground.
     """
 
     obstacles: tuple[Box, ...] = ()
@@ -36,7 +36,7 @@ class Scenery:
     terrain: Terrain | None = None
 
     def on_ground(self, places: Floats) -> Floats:
-        """(..., 3) of places (..., 2) [m]."""
+        """(..., 3) positions on the ground at (..., 2) [m]."""
         heights = np.zeros(places.shape[:-1])
         if self.terrain is not None:
             heights = self.terrain.at(places)[0]
@@ -47,7 +47,7 @@ NOTHING = Scenery()
 
 
 def center_of_mass(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
-    """(3,) of all that can move [m]."""
+    """(3,) centre of mass of all movable bodies [m]."""
     moving = model.body_weldid != 0
     return np.average(data.xipos[moving], axis=0, weights=model.body_mass[moving])
 
@@ -71,7 +71,7 @@ def add(
 
 
 def draw_goal(scene: mujoco.MjvScene, scenery: Scenery, robot: Robot) -> None:
-    """A disc on the ground and a pole with a ball, where there is a goal."""
+    """A disc on the ground and a pole with a ball at the goal."""
     if scenery.goal is None:
         return
     x, y, z = scenery.on_ground(scenery.goal)
@@ -97,13 +97,13 @@ def draw_ghosts(scene: mujoco.MjvScene, robot: Robot, points: Floats) -> None:
 
 
 def draw_trail(scene: mujoco.MjvScene, scenery: Scenery, centers: Floats) -> None:
-    """The way gone, on the ground."""
+    """The path so far, on the ground."""
     for a, b in pairwise(scenery.on_ground(centers[:, :2]) + [0.0, 0.0, 0.012]):
         draw_line(scene, a, b, 0.012, TRAIL)
 
 
 def draw_plan(scene: mujoco.MjvScene, scenery: Scenery, robot: Robot, paths: Floats) -> None:
-    """Ways (K, M, 2) that were foreseen, the first one in the strongest colour."""
+    """Predicted paths (K, M, 2), the first one in the strongest colour."""
     for way, color, share, lift in (
         *((path, OTHERS, 0.009, 0.013) for path in paths[1:]),
         (paths[0], PLAN, 0.015, 0.016),
@@ -113,7 +113,7 @@ def draw_plan(scene: mujoco.MjvScene, scenery: Scenery, robot: Robot, paths: Flo
 
 
 def draw_line(scene: mujoco.MjvScene, a: Floats, b: Floats, radius: float, color: Floats) -> None:
-    """A capsule from (3,) to (3,); none where one of them is not known [m]."""
+    """A capsule from (3,) to (3,); none if one of them is unknown [m]."""
     if not np.isfinite([a, b]).all():
         return
     geom = add(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, [1, 1, 1], a, color)

@@ -1,4 +1,4 @@
-"""A plant with effects that are always there: what the MJCF says, and what was found missing in it."""
+"""A plant with permanent effects: the MJCF and the physics missing from it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from flywheel.terrain import Terrain
 class EffectivePlant(Plant):
     """`Plant` with the same effects in every simulation.
 
-    `simulate` begins with fresh cables and with winches that were told nothing yet: delays, play and
+    `simulate` starts with fresh cables and with winches without previous commands: delays, play and
     memories of cables start anew. `begin` keeps them from piece to piece of an episode.
 
     Args:
@@ -30,7 +30,7 @@ class EffectivePlant(Plant):
       parameters: one set for all simulations.
 
     Raises:
-      ModelError: see `Plant`; or parameters that differ between simulations.
+      ModelError: see `Plant`; or parameters differ between simulations.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class EffectivePlant(Plant):
 
 
 def with_effects(plant: Plant, terms: Terms) -> Plant:
-    """The plant with effects on top of those that it has; itself without any.
+    """The plant with additional effects; itself without any.
 
     Raises:
       ModelError: see `EffectivePlant`.
@@ -101,7 +101,7 @@ def with_effects(plant: Plant, terms: Terms) -> Plant:
 
 
 class _EffectiveCourse:
-    """What the winches were told so far, and what the cables remember."""
+    """The commands so far, and the memory of the cables."""
 
     def __init__(self, plant: EffectivePlant, state: State) -> None:
         self._plant, self.state = plant, state

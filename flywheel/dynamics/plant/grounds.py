@@ -1,4 +1,4 @@
-"""Simulations that stand each on a ground of its own."""
+"""Simulations with a separate ground each."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def simulated_on(
 
     Args:
       terrains: of B simulations, or one; None is the plane z = 0.
-      plant: elsewhere the same.
-      state, controls: as `Plant.simulate` takes them.
+      plant: used with each of them.
+      state, controls: as in `Plant.simulate`.
     """
     if len(set(terrains)) == 1:
         return plant.on(terrains[0]).simulate(state, controls)

@@ -1,8 +1,7 @@
-"""Whether an effect keeps what every effect promises, tried on a robot in less than a second.
+"""Tests of the contract of effects, on a robot in less than a second.
 
-The promises are those that the contract tests ask of the package's effects: what is absent changes nothing,
-numbers are finite within the bounds, simulations of a batch do not touch each other, and time can be cut
-anywhere.
+The contract is that of the package's effects: an absent cause changes nothing, numbers are finite
+within the bounds, simulations of a batch are independent, and simulations can be split at any time.
 """
 
 from __future__ import annotations
@@ -47,15 +46,15 @@ SAME = 1e-6  # of the robot's length, that an absent change of the model may mak
 
 
 def check_laws(effects: Iterable[Effect], plant: Plant) -> None:
-    """Refuse effects that do not keep their promises on a robot.
+    """Check the contract of effects on a robot.
 
     Args:
       effects: those of law files.
-      plant: whose robot, parameters and control step they are tried with, without effects of its own.
+      plant: whose robot, parameters and control step are used, without effects.
 
     Raises:
-      ConfigError: an effect raises, gives another shape or no finite number, changes something where its
-        sizes are zero, lets simulations touch each other, or depends on what it was asked before.
+      ConfigError: an effect raises, returns a wrong shape or a non-finite number, changes something
+        with sizes of zero, couples simulations, or depends on earlier calls.
     """
     trial: _Trial | None = None
     for effect in effects:
@@ -66,15 +65,15 @@ def check_laws(effects: Iterable[Effect], plant: Plant) -> None:
 
 @dataclass(frozen=True)
 class _Trial:
-    """What effects are tried with.
+    """Test inputs for effects.
 
     Attributes:
       augmented: the robot.
       cables: at some instants.
       winches: at the same.
-      rates: (INSTANTS, ROWS, W) that winches are told [m/s].
+      rates: (INSTANTS, ROWS, W) commanded to winches [m/s].
       start: a settled state.
-      controls: (ROWS, STEPS, W) that haul in and pay out, each by another way.
+      controls: (ROWS, STEPS, W) that haul in and pay out, each in a different way.
     """
 
     augmented: AugmentedPlant
@@ -106,7 +105,7 @@ class _Trial:
         )
 
     def check(self, effect: Effect) -> None:
-        """Try one effect.
+        """Test one effect.
 
         Raises:
           ConfigError: see `check_laws`.
@@ -119,7 +118,7 @@ class _Trial:
             self._check_simulated(effect)
 
     def _check_finite(self, effect: Effect, factors: Sequence[float]) -> None:
-        """Finite numbers, of the right shape, that are the same for a part of the simulations."""
+        """Check that numbers are finite, of the right shape, and the same for a part of the simulations."""
         values = self._values(effect, factors)
         given = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
         if isinstance(effect, ModelEffect):
@@ -131,21 +130,23 @@ class _Trial:
         for name, (got, shape) in whole.items():
             if got.shape != shape:
                 raise ConfigError(
-                    f"{described(effect)} gives {name} of the shape {got.shape}; {shape} is needed."
+                    f"{described(effect)} returns {name} of the shape {got.shape}; {shape} is "
+                    "needed."
                 )
             if not np.isfinite(got).all():
                 raise ConfigError(
-                    f"{described(effect)} gives {name} that are not finite, with {given}."
+                    f"{described(effect)} returns {name} that are not finite, with {given}."
                 )
         for name, (got, _) in part.items():
             if not np.array_equal(got, whole[name][0][:, 1:3]):
                 raise ConfigError(
-                    f"{described(effect)} gives other {name} when fewer simulations are stepped together: "
-                    "each must depend on itself alone, and on nothing that the effect keeps."
+                    f"{described(effect)} returns other {name} when fewer simulations are stepped "
+                    "together: each must depend on itself alone, and on nothing that the effect "
+                    "keeps."
                 )
 
     def _check_neutral(self, effect: Effect, factors: Sequence[float]) -> None:
-        """With sizes of zero nothing changes."""
+        """Check that sizes of zero change nothing."""
         values = self._values(effect, factors)
         if isinstance(effect, ModelEffect):
             self._check_neutral_model(effect, tuple(values.values()))
@@ -176,7 +177,7 @@ class _Trial:
             )
 
     def _base(self, effect: ModelEffect) -> mujoco.MjModel:
-        """The model that an effect changes a copy of."""
+        """The model of which an effect changes a copy."""
         return self.augmented._movable if effect.moves_mass else self.augmented._model
 
     def _rolled(self, model: mujoco.MjModel) -> Floats:
@@ -191,7 +192,7 @@ class _Trial:
         return np.asarray(before[0, -1, plant._points])
 
     def _edited(self, effect: ModelEffect, terms: Terms, how: str) -> mujoco.MjModel:
-        """A copy of the model with terms, all of whose numbers are finite."""
+        """A copy of the model with terms, with finite numbers only."""
         before = self._base(effect)
         with collected_warnings():
             after = edited(before, self.augmented.robot, terms)
@@ -204,7 +205,9 @@ class _Trial:
         return after
 
     def _check_simulated(self, effect: Effect) -> None:
-        """In a batch only its own simulation changes, and time can be cut anywhere."""
+        """Check that only the effect's own simulation changes in a batch, and that time can be
+        split anywhere.
+        """
         augmented, scales = self.augmented, Scales.of(self.augmented.robot)
         values = tuple(min(max(1.0, p.low), p.high) * p.typical(scales) for p in effect.parameters)
         term = Term(effect, effect.places(augmented.robot)[-1], values)
@@ -220,12 +223,12 @@ class _Trial:
         again = self._simulated([(term,)], CUT).points[0]
         if not np.array_equal(again, whole.points[1]):
             raise ConfigError(
-                f"{described(effect)} depends on what it was asked before: a memory belongs into the "
-                "`memory` of a TensionEffect, and nowhere else."
+                f"{described(effect)} depends on earlier calls: a memory belongs in the `memory` "
+                "of a TensionEffect, and nowhere else."
             )
 
     def _simulated(self, terms: Sequence[Terms], cut: int = STEPS) -> Motion:
-        """Simulations from the start, stopped after `cut` steps and gone on with."""
+        """Simulations from the start, stopped after `cut` steps and continued."""
         count, augmented = len(terms), self.augmented
         states = State(
             *(
@@ -249,7 +252,7 @@ class _Trial:
     def _answers(
         self, effect: Effect, values: dict[str, float], rows: slice
     ) -> dict[str, tuple[Floats, tuple[int, ...]]]:
-        """What a law gives at all instants for some of the simulations, and the shape that it must have."""
+        """Results of a law at all instants for some of the simulations, and the required shape."""
         robot, count = self.augmented.robot, len(range(ROWS)[rows])
         if isinstance(effect, CommandEffect):
             controls = self.controls[rows]
@@ -268,15 +271,15 @@ class _Trial:
     def _tensions(
         self, effect: TensionEffect, wide: dict[str, Floats], rows: slice
     ) -> dict[str, tuple[Floats, tuple[int, ...]]]:
-        """The tensions of a law at all instants, one after the other, and what it remembers."""
+        """The tensions of a law at successive instants, and its memory."""
         shape = (INSTANTS, *self.cables[0][rows].length.shape)
         memory, tensions, memories = np.zeros(shape[1:]), [], []
         for cables in self.cables:
             got = effect.tension(cables[rows], _fixed(memory), wide)
             if not isinstance(got, tuple) or len(got) != 2:
                 raise ConfigError(
-                    f"{described(effect)} must give a tension and the memory at the next instant, as a "
-                    f"tuple of two arrays; got {shown(got)}."
+                    f"{described(effect)} must return a tension and the memory at the next "
+                    f"instant, as a tuple of two arrays; got {shown(got)}."
                 )
             tensions.append(got[0])
             memories.append(got[1])
@@ -289,16 +292,17 @@ class _Trial:
 
 
 def _numbers(effect: Effect, name: str, answers: list[Any]) -> Floats:
-    """What a law gave, one answer after the other.
+    """Results of a law, stacked.
 
     Raises:
-      ConfigError: it is no array of numbers.
+      ConfigError: one is not an array of numbers.
     """
     try:
         return np.array(answers, float)
     except (TypeError, ValueError):
         raise ConfigError(
-            f"{described(effect)} gives {name} that are no array of numbers: {shown(answers[0])}."
+            f"{described(effect)} returns {name} that are not an array of numbers: "
+            f"{shown(answers[0])}."
         ) from None
 
 

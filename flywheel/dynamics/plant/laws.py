@@ -1,4 +1,4 @@
-"""The laws that act on cables and winches while simulations are stepped."""
+"""The laws of cables and winches during a simulation."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ Group = tuple[E, Rows, dict[str, Floats]]
 
 @dataclass(frozen=True)
 class Geometry:
-    """How MuJoCo's numbers become those of cables, which are in the order of its tendons.
+    """Mapping from MuJoCo's numbers to those of cables, in the order of its tendons.
 
     Attributes:
-      activation: (C,) place of each cable's rest length in `act`, -1 for passive cables.
+      activation: (C,) index of each cable's rest length in `act`, -1 for passive cables.
       rest: (C,) rest length at the keyframe [m].
       stiffness, damping: (C,).
-      strongest: (C,) pull of each cable's actuator; infinite without one [N].
-      loads: (W, C) bool, which cables a winch carries.
+      strongest: (C,) largest pull of each cable's actuator; infinite without one [N].
+      loads: (W, C) bool, cables carried by each winch.
     """
 
     activation: np.ndarray
@@ -68,15 +68,15 @@ def _strongest(model: mujoco.MjModel, cables: int) -> Floats:
 
 
 class Laws:
-    """The laws of n simulations, each on the rows that have it.
+    """The laws of n simulations, each applied to the rows that have it.
 
     Args:
-      robot: whose cables and winches they are.
+      robot: of the cables and winches.
       geometry: of the cables.
       batch: the simulations, and maybe more after them.
       terms: of each.
-      memory: effect name -> (n, C), changed in place as time goes on.
-      slow: speed of a cable that counts as still [m/s].
+      memory: effect name -> (n, C), changed in place over time.
+      slow: speed below which a cable counts as still [m/s].
     """
 
     def __init__(
@@ -107,23 +107,23 @@ class Laws:
 
     @property
     def on_rates(self) -> bool:
-        """Whether an effect changes the rates of winches."""
+        """True if an effect changes the rates of winches."""
         return bool(self._rates)
 
     @property
     def on_tensions(self) -> bool:
-        """Whether an effect changes the tensions of cables."""
+        """True if an effect changes the tensions of cables."""
         return bool(self._tensions)
 
     def cables(self) -> Cables:
-        """All cables as they are now."""
+        """Present state of all cables."""
         rest, stiffness = self._rest.copy(), self._stiffness
         rest[:, self._winched] = self._act.take(self._spools, axis=1)
         elastic = stiffness * np.maximum(self._length - rest, 0.0)
         return Cables(self._length, self._speed, rest, stiffness, elastic, self._dt, self._slow)
 
     def told(self, told: Floats, cables: Cables) -> Floats:
-        """What winches (n, W) that are told (n, W) do as if they had been told it, under their load."""
+        """Equivalent commands for nominal winches (n, W) that move as these do under load."""
         now = self._act.take(self._drums, axis=1)
         winches = Winches(now, self._load(cables.elastic))
         rates, asked = self._robot.rates(now, told, self._dt), told
@@ -134,13 +134,15 @@ class Laws:
         return asked
 
     def _load(self, elastic: Floats) -> Floats:
-        """(n, W) tension of the tightest cable of each winch, of those of the springs (n, C)."""
+        """(n, W) tension of the tightest cable of each winch, from those of the springs (n, C)."""
         if self._single is not None:
             return elastic.take(self._single, axis=1)
         return np.asarray((elastic[:, None] * self._geometry.loads).max(axis=-1))
 
     def tension(self, cables: Cables) -> Floats:
-        """(n, C) extra tension [N]: on taut cables only, never pushing, and no more than winches have."""
+        """(n, C) additional tension [N]: on taut cables only, never pushing, and within the
+        winches' limits.
+        """
         extra: Floats = self._none
         for effect, rows, values in self._tensions:
             held = self.memory[effect.name][rows] if effect.remembers else self._none[rows]
@@ -155,7 +157,7 @@ class Laws:
 
 
 def _with(whole: Floats, rows: Rows, part: Floats) -> Floats:
-    """The whole (n, ...) with some rows replaced, which need not be copied if it is all of them."""
+    """The whole (n, ...) with some rows replaced; not copied if all rows are."""
     if isinstance(rows, slice):
         return part
     whole = whole.copy()
@@ -164,7 +166,7 @@ def _with(whole: Floats, rows: Rows, part: Floats) -> Floats:
 
 
 def has_laws(terms: Sequence[Terms]) -> bool:
-    """Whether an effect has to be computed at every step."""
+    """True if an effect has to be computed at every step."""
     return any(
         isinstance(term.effect, TensionEffect | WinchEffect) and not term.absent
         for each in terms
@@ -173,9 +175,9 @@ def has_laws(terms: Sequence[Terms]) -> bool:
 
 
 def grouped(terms: Sequence[Terms], kind: type[E], width: int) -> list[Group[E]]:
-    """Effects of a kind: which simulations have them, and their values (rows, width).
+    """Effects of a kind: the simulations that have them, and their values (rows, width).
 
-    An effect is the same with factors of its parts and without: there they are one.
+    An effect is the same with factors of its parts and without: missing factors are one.
     """
     effects: dict[str, E] = {}
     found: dict[str, dict[int, list[Term]]] = {}

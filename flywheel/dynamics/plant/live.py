@@ -1,4 +1,4 @@
-"""A window that shows an episode while it is recorded, in MuJoCo's viewer."""
+"""A window that shows an episode during its recording, in MuJoCo's viewer."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CLOSE_SECONDS = 5.0  # that the window may take to close: some displays never an
 
 @dataclass(frozen=True)
 class _Frame:
-    """A state to show, and the plan that was followed then."""
+    """A state to show, and the plan in use at that time."""
 
     qpos: Floats
     act: Floats
@@ -41,8 +41,8 @@ class _Frame:
 class LiveView:
     """Shows pieces of an episode in the robot's own time, while the next ones are computed.
 
-    A thread of its own plays them, so that planning does not wait for the picture: it shows what was
-    just recorded, at most as fast as it happened. Closing the window ends the show, not the episode.
+    A separate thread plays them, so that planning does not wait for the picture: it shows recorded
+    pieces, at most in real time. Closing the window ends the show, not the episode.
 
     Args:
       robot: the robot.
@@ -71,16 +71,16 @@ class LiveView:
         """Play a piece as soon as those before have been played.
 
         Args:
-          states: (T,) of it.
+          states: (T,) of the piece.
           dt: time between them [s].
-          paths: (K, M, 2) ways that were foreseen, the best one first, or None [m].
+          paths: (K, M, 2) predicted paths, best first, or None [m].
         """
         every = max(1, round(1.0 / FPS / dt))
         for qpos, act in zip(states.qpos[::every], states.act[::every], strict=True):
             self._frames.put(_Frame(qpos, act, paths))
 
     def close(self) -> None:
-        """Play what is left, and close the window."""
+        """Play the rest, and close the window."""
         self._frames.put(None)
         self._player.join()
         self._window.close()
@@ -115,7 +115,7 @@ class LiveView:
 
 
 def _check_display() -> None:
-    """MuJoCo's viewer ends the whole process where there is none."""
+    """MuJoCo's viewer ends the whole process without a display."""
     import glfw  # where there is no display, it may not even be importable
 
     with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""What sensors make of the truth: noise, dropout, and winch positions that nobody measures."""
+"""Sensors: noise, dropout, and unmeasured winch positions."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from flywheel.robots import Robot
 
 
 class MeasurementModel(BaseModel):
-    """How a plant's observations are measured. The default is exact, and blind to the winches.
+    """Measurement of a plant. By default it is exact, without winch positions.
 
     Attributes:
       noise: standard deviation of each coordinate of a point, as a fraction of `robot.length`.
       dropout: probability that a point is missing from an observation.
-      winch_measured: give all winch positions; else only those the MJCF has a sensor for.
+      winch_measured: measure all winch positions; else only those the MJCF has a sensor for.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

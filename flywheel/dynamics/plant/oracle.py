@@ -1,4 +1,4 @@
-"""The plant as a dynamics model that sees everything: the ceiling for all that plan with a model."""
+"""The plant as a dynamics model with full state: the ceiling for all planners."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class PlantDynamics:
     """MuJoCo started from the plant's own full state.
 
     Attributes:
-      plant: which parameters, obstacles and threads to predict with; the past says on which terrain.
+      plant: parameters, obstacles and threads for the prediction; the past gives the terrain.
     """
 
     plant: Plant

@@ -11,14 +11,15 @@ from flywheel.robots import Robot
 
 
 class PlantParameters(BaseModel):
-    """Scales on the MJCF's numbers; 1 everywhere is the MJCF itself, to the bit.
+    """Scales on the MJCF's numbers; with 1 everywhere the plant equals the MJCF, bit by bit.
 
     Attributes:
       friction: of all contact friction coefficients.
-      contact_stiffness: of all contacts; their damping ratio stays as it is.
+      contact_stiffness: of all contacts; their damping ratio stays the same.
       cable_stiffness: of all cables, winched and passive.
       cable_damping: of all cables.
-      winch_speed: rate winches turn this much faster than commanded; position winches lag less.
+      winch_speed: ratio of the rate of rate winches to the commanded one; position winches lag
+        less.
       mass: of all bodies, with their inertia.
     """
 

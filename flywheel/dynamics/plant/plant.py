@@ -28,12 +28,11 @@ OUTPUT_BYTES = 64 << 20  # steps per call into MuJoCo; longer simulations take s
 
 
 class Plant:
-    """The simulated stand-in for a robot, stepped in batches.
+    """The simulated robot, stepped in batches.
 
-    It has no state of its own: `simulate` maps states and controls to trajectories. The result
-    depends on neither the number of threads nor how a batch is split into calls, and, because the
-    contact solver starts cold in every step, not on how the time is split either (to the bit).
-    It can be pickled.
+    It has no state: `simulate` maps states and controls to trajectories. The result is independent
+    of the number of threads, of the split of a batch into calls, and, because the contact solver
+    starts cold in every step, of the split in time (bit by bit). It can be pickled.
 
     Args:
       robot: the robot.
@@ -41,10 +40,10 @@ class Plant:
       parameters: one set for all simulations, or one for each of the batch.
       obstacles: boxes to collide with.
       threads: simulations stepped at the same time.
-      terrain: in the place of the robot's ground plane.
+      terrain: replaces the robot's ground plane.
 
     Attributes:
-      terms: effects that are always there; see `EffectivePlant`.
+      terms: permanent effects; see `EffectivePlant`.
 
     Raises:
       ModelError: dt is not a multiple of the robot's timestep; a terrain for a robot without a ground.
@@ -80,7 +79,7 @@ class Plant:
         return self.dt, self.parameters, self.obstacles, self.threads, self.terrain
 
     def on(self, terrain: Terrain | None) -> Self:
-        """The same plant on another ground; itself where that is its own."""
+        """The same plant on another ground; itself if that is its own."""
         if terrain == self.terrain:
             return self
         made, arguments = self.__reduce__()
@@ -115,7 +114,7 @@ class Plant:
 
     @property
     def winch_speed(self) -> Floats:
-        """(W,) rate of each winch of the (first) simulation, over what it is told [-]."""
+        """(W,) ratio of the rate of each winch of the (first) simulation to its command [-]."""
         return np.asarray(self._speed[0, 0])
 
     @property
@@ -129,7 +128,7 @@ class Plant:
         return State(*(np.repeat(a[None], n, axis=0) for a in (key.qpos, key.qvel, key.act)))
 
     def settle(self, seconds: float, n: int = 1, start: State | None = None) -> State:
-        """`n` times the keyframe, or `start`, after `seconds` of holding the winches still."""
+        """`n` times the keyframe, or `start`, after `seconds` with holding winches."""
         start = self.rest(n) if start is None else start
         hold = self.robot.holding(start.act[:, self._winch_act])
         controls = np.repeat(hold[:, None], round(seconds / self.dt), axis=1)
@@ -165,8 +164,8 @@ class Plant:
           (B, T) trajectories with full states and noise-free observations.
 
         Raises:
-          ModelError: shapes that do not fit, or a simulation that diverged; the message says which
-            one and when.
+          ModelError: shapes do not fit, or a simulation diverged; the message says which one and
+            when.
         """
         controls = np.asarray(controls, float)
         batch, steps = self._check(state, controls)
@@ -195,7 +194,7 @@ class Plant:
         return _PlainCourse(self, state)
 
     def commands(self, controls: Floats) -> Floats:
-        """What MuJoCo's actuators get (..., nu) for winch controls (..., W) within their ranges."""
+        """Controls (..., nu) of MuJoCo's actuators for winch controls (..., W) within their ranges."""
         return (controls * self._speed) @ self._drive + self._drive_shift
 
     def packed(self, state: State) -> Floats:
@@ -240,7 +239,7 @@ class Plant:
         return states, sensors
 
     def _refuse_divergence(self, states: Floats, first_step: int) -> None:
-        """MuJoCo resets a simulation that diverges, and with it the clock: entry 0 of the state."""
+        """MuJoCo resets a diverged simulation, and with it the clock: entry 0 of the state."""
         expected = self.robot.timestep * np.arange(1, states.shape[1] + 1)
         off = np.abs(states[..., 0] - expected) > self.robot.timestep / 2
         off |= ~np.isfinite(states).all(axis=-1)
@@ -284,7 +283,7 @@ def _sensor_columns(model: mujoco.MjModel, names: list[str]) -> np.ndarray:
 def _drive(model: mujoco.MjModel, robot: Robot) -> tuple[Floats, Floats]:
     """Matrix (W, nu) and shift (nu,) that turn controls into MuJoCo's.
 
-    Actuators that belong to no winch get what is nearest to 0 in their range.
+    Actuators without a winch get the value nearest to 0 in their range.
     """
     drive = np.zeros((len(robot.winches), model.nu))
     limited = np.where(

@@ -15,7 +15,7 @@ FREE_POSITIONS = 7
 def seen_poses(robot: Robot, points: Floats) -> Floats:
     """(B, bodies, 7) positions [m] and quaternions of the bodies whose points are at (B, P, 3) [m].
 
-    What the points leave open is as in the keyframe, with the least turn from there.
+    Undetermined rotations stay as in the keyframe, with the smallest rotation from there.
     """
     turns = [_turn(robot, i, body, points) for i, body in enumerate(robot.bodies)]
     return at_points(robot, np.stack(turns, axis=1), points)
@@ -56,7 +56,7 @@ def _turn(robot: Robot, index: int, body: Body, points: Floats) -> Floats:
 def _orientation(offsets: Floats, seen: Floats, reference: Floats) -> Floats:
     """(B, 4) rotation that takes offsets (n, 3) onto centred points (B, n, 3).
 
-    What the points leave open is as in the `reference` (4,).
+    Undetermined rotations stay as in the `reference` (4,).
     """
     here = offsets - offsets.mean(axis=0)
     if not here.any():

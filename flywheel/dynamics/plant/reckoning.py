@@ -1,7 +1,7 @@
-"""Dead reckoning of winches that are not measured, with the effects that are known of them.
+"""Dead reckoning of unmeasured winches, with their known effects.
 
-A winch that is faster, later or weaker than its datasheet says is soon somewhere else than its commands
-alone tell, and a network or a planner that starts from there is misled.
+A winch that is faster, later or weaker than in its datasheet soon differs from the position
+computed from its commands, and misleads a network or planner that starts there.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ ROUNDS = 2  # rounds of the search for unseen rolls: to a hundredth of a radian
 
 @dataclass(frozen=True)
 class Reckoning:
-    """Winch positions from commands, and, where the load matters, from what is seen.
+    """Winch positions from commands, and from the observed load if that matters.
 
     Attributes:
-      robot: whose winches they are.
+      robot: of the winches.
       dt: control step [s].
-      terms: what is known of its plant, beyond the MJCF.
-      speed: how many times faster than commanded rate winches are known to turn (`PlantParameters`).
+      terms: known effects beyond the MJCF.
+      speed: known ratio of the rate of rate winches to the commanded one (`PlantParameters`).
     """
 
     robot: Robot
@@ -42,7 +42,7 @@ class Reckoning:
 
     @cached_property
     def nominal(self) -> bool:
-        """Whether winches are not known to do anything but what the MJCF says."""
+        """True if the winches have no known effects beyond the MJCF."""
         return self.speed == 1.0 and not any(
             isinstance(term.effect, CommandEffect | WinchEffect) and not term.absent
             for term in self.terms
@@ -50,13 +50,13 @@ class Reckoning:
 
     @cached_property
     def loaded(self) -> bool:
-        """Whether the load of the winches matters."""
+        """True if the load of the winches matters."""
         return any(isinstance(t.effect, WinchEffect) and not t.absent for t in self.terms)
 
     def known(self, trajectory: Trajectory) -> Floats:
-        """(T + 1, W) best knowledge of the winch positions over an unbatched trajectory [m].
+        """(T + 1, W) best estimate of the winch positions over an unbatched trajectory [m].
 
-        Measured where they were, see `Robot.known_winch`; else reckoned.
+        Measured ones if available, see `Robot.known_winch`; else reckoned.
         """
         seen, controls = trajectory.observations, trajectory.controls
         if self.nominal or np.isfinite(seen.winch).all():
@@ -77,7 +77,9 @@ class Reckoning:
         return np.concatenate(positions)
 
     def told(self, controls: Floats) -> Floats:
-        """(T, W) what the winches are told of commands (T, W) from an episode's beginning on."""
+        """(T, W) commands that reach the winches, given the commands (T, W) from an episode's
+        beginning on.
+        """
         told = np.clip(controls, self.robot.control_low, self.robot.control_high)[None]
         groups = grouped([self.terms], CommandEffect, len(self.robot.winches))  # type: ignore[type-abstract]
         for effect, _, values in sorted(groups, key=lambda group: group[0].stage):
@@ -91,17 +93,17 @@ class Reckoning:
         lengths: Floats | None = None,
         measured: Floats | None = None,
     ) -> Floats:
-        """(T + 1, W) positions [m] of winches that begin at (W,) and are told (T, W).
+        """(T + 1, W) positions [m] of winches that start at (W,) and receive commands (T, W).
 
         Args:
-          lengths: (T, C) of the cables at each step, where winches are `loaded`; see `lengths` [m].
-          measured: (T + 1, W) positions to take instead, and to go on from; NaN where not [m].
+          lengths: (T, C) of the cables at each step, if winches are `loaded`; see `lengths` [m].
+          measured: (T + 1, W) positions to use and to continue from; NaN if missing [m].
         """
         loaded = None if lengths is None else partial(self._loaded, lengths)
         return self.robot.wind(np.asarray(start, float), told, self.dt, measured, loaded)
 
     def _loaded(self, lengths: Floats, step: int, now: Floats, command: Floats) -> Floats:
-        """(W,) what nominal winches would be told to move as winches under load do."""
+        """(W,) equivalent commands for nominal winches that move as winches do under load."""
         robot = self.robot
         winches = Winches(now[None], self._load(lengths[step], now)[None])
         rates = robot.rates(now, command, self.dt)[None]
@@ -130,11 +132,12 @@ class Reckoning:
     def lengths(self, points: Floats, winch: Floats, last: int | None = None) -> Floats:
         """(last, C) lengths of the cables in the last steps, from points (T + 1, P, 3) until then [m].
 
-        What is unseen of the bodies' turns is as relaxed as with winches at (W,). Points that are out of
-        sight go straight on; cables of bodies with one that was never seen are taken to be slack.
+        Undetermined rotations of the bodies are relaxed, with winches at (W,). Missing points are
+        extrapolated on straight lines; cables of bodies with a point that was never seen are
+        assumed slack.
 
         Raises:
-          RobotError: not all bodies are free, so that points do not tell where they are.
+          RobotError: some bodies are not free, so that points do not determine their poses.
         """
         self.robot.require_free("reckoned with winches whose load matters")
         steps = len(points) - 1 if last is None else last
@@ -160,7 +163,7 @@ class Reckoning:
 
 
 def _filled(points: Floats) -> Floats:
-    """Points (T + 1, P, 3), straight lines through what is missing; 0 where a point is never seen."""
+    """Points (T + 1, P, 3), interpolated linearly; 0 for a point that is never seen."""
     filled, every = points.copy(), np.arange(len(points))
     for point in range(points.shape[1]):
         known = np.isfinite(points[:, point]).all(axis=1)

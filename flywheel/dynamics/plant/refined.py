@@ -1,4 +1,6 @@
-"""The same plant with smaller time steps, to tell numbers from physics, or with cheaper ones."""
+"""The same plant with smaller time steps, to separate numerical errors from physics, or with
+cheaper ones.
+"""
 
 from __future__ import annotations
 

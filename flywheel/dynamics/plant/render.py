@@ -32,7 +32,7 @@ SMOOTH_SECONDS = 0.8  # the camera follows this much behind
 
 @dataclass(frozen=True)
 class Shot:
-    """How a video looks.
+    """Format of a video.
 
     Attributes:
       size: (width, height) [pixels]; multiples of 16.
@@ -54,7 +54,7 @@ ABOVE = Shot(
 
 
 def usual_shot(scenery: Scenery) -> Shot:
-    """How a video looks where nobody says."""
+    """Default format of a video."""
     return ABOVE if scenery.obstacles else PLAIN
 
 
@@ -80,8 +80,9 @@ def render_episode(
       fps: frames per second.
       ghosts: (T, P, 3) predicted points to draw over it, or None; NaN is not drawn [m].
       dt: time between the states [s].
-      shot: size and camera; None for a usual one: among obstacles from above, or they would hide the robot.
-      plans: what a planner foresaw, to draw on the ground, or None.
+      shot: size and camera; None for the default: among obstacles from above, which would otherwise
+        hide the robot.
+      plans: predictions of a planner, to draw on the ground, or None.
 
     Returns:
       The path.
@@ -185,7 +186,7 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, states: State, step: int) 
 
 
 def _smooth(centers: Floats, dt: float) -> Floats:
-    """(frames, 3) what the camera looks at: the centre at its mean height, low-passed both ways."""
+    """(frames, 3) target of the camera: the centre at its mean height, low-passed both ways."""
     share = min(1.0, dt / SMOOTH_SECONDS)
     views = centers.copy()
     views[:, 2] = centers[:, 2].mean()

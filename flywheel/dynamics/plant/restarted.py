@@ -1,8 +1,8 @@
-"""MuJoCo restarted from what is observed: what perfect physics makes of partial observation.
+"""MuJoCo restarted from observations: exact physics with partial observation.
 
-It knows the robot exactly and sees what a learned model sees. What it cannot see it has to guess: the
-velocity, and how far each rod is turned about its own axis. How well it guesses the turn decides how
-well it predicts, because cables end on the surface of the rods.
+It knows the robot exactly and has the inputs of a learned model. It has to estimate the velocity,
+and the rotation of each rod about its own axis. The estimate of the rotation determines the
+accuracy, because cables end on the surface of the rods.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ LOOK_BACK = 0.36  # of a plant that sees velocities through noise [sqrt(L / g)]
 class RestartedPlant:
     """MuJoCo started from a state estimated from the past observations.
 
-    Each tracked point is fitted by a polynomial in time over the last steps; each body takes the pose
-    and velocity that fit its points best. Where those lie on one line, `roll` says what the turn about
-    it is taken to be; the turning rate is zero.
+    Each tracked point is fitted by a polynomial in time over the last steps; each body takes the
+    pose and velocity that fit its points best. If those lie on one line, `roll` determines the
+    rotation about it; its rate is zero.
 
     Attributes:
-      plant: which parameters, obstacles and threads to predict with; the past says on which terrain. All
+      plant: parameters, obstacles and threads for the prediction; the past gives the terrain. All
         bodies must be free.
-      window: past steps that the fit looks back; 1 is the finite difference. More resists noise and
-        missing points: where too few are known, a point is taken to rest where it was last seen.
+      window: past steps in the fit; 1 is the finite difference. More resists noise and missing
+        points: if too few are known, a point is assumed to rest at its last known position.
       degree: of the polynomial: 1 or 2.
-      roll: "random": any angle, drawn for each past by itself; "keyframe": the least turn from the
-        keyframe's pose; "relaxed": where the cables, at their nominal rest lengths, have the least
-        elastic energy.
+      roll: "random": any angle, drawn for each past by itself; "keyframe": the smallest rotation
+        from the keyframe's pose; "relaxed": the one with the least elastic energy of the cables, at
+        their nominal rest lengths.
       seed: of the random angles.
     """
 
@@ -64,7 +64,7 @@ class RestartedPlant:
 
     @classmethod
     def from_measurements(cls, plant: Plant) -> RestartedPlant:
-        """The plant, restarted so that it sees velocities through the noise of a real robot's points."""
+        """The plant, restarted with velocities that are robust against a real robot's noise."""
         look_back = LOOK_BACK * np.sqrt(plant.robot.length / GRAVITY)
         return cls(plant, window=max(2, round(look_back / plant.dt)), degree=2, roll="relaxed")
 
@@ -98,7 +98,8 @@ class RestartedPlant:
         """Predict the points under `controls` (B, H, W).
 
         Raises:
-          ModelError: a point was never seen, shapes do not fit, or the simulation diverged.
+          ModelError: a point is missing in the whole past, shapes do not fit, or the simulation
+            diverged.
         """
         seen = self.motion(past, controls).observations
         return Rollout(seen.points, seen.winch)
@@ -111,15 +112,13 @@ class RestartedPlant:
         """The state (B,) that fits the past best.
 
         Raises:
-          ModelError: a point was not seen in the whole past.
+          ModelError: a point is missing in the whole past.
         """
         recent = past.observations.points[:, -(self.window + 1) :]
         points, speeds = causal_polynomial(recent, self.dt, self.degree)
         points = np.where(np.isfinite(points), points, _last_seen(past.observations.points))
         if not np.isfinite(points).all():
-            raise ModelError(
-                "A tracked point was not seen in the whole past; cannot restart there."
-            )
+            raise ModelError("A tracked point was not seen in the whole past; cannot restart there.")
         poses = self._poses(points, past.winch[:, -1])
         velocities = [
             self._velocity(
@@ -152,7 +151,8 @@ class RestartedPlant:
     def _velocity(self, body: Body, pose: Floats, points: Floats, speeds: Floats) -> Floats:
         """(B, 6) velocity of the body frame [m/s] and turning rate in it [rad/s].
 
-        The rate is the smallest that fits the points' speeds best: none about a line they lie on.
+        The rate is the smallest that fits the points' velocities best: none about a line through
+        all of them.
         """
         turn = pose[:, 3:]
         offsets = self._seen.offsets_of(body)
@@ -167,7 +167,7 @@ class RestartedPlant:
 
 
 def states_of(robot: Robot, dt: float, points: Floats, winch: Floats) -> State:
-    """States (T,) that show a robot where its points are.
+    """States (T,) of a robot with given points.
 
     Args:
       robot: to be drawn.
@@ -190,7 +190,7 @@ def _angles(seed: int, points: Floats, bodies: int) -> Floats:
 
 
 def _last_seen(points: Floats) -> Floats:
-    """(B, P, 3) the newest known place of each point of (B, h + 1, P, 3); NaN if there is none."""
+    """(B, P, 3) the newest known position of each point of (B, h + 1, P, 3); NaN if there is none."""
     known = np.asarray(np.isfinite(points).all(axis=-1))
     newest = points.shape[1] - 1 - np.flip(known, axis=1).argmax(axis=1)
     return np.take_along_axis(points, newest[:, None, :, None], axis=1)[:, 0]

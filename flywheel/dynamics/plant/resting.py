@@ -1,4 +1,4 @@
-"""Whether a robot comes to rest while its winches hold, how soon, and where."""
+"""Test for rest: time and place at which a robot settles while its winches hold."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ PATIENCE = 60.0  # of a clock on the wall, for the simulation of a few seconds [
 
 @dataclass(frozen=True)
 class Settling:
-    """What a robot does from its keyframe on, while its winches hold.
+    """Motion of a robot from its keyframe, while its winches hold.
 
     Attributes:
       speed: of its fastest tracked point after `SETTLING` seconds [m/s].
-      early, late: root mean squares of its tracked points' speeds in the `WATCHED` seconds after that, and
-        in those after these; both `speed` where it lies still [m/s].
-      moved: farthest that a tracked point is from where the keyframe has it, at rest or at the end [m].
-      lost: it has gone away for ever.
+      early, late: root mean squares of its tracked points' speeds in the `WATCHED` seconds after
+        that, and in those after these; both `speed` if it lies still [m/s].
+      moved: largest distance of a tracked point from its place in the keyframe, at rest or at the
+        end [m].
+      lost: it has flown away.
       still: it lies still after `SETTLING` seconds.
-      rest: (1,) where it rests; None where that was not found.
+      rest: (1,) rest state; None if none was found.
     """
 
     speed: float
@@ -46,21 +47,21 @@ class Settling:
 
     @property
     def grows(self) -> bool:
-        """Whether its motion grows, by more than the beating of several swings can explain."""
+        """True if its motion grows by more than the beating of several oscillations can explain."""
         return self.late > 1.2 * self.early
 
     @property
     def time_constant(self) -> float:
-        """Time in which its motion falls to 1/e [s]; infinite where it does not fall."""
+        """Time in which its motion decays to 1/e [s]; infinite without decay."""
         return WATCHED / np.log(self.early / self.late) if self.early > self.late > 0 else np.inf
 
 
 def settling(plant: Plant, patience: float = PATIENCE) -> Settling:
-    """Watch a robot from its keyframe on.
+    """Simulate a robot from its keyframe on.
 
     Args:
       plant: of the robot.
-      patience: how long that may take, on the wall [s].
+      patience: longest wall-clock time [s].
 
     Raises:
       ModelError: the simulation diverged, or it takes longer than that.
@@ -113,7 +114,7 @@ class _Clock:
 
 
 def _watched(clock: _Clock, state: State, seconds: float) -> tuple[State, Floats]:
-    """Where it is (1,) after some seconds, and the speed of its fastest point (T,) till then [m/s]."""
+    """State (1,) after some seconds, and the speed of its fastest point (T,) until then [m/s]."""
     speeds = []
     for states, piece in clock.go(state, seconds):
         state = states[:, -1]

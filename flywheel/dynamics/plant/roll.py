@@ -1,7 +1,8 @@
-"""The roll of a rod, its turn about its own axis: unseen, but its cables, which end on its surface, tell it.
+"""The roll of a rod, its rotation about its own axis: invisible, but determined by the cables on
+its surface.
 
-A rod has little inertia about its axis and its cables are stiff, so it soon comes to rest where their
-elastic energy is least. That turn is found by trying angles, finer and finer, body after body.
+A rod has little inertia about its axis and its cables are stiff, so it soon rests where their
+elastic energy is least. That rotation is found by testing angles, finer and finer, body after body.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ ON_A_LINE = 1e-6  # singular value over the largest, below which points are coll
 
 
 def unseen_axes(robot: Robot) -> dict[int, Floats]:
-    """Body -> (3,) unit axis in its frame, about which no tracked point tells how far it is turned."""
+    """Body -> (3,) unit axis in its frame, about which its tracked points do not determine its rotation."""
     lines = {}
     for index, body in enumerate(robot.bodies):
         line = line_of(robot.offsets_of(body))
@@ -43,10 +44,10 @@ def line_of(offsets: Floats) -> Floats | None:
 def relaxed(
     robot: Robot, poses: Floats, winch: Floats, axes: dict[int, Floats], rounds: int = ROUNDS
 ) -> Floats:
-    """Poses turned about their bodies' axes to where the cables' elastic energy is least.
+    """Poses with bodies rotated about their axes to the least elastic energy of the cables.
 
     Args:
-      robot: whose cables pull.
+      robot: of the cables.
       poses: (B, bodies, 7) positions [m] and quaternions.
       winch: (B, W) winch positions [m].
       axes: body -> (3,) unit axis in its frame, of the bodies that may turn.
@@ -79,12 +80,13 @@ def rest_lengths(robot: Robot, winch: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class _Circles:
-    """Circles that the cable ends on a body go round when it turns about an axis; n ends.
+    """Circles of the cable ends on a body that rotates about an axis; n ends.
 
     Attributes:
-      body: which.
-      centre, radius, across: (n, 3) in the body's frame: an end is at centre + radius cos + across sin [m].
-      cables: (n,) to which they belong.
+      body: its index.
+      centre, radius, across: (n, 3) in the body's frame: an end is at centre + radius cos + across
+        sin [m].
+      cables: (n,) of the ends.
       stiffness: (n,) of these [N/m].
       others: (n,) bodies of the opposite ends; -1 for an anchor.
       offsets: (n, 3) of the opposite ends on these [m].
@@ -123,7 +125,7 @@ class _Circles:
         )
 
     def energy(self, poses: Floats, rest: Floats, angles: Floats) -> Floats:
-        """(B, angles) elastic energy [J] of the cables if the body were turned by these angles.
+        """(B, angles) elastic energy [J] of the cables for a body rotated by these angles.
 
         Args:
           poses: (B, bodies, 7) of all bodies.

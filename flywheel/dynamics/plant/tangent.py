@@ -24,7 +24,7 @@ def moved(plant: Plant, state: State, position: Floats, velocity: Floats) -> Sta
 
 
 def between(plant: Plant, origin: State, state: State) -> tuple[Floats, Floats]:
-    """What `moved` takes from states `origin` (n,) to `state` (n,): two arrays (n, nv)."""
+    """The change from states `origin` (n,) to `state` (n,), inverse of `moved`: two arrays (n, nv)."""
     change = np.empty_like(origin.qvel)
     for row, start, end in zip(change, origin.qpos, state.qpos, strict=True):
         mujoco.mj_differentiatePos(plant.model, row, 1.0, start, end)
@@ -32,7 +32,7 @@ def between(plant: Plant, origin: State, state: State) -> tuple[Floats, Floats]:
 
 
 def turning(plant: Plant) -> np.ndarray:
-    """(nv,) bool: which entries of a change are angles; the others are lengths."""
+    """(nv,) bool: True for angles in a change; the others are lengths."""
     model = plant.model
     angles = np.zeros(model.nv, bool)
     for joint in range(model.njnt):

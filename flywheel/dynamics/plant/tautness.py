@@ -1,4 +1,4 @@
-"""Share of the time in which cables pull."""
+"""Fraction of the time in which cables are taut."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ EVERY = 10  # only one in so many states is looked at
 
 
 def taut_share(plant: Plant, states: State) -> Floats:
-    """(n,) share of cables and time in which a cable is longer than its rest length.
+    """(n,) fraction of cables and time in which a cable is longer than its rest length.
 
     Args:
-      plant: whose states they are.
+      plant: of the states.
       states: (n, T + 1).
     """
     states = states[:, ::EVERY]

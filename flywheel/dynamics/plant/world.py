@@ -54,9 +54,9 @@ def scene(
 
 
 def strip_visuals(spec: mujoco.MjSpec) -> None:
-    """Remove what is only looked at: a ground's texture is most of a model, and slow to compile.
+    """Remove purely visual elements: a ground's texture is most of a model, and slow to compile.
 
-    sysid's own `remove_visuals` would also take away masses: those of geoms that collide with nothing.
+    sysid's own `remove_visuals` would also remove masses: those of geoms without collisions.
     """
     for each in (*spec.geoms, *spec.sites, *spec.tendons):
         each.material = ""
@@ -67,7 +67,7 @@ def strip_visuals(spec: mujoco.MjSpec) -> None:
 
 
 def _geom(spec: mujoco.MjSpec, number: int) -> mujoco.MjsGeom:
-    """The geom that has this number in the compiled model."""
+    """The geom with this number in the compiled model."""
     return next(geom for geom in spec.geoms if geom.id == number)
 
 
@@ -116,7 +116,7 @@ def _add_height_field(
 def _move_plane(
     plane: mujoco.MjsGeom, model: mujoco.MjModel, ground: Ground, height: float
 ) -> None:
-    """Move the ground's plane to another height [m], whatever body and frames it is in."""
+    """Move the ground's plane to another height [m], in any body and frame."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.geom_quat[ground.geom])
     up = turn.reshape(3, 3)[:, 2]  # the plane is level: world z, in the frame of its body

@@ -1,4 +1,4 @@
-"""A plant and a small network that learns what the plant leaves of a robot's recordings."""
+"""A plant and a small network trained on the plant's residual on a robot's recordings."""
 
 from flywheel.dynamics.residual.config import ResidualConfig
 from flywheel.dynamics.residual.model import Lookout, ResidualDynamics, Sight

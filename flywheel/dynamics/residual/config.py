@@ -1,4 +1,4 @@
-"""What a user can choose about the network that corrects a plant."""
+"""Settings of the network that corrects a plant."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from flywheel.robots import Robot
 
 
 class ResidualConfig(BaseModel):
-    """The shape of a `ResidualNetwork` and what it is shown; times are in the robot's own unit, sqrt(L / g).
+    """Shape and inputs of a `ResidualNetwork`; times are in the robot's own unit, sqrt(L / g).
 
     Attributes:
       width: of all latent vectors.
-      interval: between the instants at which the network looks at the plant's motion and corrects it;
-        rounded to control steps. Between them the correction is a straight line.
-      past: how far back the plant is started once more, so that the network sees what it got wrong on the
-        way to the present; rounded to intervals.
-      clearance: height above the ground up to which a tracked point sees it, as a share of L.
+      interval: between the instants of correction; rounded to control steps. Between them the
+        correction is linear.
+      past: how far back the plant is started once more, to give the network its past errors;
+        rounded to intervals.
+      clearance: height above the ground up to which it is an input of a tracked point, as a
+        fraction of L.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -35,9 +36,9 @@ class ResidualConfig(BaseModel):
         return max(1, round(self.interval * Scales.of(robot).time / dt))
 
     def past_knots(self) -> int:
-        """Corrections' worth of time that is looked back."""
+        """Number of corrections in the past."""
         return round(self.past / self.interval)
 
     def past_steps(self, robot: Robot, dt: float) -> int:
-        """Control steps that are looked back."""
+        """Control steps in the past."""
         return self.past_knots() * self.every(robot, dt)

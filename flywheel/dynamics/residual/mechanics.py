@@ -1,13 +1,14 @@
-"""How an error of a plant's motion grows and fades: its mechanics, linearised along the motion.
+"""Growth and decay of an error of a plant's motion: its mechanics, linearised along the motion.
 
-Bodies are displaced by small twists q from where the plant has them, at velocities v. Over an interval h
+Bodies are displaced by small twists q from their poses in the plant, at velocities v. Over an
+interval h
 
     (M + h D + h^2 K) v' = M v + h f(q),    q' = q + h v',
 
-with the bodies' inertia M, the stiffness K and the damping D of taut cables and of contacts, all in the
-plant's pose at that instant, and forces f: those of cables that are longer or shorter than the plant takes
-them to be, and what the network adds. The step is implicit, so stiff cables and contacts need no short ones.
-Where nothing is off and nothing is added, everything stays exactly zero.
+with the bodies' inertia M, the stiffness K and the damping D of taut cables and of contacts, all in
+the plant's pose at that instant, and forces f: those of cables whose length differs from the
+plant's, and those added by the network. The step is implicit, so stiff cables and contacts need no
+short ones. Without errors and added forces, everything stays exactly zero.
 
 All numbers are in the robot's units: its length L, sqrt(L / g), and its weight.
 """
@@ -38,10 +39,10 @@ class Structure:
     Attributes:
       mass: (B, K, n, n).
       elongation: (B, K, C, n) of the cables, per displacement.
-      rise: (B, K, P, n) of where tracked points touch the ground, likewise.
+      rise: (B, K, P, n) of the contact places of tracked points, likewise.
       strain: (B, K, C) length beyond the rest length; negative where slack [L].
       stiffness: (C,) of the cables.
-      geometric: (B, K, n, n) stiffness that comes from the tensions and from contacts.
+      geometric: (B, K, n, n) stiffness from the tensions and from contacts.
       damping: (B, K, n, n).
     """
 
@@ -62,8 +63,8 @@ class Structure:
           k: knot.
           h: interval.
           error, velocity: (B, n) before.
-          longer: (B, C) by how much rest lengths are longer than the plant's.
-          force: (B, n) that is added.
+          longer: (B, C) excess of rest lengths over the plant's.
+          force: (B, n) added.
         """
         per, strain = self.elongation[:, k], self.strain[:, k]
         stretch = strain + torch.einsum("bcn,bn->bc", per, error) - longer
@@ -101,15 +102,15 @@ def structure_of(
 
     Args:
       turn: (B, K, bodies, 3, 3).
-      masses, inertias: (bodies,) shares of the robot's mass, and (bodies, 3) principal moments.
-      first, second: (C, bodies) 1 where a cable's first or second end is on a body.
+      masses, inertias: (bodies,) fractions of the robot's mass, and (bodies, 3) principal moments.
+      first, second: (C, bodies) 1 if a cable's first or second end is on a body.
       arms: two of (B, K, C, 3) from the bodies' centres of mass to the ends, in the world.
       along: (B, K, C, 3) unit vectors from first to second ends.
       length, strain: (B, K, C).
       stiffness, damping: (C,) of the cables.
-      carries: (P, bodies) 1 where a tracked point is on a body.
-      touch_arms: (B, K, P, 3) to where those touch the ground, if they do.
-      height: (B, K, P) above it.
+      carries: (P, bodies) 1 if a tracked point is on a body.
+      touch_arms: (B, K, P, 3) to their contact places.
+      height: (B, K, P) above the ground.
       speed: (B, K, P, 3) of those places.
     """
     apart = _moves(second, arms[1]) - _moves(first, arms[0])  # (B, K, C, 3, n)
@@ -141,7 +142,7 @@ def _mass(turn: Tensor, masses: Tensor, inertias: Tensor) -> Tensor:
 
 
 def _levers(first: Tensor, second: Tensor, arms: tuple[Tensor, Tensor], pull: Tensor) -> Tensor:
-    """(B, K, n, n) stiffness of bodies that turn under forces that stay; `pull` is on the first ends."""
+    """(B, K, n, n) stiffness of rotating bodies under constant forces; `pull` is on the first ends."""
     blocks = torch.einsum("cn,bkcij->bknij", first, _cross(pull) @ _cross(arms[0]))
     blocks = blocks - torch.einsum("cn,bkcij->bknij", second, _cross(pull) @ _cross(arms[1]))
     whole = pull.new_zeros(*blocks.shape[:3], FREEDOMS, FREEDOMS)
@@ -157,7 +158,7 @@ def _placed(blocks: Tensor) -> Tensor:
 
 
 def _moves(carriers: Tensor, arms: Tensor) -> Tensor:
-    """(B, K, m, 3, n) how places at arms (B, K, m, 3) move with the bodies (m, bodies) that carry them."""
+    """(B, K, m, 3, n) motion of places at arms (B, K, m, 3) with the bodies (m, bodies) that carry them."""
     eye = torch.eye(3).expand(*arms.shape[:-1], 3, 3)
     own = torch.cat([eye, -_cross(arms)], dim=-1)
     return torch.einsum("bkmij,mn->bkminj", own, carriers).flatten(-2)

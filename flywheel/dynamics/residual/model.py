@@ -1,4 +1,4 @@
-"""A plant and the network that corrects it, as one dynamics model."""
+"""A plant and its correcting network, as one dynamics model."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ BLOCK = 64  # motions that are corrected at a time, so that a block's arrays sta
 
 @dataclass(frozen=True)
 class Sight:
-    """What the network is shown.
+    """Inputs of the network.
 
     Attributes:
-      past: the plant's motion on the way to the present, beside what was measured; None for none.
+      past: the plant's motion up to the present, with the measurements; None for none.
       ahead: the plant's motion from the present on.
     """
 
@@ -38,7 +38,7 @@ class Sight:
     ahead: Knots
 
     def __getitem__(self, rows: slice | torch.Tensor) -> Sight:
-        """Some of the motions; one past for all stays one for all."""
+        """Some of the motions; a past common to all stays so."""
         past = self.past
         if past is not None and len(past) == len(self.ahead):
             past = past[rows]
@@ -47,11 +47,11 @@ class Sight:
 
 @dataclass(frozen=True)
 class Lookout:
-    """Lets the plant move, and shows the network what it does.
+    """Simulates the plant, and prepares the network's inputs.
 
     Attributes:
-      plant: that is corrected.
-      config: what the network is shown.
+      plant: corrected plant.
+      config: of the inputs.
     """
 
     plant: RestartedPlant
@@ -68,7 +68,7 @@ class Lookout:
 
     @property
     def back(self) -> int:
-        """Control steps that are looked back."""
+        """Control steps in the past."""
         return self.config.past_knots() * self.every
 
     @property
@@ -93,7 +93,7 @@ class Lookout:
         return Sight(self._behind(past, show) if self.back else None, show(motion=motion)), motion
 
     def _behind(self, past: Past, show: partial[Knots]) -> Knots:
-        """The plant, started before the present, beside what was measured from there on."""
+        """The plant, started before the present, with the measurements from there on."""
         cut = past.history - self.back
         seen = past.observations
         points = _sighted(seen.points)
@@ -109,19 +109,20 @@ class Lookout:
 
 
 class ResidualDynamics:
-    """A plant whose predicted motion a network corrects; answers `flywheel.dynamics.protocol.Dynamics`.
+    """A plant whose predicted motion a network corrects; implements
+    `flywheel.dynamics.protocol.Dynamics`.
 
-    The bodies of the plant are shifted and turned, so they stay rigid. Winch positions are the plant's. With
-    an untrained network, or a share of 0, the points are the plant's too, to the bit.
+    The bodies of the plant are shifted and rotated, so they stay rigid. Winch positions are the
+    plant's. With an untrained network, or a share of 0, the points equal the plant's, bit by bit.
 
     Args:
-      plant: that is corrected.
-      network: its weights; later changes of them have no effect.
-      share: of the correction that is made, from 0 to 1.
+      plant: corrected plant.
+      network: its weights; copied, later changes have no effect.
+      share: applied fraction of the correction, from 0 to 1.
       threads: Python threads that share the batch in the network's part.
 
     Attributes:
-      plant, network, share: as given, the network as it was then.
+      plant, network, share: as given, with a copy of the network.
 
     Raises:
       ModelError: the network was made for another robot.
@@ -163,7 +164,8 @@ class ResidualDynamics:
         """Predict the points under `controls` (B, H, W).
 
         Raises:
-          ModelError: a point was never seen, shapes do not fit, or a prediction is not finite.
+          ModelError: a point is missing in the whole past, shapes do not fit, or a prediction is
+            not finite.
         """
         controls = np.asarray(controls, float)
         steps, every = controls.shape[1] if controls.ndim == 3 else 0, self._lookout.every
@@ -185,7 +187,7 @@ class ResidualDynamics:
 
     @torch.inference_mode()
     def _correction(self, sight: Sight, motion: Trajectory, rows: slice) -> Floats:
-        """(b, T + 1, P, 3) by how much the points of some motions are moved [m]."""
+        """(b, T + 1, P, 3) displacements of the points of some motions [m]."""
         some, every, length = sight[rows], self._lookout.every, self.robot.length
         shift, turn = self.network(some.past, some.ahead)
         states = motion.states
@@ -205,7 +207,7 @@ class ResidualDynamics:
 
 
 def between(knots: torch.Tensor, every: int) -> torch.Tensor:
-    """(B, T + 1, ...) in double precision, on straight lines between knots (B, K, ...)."""
+    """(B, T + 1, ...) in double precision, linear between knots (B, K, ...)."""
     values = knots.double()
     share = torch.arange(every, dtype=torch.float64) / every
     share = share.view(1, 1, every, *(1,) * (values.ndim - 2))
@@ -214,7 +216,7 @@ def between(knots: torch.Tensor, every: int) -> torch.Tensor:
 
 
 def _sighted(points: Floats) -> Floats:
-    """Points (B, h + 1, P, 3); before one is seen first, it is where that will be."""
+    """Points (B, h + 1, P, 3); before its first observation, a point is at that position."""
     points = points.copy()
     for step in range(points.shape[1] - 2, -1, -1):
         points[:, step] = np.where(

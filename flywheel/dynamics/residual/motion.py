@@ -1,4 +1,4 @@
-"""The plant's motion at a few instants, the knots: what the network that corrects it gets to see."""
+"""The plant's motion at a few instants, the knots: input of the correcting network."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class Knots:
       velocity: (B, K, bodies, 3) of the frames, in the world.
       rate: (B, K, bodies, 3) of turning, in the body.
       winch: (B, K, W) positions.
-      command: (B, K, W) mean command since the knot before, as a share of the winch's range.
-      height: (B, K, P) of what touches the ground at the tracked points, above it.
-      off: (B, K, P, 3) by how much the points were measured to be off; zero where nothing was.
-      seen: (B, K, P) share of the steps around the knot in which the point was measured.
+      command: (B, K, W) mean command since the previous knot, as a fraction of the winch's range.
+      height: (B, K, P) of the contact place of the tracked points, above the ground.
+      off: (B, K, P, 3) measured errors of the points; zero if not measured.
+      seen: (B, K, P) fraction of the steps around the knot with a measurement of the point.
     """
 
     place: Tensor
@@ -86,7 +86,7 @@ def knots_of(
       motion: (B, T), with states.
       every: control steps from knot to knot; divides T.
       terrains: under each of B, or one for all.
-      measured: (B, T + 1, P, 3) points [m]; NaN where missing. None where nothing was measured.
+      measured: (B, T + 1, P, 3) points [m]; NaN where missing. None without measurements.
     """
     states, points = motion.states, motion.observations.points
     assert states is not None
@@ -121,15 +121,15 @@ def knots_of(
 
 
 def mean_offsets(points: Floats, measured: Floats | None, every: int) -> tuple[Floats, Floats]:
-    """By how much points were measured to be off, in the mean over the steps around each knot.
+    """Measured errors of points, averaged over the steps around each knot.
 
     Args:
       points: (B, T + 1, P, 3) predicted [m].
-      measured: (B, T + 1, P, 3) [m]; NaN where missing. None where nothing was.
+      measured: (B, T + 1, P, 3) [m]; NaN where missing. None without measurements.
       every: steps from knot to knot.
 
     Returns:
-      (B, K, P, 3) means [m], zero where nothing was measured, and (B, K, P) the share that was.
+      (B, K, P, 3) means [m], zero without measurements, and (B, K, P) the measured fraction.
     """
     knots = points[:, ::every]
     if measured is None:
@@ -148,7 +148,7 @@ def mean_offsets(points: Floats, measured: Floats | None, every: int) -> tuple[F
 
 
 def ground_below(terrains: Sequence[Terrain | None], places: Floats) -> Floats:
-    """(B, ...) heights [m] of the ground below places (B, ..., 3); zero where it is level."""
+    """(B, ...) heights [m] of the ground below places (B, ..., 3); zero on level ground."""
     below = np.zeros(places.shape[:-1])
     for row in range(len(places)):
         terrain = terrains[row if len(terrains) > 1 else 0]

@@ -1,15 +1,16 @@
 """The network that corrects a plant's motion: bodies are nodes, cables are edges.
 
-It runs along the plant's motion from knot to knot. Each body has a hidden state and an error state: how far,
-and turned by how much, it is from where the plant has it, and how fast that changes. At each knot bodies get
-messages from their cables and their tracked points and update their hidden states. The network then says how
-much longer each cable's rest length becomes than the plant takes it to be, how much harder the cable pulls,
-and what force and torque a body feels besides. What comes of that is mechanics, which it need not learn
+It runs along the plant's motion from knot to knot. Each body has a hidden state and an error state:
+its displacement and rotation from its pose in the plant, and their rates. At each knot bodies get
+messages from their cables and their tracked points and update their hidden states. The network then
+predicts the error of each cable's rest length, an additional tension of the cable, and an
+additional force and torque on a body. The rest is mechanics, which need not be learned
 (`mechanics`).
 
-All vectors are shown and predicted in the frame of the body itself, in the plant's motion. So what is learned
-is the same wherever the robot is, however it is turned about the vertical, and in whatever order its bodies
-and cables are listed. The last layers begin at zero: an untrained network corrects nothing.
+All vectors are inputs and outputs in the frame of the body itself, in the plant's motion. The
+result is therefore independent of the robot's position, its rotation about the vertical, and the
+order of its bodies and cables. The last layers start at zero: an untrained network corrects
+nothing.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ CABLE_FEATURES, POINT_FEATURES, BODY_FEATURES = 18, 13, 20
 
 
 class Layout:
-    """Who is connected to whom, and everything that never changes, of one robot.
+    """Connections and constants of one robot.
 
-    The world is a body too, the last one, which stays where it is.
+    The world is a body too, the last one; it does not move.
 
     Args:
       robot: the robot.
@@ -105,9 +106,9 @@ class Shown:
       bodies: (B, K, bodies, F).
       along: (B, K, 2C, 3) unit vectors from a cable's end to its other, in the world.
       arms: (B, K, 2C, 3) from the body's centre of mass to the end, in the world.
-      length, strain: (B, K, 2C) length of the cable, and by how much it is beyond its rest length.
+      length, strain: (B, K, 2C) length of the cable, and its excess over the rest length.
       point_arms: (B, K, P, 3) likewise to the tracked points.
-      touch_speed: (B, K, P, 3) velocities of where those touch the ground.
+      touch_speed: (B, K, P, 3) velocities of their contact places.
       height: (B, K, P) above the ground.
       turn: (B, K, bodies, 3, 3).
     """
@@ -126,7 +127,7 @@ class Shown:
 
 
 def features(layout: Layout, config: ResidualConfig, knots: Knots, past: bool) -> Shown:
-    """What the network sees of a motion; `past` tells it that this one was measured."""
+    """Network inputs for a motion; `past` is True if it was measured."""
     spin = torch.einsum("bknij,bknj->bkni", knots.turn, knots.rate)
     com = torch.einsum("bknij,nj->bkni", knots.turn, layout.com)
     moving = knots.velocity + torch.linalg.cross(spin, com)
@@ -233,7 +234,7 @@ class ResidualNetwork(nn.Module):
     """The weights.
 
     Args:
-      robot: whose plant is corrected.
+      robot: of the corrected plant.
       config: shape.
 
     Attributes:
@@ -289,7 +290,7 @@ class ResidualNetwork(nn.Module):
         """Corrections at the knots of a motion.
 
         Args:
-          past: (B or 1) the motion on the way to the present, which ends there; None for none.
+          past: (B or 1) the motion up to the present; None for none.
           ahead: (B) the motion from the present on.
 
         Returns:
@@ -344,7 +345,7 @@ class ResidualNetwork(nn.Module):
         return hidden
 
     def _drives(self, shown: Shown) -> Drives:
-        """What features bring into the messages of all knots at once."""
+        """Contribution of features to the messages of all knots at once."""
 
         def scaled(values: Tensor, scale: Tensor) -> Tensor:
             return (values - scale[0]) / scale[1]
@@ -358,10 +359,10 @@ class ResidualNetwork(nn.Module):
     def _update(
         self, hidden: Tensor, drives: Drives, k: int, off: Off | None
     ) -> tuple[Tensor, Tensor]:
-        """Hidden states (B, bodies, width) after knot k, and what is said of the cables (B, C, 3).
+        """Hidden states (B, bodies, width) after knot k, and outputs for the cables (B, C, 3).
 
         Args:
-          off: how far things are from the plant's motion; None for not at all.
+          off: errors relative to the plant's motion; None for zero.
         """
         layout = self.layout
         own, other = self.cable_hidden(hidden).chunk(2, dim=-1)
@@ -388,12 +389,11 @@ class ResidualNetwork(nn.Module):
 
 @dataclass(frozen=True)
 class Off:
-    """How far things are from the plant's motion, as the network sees it.
+    """Errors relative to the plant's motion, as network inputs.
 
     Attributes:
-      cables: (B, C, 3) by how much a cable is longer, how fast that grows, and how much longer its rest
-        length is.
-      points: (B, P, 2) by how much a tracked point is higher, and how fast it rises.
+      cables: (B, C, 3) excess length of a cable, its rate, and the excess of its rest length.
+      points: (B, P, 2) excess height of a tracked point, and its rate.
       bodies: (B, bodies, 12) error and velocity of a body, in its frame.
     """
 
@@ -411,7 +411,7 @@ def _off(
     velocity: Tensor,
     longer: Tensor,
 ) -> Off:
-    """Errors as the network sees them, of error states (B, bodies, 2, 3) and rest lengths (B, C)."""
+    """Errors as network inputs, from error states (B, bodies, 2, 3) and rest lengths (B, C)."""
     both = torch.stack([error / ERROR, velocity / DRIFT], dim=2)  # (B, bodies, 2, 2, 3)
     states = both.transpose(1, 2).flatten(2).transpose(1, 2)  # (B, n, 2)
     cables = torch.cat(
@@ -423,7 +423,7 @@ def _off(
 
 
 def _decoder(width: int, outputs: int) -> nn.Sequential:
-    """Two layers, the last of which begins at zero."""
+    """Two layers, the last of which starts at zero."""
     last = nn.Linear(width, outputs)
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)
@@ -458,7 +458,9 @@ def _out_of(turn: Tensor, twists: Tensor) -> Tensor:
 
 
 def displaced(arms: Tensor, shift: Tensor, turn: Tensor) -> Tensor:
-    """(..., 3) how places at arms (..., 3) move when their body is shifted and turned by (..., 3) [rad]."""
+    """(..., 3) motion of places at arms (..., 3) when their body is shifted and rotated by (..., 3)
+    [rad].
+    """
     angle = turn.norm(dim=-1, keepdim=True) / np.pi
     once = torch.linalg.cross(turn, arms)
     twice = torch.linalg.cross(turn, once)
@@ -471,7 +473,7 @@ def _into(turn: Tensor, vectors: Tensor) -> Tensor:
 
 
 def _with_world(knots: Knots, place: Tensor) -> tuple[Tensor, Tensor]:
-    """Turns and places (B, K, bodies, 3) of the bodies and, last, of the world."""
+    """Rotations and positions (B, K, bodies, 3) of the bodies and, last, of the world."""
     batch, steps = place.shape[:2]
     eye = torch.eye(3).expand(batch, steps, 1, 3, 3)
     world = -knots.origin[:, None, None].expand(batch, steps, 1, 3)
@@ -479,7 +481,7 @@ def _with_world(knots: Knots, place: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _incidence(body: Tensor, bodies: int) -> Tensor:
-    """(n, bodies) matrix: 1 where something belongs to a body; nothing belongs to the world."""
+    """(n, bodies) matrix: 1 for an item that belongs to a body; the world has none."""
     return (torch.arange(bodies) == body[:, None]).float()
 
 

@@ -1,4 +1,4 @@
-"""A corrected plant in a file: the network's weights, and the plant that they belong to."""
+"""A corrected plant in a file: the network's weights, and their plant."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ _ABOUT: dict[str, type | tuple[type, ...]] = {
 
 
 class CorrectedPlant(BaseModel):
-    """The plant that a network corrects, but for its MJCF.
+    """The corrected plant, without its MJCF.
 
     Attributes:
       dt: control step.
-      window, degree, roll, seed: how it is started, see `RestartedPlant`.
-      effects: all that it has beyond its MJCF.
+      window, degree, roll, seed: of its start, see `RestartedPlant`.
+      effects: all effects beyond its MJCF.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -63,7 +63,7 @@ class CorrectedPlant(BaseModel):
 
     @classmethod
     def of(cls, plant: RestartedPlant) -> Self:
-        """What is written down of a plant."""
+        """Record of a plant for the file."""
         names = ("dt", "window", "degree", "roll", "seed")
         return cls(
             **{name: getattr(plant, name) for name in names},
@@ -84,13 +84,13 @@ class CorrectedPlant(BaseModel):
 
 @dataclass(frozen=True)
 class ResidualWeights:
-    """A corrected plant as it is stored, or sent to other processes.
+    """A corrected plant in its stored form, also for other processes.
 
     Attributes:
       robot: digest of its MJCF.
       corrected: the plant.
       config: shape of the network.
-      share: of the correction that is made.
+      share: applied fraction of the correction.
       arrays: of the network, by name.
     """
 
@@ -102,7 +102,7 @@ class ResidualWeights:
 
     @classmethod
     def of(cls, model: ResidualDynamics) -> Self:
-        """Those of a model."""
+        """The weights of a model."""
         return cls(
             model.robot.digest,
             CorrectedPlant.of(model.plant),
@@ -127,14 +127,14 @@ class ResidualWeights:
         }
 
     def write(self, path: Path | str, notes: Mapping[str, Any] | None = None) -> str:
-        """Write the arrays to `path` and what they are beside it (.json); return their digest.
+        """Write the arrays to `path` and their description next to it (.json); return their digest.
 
         Args:
           path: of the file.
           notes: about the training, for people.
 
         Raises:
-          ModelError: the name ends in .json, which is that of the side file.
+          ModelError: the name ends in .json, like that of the side file.
         """
         path = Path(path)
         if path.suffix == ".json":
@@ -156,9 +156,9 @@ class ResidualWeights:
 
         Args:
           path: of the file.
-          robot: that is to be predicted.
-          plant: that has to be the one that is corrected; None for any.
-          library: that its effects are from.
+          robot: to be predicted.
+          plant: must be the corrected one; None for any.
+          library: of its effects.
 
         Raises:
           ModelError: the file is missing or damaged, or for another robot or plant.
@@ -196,7 +196,7 @@ class ResidualWeights:
     def _check(
         self, path: Path, robot: Robot, plant: Plant | None, library: Mapping[str, Effect]
     ) -> None:
-        """Refuse a plant that is not the one that is corrected."""
+        """Check that a plant is the corrected one; raises a `ModelError`."""
         try:
             self.corrected.terms(robot, library)
         except FlywheelError as error:
@@ -206,8 +206,8 @@ class ResidualWeights:
         there = tuple(WrittenTerm.of(term, robot) for term in plant.terms)
         if there != self.corrected.effects:
             raise ModelError(
-                f"{path.name} corrects the plant with {_named(self.corrected.effects)}; this one has "
-                f"{_named(there)}. Train it anew for this plant."
+                f"{path.name} corrects the plant with {_named(self.corrected.effects)}; this one "
+                f"has {_named(there)}. Train it again for this plant."
             )
         if abs(plant.dt - self.corrected.dt) > 1e-9:
             raise ModelError(
@@ -228,10 +228,10 @@ class ResidualWeights:
 
 
 def is_residual(path: Path | str) -> bool:
-    """Whether a file of weights says that it is of a corrected plant.
+    """True if a file of weights describes a corrected plant.
 
     Raises:
-      ModelError: there is none, or it is no such file.
+      ModelError: it is missing or malformed.
     """
     return bool(read_side_file(path).get("kind") == KIND)
 

@@ -311,7 +311,7 @@ class Frozen(Clockwork):
 
 
 def test_a_clock_that_stands_still_and_another_robot_are_refused(robot: Robot) -> None:
-    with pytest.raises(LinkError, match="clock stands still"):
+    with pytest.raises(LinkError, match="clock is stopped"):
         driven(Frozen(robot), robot, Planner())
     with pytest.raises(LinkError, match="the MJCF of icosa6 has"):
         driven(Clockwork(robot), load_robot("icosa6"), Planner())

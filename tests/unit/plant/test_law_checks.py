@@ -51,7 +51,7 @@ def test_a_law_of_ones_own_keeps_it_too(tmp_path: Path) -> None:
         (MODEL + EDIT + "        model.opt.gravity[2] = -5.0", "changes the model although"),
         (
             WINCH + RATE + "        return rate / values['a']",
-            "gives rates that are not finite, with a 0",
+            "returns rates that are not finite, with a 0",
         ),
         (
             TENSION + PULL + "        return 0 * memory / cables.elastic, memory",
@@ -62,7 +62,7 @@ def test_a_law_of_ones_own_keeps_it_too(tmp_path: Path) -> None:
             + "    remembers = True\n"
             + PULL
             + "        return np.zeros_like(memory), np.log(memory)",
-            "gives memories that are not finite",
+            "returns memories that are not finite",
         ),
         (
             MODEL + EDIT + "        model.body_mass[1] /= values['a']",
@@ -70,12 +70,12 @@ def test_a_law_of_ones_own_keeps_it_too(tmp_path: Path) -> None:
         ),
         (
             WINCH + RATE + "        return rate[:, 0]",
-            r"gives rates of the shape \(4, 5\); \(4, 5, 6\) is",
+            r"returns rates of the shape \(4, 5\); \(4, 5, 6\) is",
         ),
-        (WINCH + RATE + "        return 1.0", r"gives rates of the shape \(4,\); \(4, 5, 6\) is"),
+        (WINCH + RATE + "        return 1.0", r"returns rates of the shape \(4,\); \(4, 5, 6\) is"),
         (
             TENSION + PULL + "        return 0 * memory",
-            "must give a tension and the memory at the next instant, as a tuple of two arrays; got arr",
+            "must return a tension and the memory at the next instant, as a tuple of two arrays; got arr",
         ),
         (
             WINCH + RATE + "        rate *= 1 + values['a']\n        return rate",
@@ -83,17 +83,17 @@ def test_a_law_of_ones_own_keeps_it_too(tmp_path: Path) -> None:
         ),
         (
             WINCH + RATE + "        return 'fast'",
-            "gives rates that are no array of numbers: 'fast'",
+            "returns rates that are not an array of numbers: 'fast'",
         ),
         (WINCH + RATE + "        return rate * values['b']", "raises KeyError in line 12: 'b'"),
         (
             WINCH + RATE + "        return rate * (1 + values['a'] * np.sign(rate.mean()))",
-            "gives other rates when fewer simulations",
+            "returns other rates when fewer simulations",
         ),
         (
             WINCH + RATE + "        self.n = getattr(self, 'n', 0) + 1\n"
             "        return rate * (1 + values['a'] * (self.n % 7))",
-            "gives other rates when fewer simulations",
+            "returns other rates when fewer simulations",
         ),
     ],
 )

@@ -102,7 +102,7 @@ def test_a_course_too_narrow_for_the_robot_is_refused(
 ) -> None:
     file = tmp_path / "narrow.xml"
     file.write_text(MINE.replace('pos="5 0 1"', 'pos="1.5 0 1"'))
-    with pytest.raises(ConfigError, match="cannot be brought onto the course mine"):
+    with pytest.raises(ConfigError, match="could not be placed on the course mine"):
         config = TaskConfig(course=str(file), spread=0.0)
         sample_task("obstacle_course", robot, points, np.random.default_rng(0), config)
 

@@ -161,7 +161,7 @@ def test_a_goal_behind_walls_is_refused_with_the_reason(robot: Robot, start: np.
         Box(center=(x, y, 1), half_size=(hx, hy, 1))
         for x, y, hx, hy in ((5, 0, 0.5, 5), (-5, 0, 0.5, 5), (0, 5, 5, 0.5), (0, -5, 5, 0.5))
     )
-    with pytest.raises(ConfigError, match="No way leads from .* to the goal"):
+    with pytest.raises(ConfigError, match="No path leads from .* to the goal"):
         drawn(robot, start, "reach_among_boxes", obstacles=walls, goal=(12.0, 0.0))
 
 
