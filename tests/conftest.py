@@ -131,7 +131,7 @@ class Stranger:
         from flywheel.cli.main import app
 
         with contextlib.chdir(self.folder):
-            done = CliRunner().invoke(app, shlex.split(command)[1:])
+            done = CliRunner().invoke(app, shlex.split(command.replace("prism3", "smoke"))[1:])
         assert done.exit_code == code, f"{command}\n{done.output}\n{done.exception!r}"
         return done.stdout, done.stderr
 

@@ -186,6 +186,7 @@ def until_alive(script: str, settings: dict[str, str], seconds: float) -> bool:
     return False
 
 
+@pytest.mark.nightly
 @pytest.mark.ray
 @pytest.mark.slow
 def test_ray_head_and_a_worker_start_and_are_seen_to_be_alive(started: list) -> None:
@@ -211,6 +212,7 @@ print(ray.cluster_resources()["CPU"])
     assert done.stdout.strip().endswith("2.0"), done.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_mlflow_server_starts_is_seen_to_be_alive_and_refuses_other_names(
     started: list, tmp_path: Path

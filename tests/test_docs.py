@@ -2,23 +2,30 @@
 
 `xml`, and `python` whose first line is the name of a file, is saved under that name. Other `python` and
 `bash` blocks run in order in one folder per document. `console` and `text` blocks are only shown.
+A `bash` block of nothing but `flywheel` commands runs inside this process, which has imported everything.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from flywheel.cli.main import app
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(p for p in (ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
 NAMED = re.compile(r"# (\w+\.py)\n")  # a file of Python, in its first line
+COMMAND = re.compile(r"flywheel ([^|<>$&;\n]+)(?: && exit 1\ntest \$\? -eq (\d+))?\n")
+LONG = {"own_effect", "robot_runs"}  # pages with a search over all effects, and with a whole run
 LINK = re.compile(r"\]\(([^)#]+?)(?:#[^)]*)?\)")
 RESULTS = sorted(p for p in (ROOT / "docs" / "results").glob("*.md") if p.stem != "index")
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
@@ -26,7 +33,11 @@ HASH = re.compile(r"`(?=[0-9a-f]*[0-9])(?=[0-9a-f]*[a-f])[0-9a-f]{7,40}`")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "document",
+    [pytest.param(p, marks=[pytest.mark.nightly] if p.stem in LONG else []) for p in DOCUMENTS],
+    ids=lambda p: p.stem,
+)
 def test_the_code_in_a_document_runs(
     document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -51,6 +62,14 @@ def test_the_code_in_a_document_runs(
 
 def run_bash(code: str, where: str) -> None:
     """Run a block; fail with all that it said."""
+    lines = re.sub(r" +#.*", "", code.replace("\\\n", " "))
+    if re.fullmatch(f"(?:{COMMAND.pattern})+", lines):
+        for words, expected in COMMAND.findall(lines):
+            said = CliRunner().invoke(app, shlex.split(words))
+            assert said.exit_code == int(expected or 0), (
+                f"{where}\n{said.output}\n{said.exception!r}"
+            )
+        return
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", code],
         capture_output=True,

@@ -74,7 +74,7 @@ def test_the_first_command_runs_and_shows_what_came_of_it(
 @pytest.mark.usefixtures("first_run")
 @pytest.mark.parametrize("command", lines_with(".venv/bin/flywheel report"))
 def test_the_page_of_the_run_is_made(command: str, stranger: Stranger) -> None:
-    printed, _ = stranger.run(command)
+    printed, _ = stranger.ask(command)
     page = Path(re.findall(r"\S+\.html", printed)[0])
     assert (stranger.folder / page).stat().st_size > 10_000
 
@@ -84,7 +84,7 @@ def test_the_page_of_the_run_is_made(command: str, stranger: Stranger) -> None:
 @pytest.mark.usefixtures("first_run")
 @pytest.mark.parametrize("command", lines_with(".venv/bin/flywheel robot reveal"))
 def test_at_last_it_is_said_what_was_hidden(command: str, stranger: Stranger) -> None:
-    assert "torque_speed" in stranger.run(command)[0]
+    assert "torque_speed" in stranger.ask(command)[0]
 
 
 def test_the_run_without_a_robot_is_the_one_that_the_tests_make() -> None:
@@ -114,6 +114,7 @@ def dashboard(first_run: object, stranger: Stranger) -> Iterator[tuple[subproces
             served.kill()
 
 
+@pytest.mark.nightly
 @pytest.mark.ray
 @pytest.mark.slow
 def test_the_dashboard_of_the_run_is_served(dashboard: tuple[subprocess.Popen, str]) -> None:
@@ -136,7 +137,7 @@ def test_the_dashboard_of_the_run_is_served(dashboard: tuple[subprocess.Popen, s
 def test_a_robot_of_one_s_own_is_checked(command: str, stranger: Stranger) -> None:
     mjcf = code_blocks((ROOT / "docs" / "robots.md").read_text(), "xml")[0]
     (stranger.folder / "my_robot.xml").write_text(mjcf)
-    assert "It settles" in stranger.run(command)[0]
+    assert "It settles" in stranger.ask(command)[0]
 
 
 @pytest.mark.slow

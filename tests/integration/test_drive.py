@@ -106,6 +106,7 @@ def test_a_drive_that_is_asked_to_end_leaves_a_whole_log(
     wait_for(said, before, "the robot holds still")
 
 
+@pytest.mark.nightly
 def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(
     server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
 ) -> None:
@@ -121,6 +122,7 @@ def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(
     wait_for(said, before + 1, "the robot holds still")
 
 
+@pytest.mark.nightly
 def test_a_lost_robot_ends_the_drive_with_a_whole_log(
     server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
 ) -> None:

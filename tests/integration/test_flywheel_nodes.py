@@ -9,6 +9,7 @@ import pytest
 from tests.chaos.killing import ROOT
 
 
+@pytest.mark.nightly
 @pytest.mark.ray
 @pytest.mark.slow
 def test_jobs_of_a_lost_node_are_done_on_the_one_that_is_left():

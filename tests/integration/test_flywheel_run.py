@@ -38,6 +38,13 @@ def peaceful(plain_run, stranger):
     return stranger.folder / "runs" / "smoke"
 
 
+@pytest.fixture(params=["first_run", pytest.param("plain_run", marks=pytest.mark.nightly)])
+def finished(request, stranger):
+    """The folder of each of the README's two runs."""
+    request.getfixturevalue(request.param)
+    return stranger.folder / "runs" / ("smoke" if request.param == "plain_run" else "smoke_robot")
+
+
 @dataclass(frozen=True)
 class Killed:
     """What a driver had that was killed in the middle of its first training.
@@ -74,6 +81,7 @@ def killed(tmp_path_factory) -> Killed:
     return Killed(folder, processes, addresses, temporary, filled)
 
 
+@pytest.mark.nightly
 def test_a_run_produces_every_iteration_of_both_arms_and_what_it_is_compared_with(peaceful):
     result = RunResult.load(peaceful)
     assert result.finished
@@ -85,12 +93,12 @@ def test_a_run_produces_every_iteration_of_both_arms_and_what_it_is_compared_wit
     assert all(i.navigation is not None for i in result.iterations if i.arm == "mppi")
 
 
-def test_every_model_names_the_snapshot_it_was_trained_on_and_snapshots_their_parents(peaceful):
-    store = TrajectoryStore(peaceful / "store")
-    result = RunResult.load(peaceful)
+def test_every_model_names_the_snapshot_it_was_trained_on_and_snapshots_their_parents(finished):
+    store = TrajectoryStore(finished / "store")
+    result = RunResult.load(finished)
     for each in result.iterations:
         name = f"i{each.iteration:04d}-{each.arm}"
-        about = json.loads((peaceful / "models" / name / "served" / "weights.json").read_text())
+        about = json.loads((finished / "models" / name / "served" / "weights.json").read_text())
         snapshot = store.snapshot(name)
         assert about["digest"] == each.model
         assert about["snapshot"] == each.snapshot == snapshot.digest
@@ -98,15 +106,16 @@ def test_every_model_names_the_snapshot_it_was_trained_on_and_snapshots_their_pa
     assert store.verify() == ()
 
 
-def test_no_test_episode_was_trained_on(peaceful):
-    store = TrajectoryStore(peaceful / "store")
+def test_no_test_episode_was_trained_on(finished):
+    store = TrajectoryStore(finished / "store")
     tested = {e.id for e in store.snapshot("pooled-tests").episodes}
-    for i in range(3):
+    for i in {each.iteration for each in RunResult.load(finished).iterations}:
         learned = store.snapshot(f"i{i:04d}-mppi").episodes
         assert not tested & {e.id for e in learned if e.split != "test"}
     assert {e.split for e in store.snapshot("pooled-tests").episodes} == {"test"}
 
 
+@pytest.mark.nightly
 def test_the_control_arm_trains_on_as_many_episodes_and_steps_of_the_optimiser(peaceful):
     results = {(i.iteration, i.arm): i for i in RunResult.load(peaceful).iterations}
     for i in (1, 2):
@@ -115,13 +124,15 @@ def test_the_control_arm_trains_on_as_many_episodes_and_steps_of_the_optimiser(p
         assert mppi.curve[-1].step == control.curve[-1].step
 
 
-def test_a_finished_run_that_is_resumed_is_left_as_it_is(peaceful):
-    before, said = (peaceful / "result.json").read_bytes(), []
-    run(load_config(CONFIG), peaceful, resume=True, tracker=None, progress=Lines(said.append))
-    assert (peaceful / "result.json").read_bytes() == before
+def test_a_finished_run_that_is_resumed_is_left_as_it_is(finished):
+    before, said = (finished / "result.json").read_bytes(), []
+    config = load_config(ROOT / "configs" / f"{finished.name}.yaml")
+    run(config, finished, resume=True, tracker=None, progress=Lines(said.append))
+    assert (finished / "result.json").read_bytes() == before
     assert said == [], "no stage was begun"
 
 
+@pytest.mark.nightly
 def test_nobody_else_is_let_in_and_nothing_is_left_of_a_killed_driver(killed):
     assert killed.addresses == {"127.0.0.1"}
     (folder,) = killed.temporary
@@ -132,6 +143,7 @@ def test_nobody_else_is_let_in_and_nothing_is_left_of_a_killed_driver(killed):
     assert not folder.exists(), "its caretaker is among the processes"
 
 
+@pytest.mark.nightly
 def test_a_tormented_run_comes_to_the_same_outcome(peaceful, killed):
     """Driver and trainer killed, second driver, Ctrl-C, another configuration."""
     folder = killed.folder
@@ -157,7 +169,7 @@ def test_a_tormented_run_comes_to_the_same_outcome(peaceful, killed):
     assert outcome(folder) == outcome(peaceful)
 
 
-def test_the_configuration_is_stored_whole(peaceful):
-    stored = yaml.safe_load((peaceful / "config.yaml").read_text())
-    assert stored["mppi"]["samples"] == 8
+def test_the_configuration_is_stored_whole(finished):
+    stored = yaml.safe_load((finished / "config.yaml").read_text())
+    assert stored["mppi"]["samples"] == {"smoke": 8, "smoke_robot": 4}[finished.name]
     assert stored["training"]["weight_decay"] > 0, "defaults are stored, too"

@@ -91,6 +91,7 @@ def test_a_law_file_is_checked_by_listing_it(
     assert "--effects-from is for effects" in said("list", "robots", *OWN, code=2)
 
 
+@pytest.mark.nightly
 @pytest.mark.ray
 @pytest.mark.slow
 def test_a_run_simulates_with_a_law_of_ones_own_in_other_processes(tmp_path: Path) -> None:

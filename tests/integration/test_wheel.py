@@ -13,6 +13,7 @@ import pytest
 
 from flywheel.dynamics.gnn.shipped import shipped_networks
 
+pytestmark = [pytest.mark.nightly, pytest.mark.slow]
 ROOT = Path(__file__).parents[2]
 
 
@@ -53,7 +54,6 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_the_wheel_holds_the_package_its_configurations_and_its_networks(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"flywheel"}
@@ -66,7 +66,6 @@ def test_the_wheel_holds_the_package_its_configurations_and_its_networks(wheel: 
 
 
 @pytest.mark.ray
-@pytest.mark.slow
 def test_the_smoke_configuration_runs_by_its_name(environment: Path) -> None:
     flywheel = environment / "venv" / "bin" / "flywheel"
     where = call(

@@ -15,6 +15,7 @@ from flywheel.robots import load_robot
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.nightly
 @pytest.mark.ray
 @pytest.mark.slow
 def test_a_case_is_diagnosed_and_counted(tmp_path: Path) -> None:
