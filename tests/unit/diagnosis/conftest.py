@@ -9,6 +9,7 @@ from flywheel.control import RandomControls
 from flywheel.diagnosis.fitting.model import fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
 from flywheel.effects import Terms
 from flywheel.records import Observation, Trajectory
@@ -16,6 +17,8 @@ from flywheel.robots import Robot, load_robot
 from tests import draws
 
 SECONDS = 0.8
+# For searches that are about something else than pairs of effects, or robots whose numbers are all off.
+QUICK = changed(Settings(), {"selection.pairs.more": 1e6})
 
 
 @pytest.fixture(scope="session")

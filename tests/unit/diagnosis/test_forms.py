@@ -18,12 +18,12 @@ from flywheel.diagnosis.judgement import judge, without_unclear_factors
 from flywheel.diagnosis.results.answer import Answer
 from flywheel.diagnosis.selection import forms as module
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.settings import FormSettings, Settings
+from flywheel.diagnosis.settings import FormSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, PerPart, Scales, Term, per_part_term
 from flywheel.reports.diagnosis_page import diagnosis_page, forms, sentence
 from flywheel.robots import Robot, load_robot
-from tests.unit.diagnosis.conftest import recorded
+from tests.unit.diagnosis.conftest import QUICK, recorded
 
 FEW = {name: EFFECTS[name] for name in ("cable_friction", "capstan", "winch_gain", "weak_cable")}
 FACTORS = (0.5, -0.9, 0.3, -0.5)  # logarithms
@@ -41,7 +41,7 @@ def of(robot: Robot, effect: Effect, times: float) -> Term:
 
 def diagnosed(robot: Robot, hidden: Term, seed: int, recordings: int = 2) -> Diagnosis:
     logs = [recorded(robot, (hidden,), seed + i) for i in range(recordings)]
-    return diagnose(Plant(robot), logs, (), FEW, window_seconds=0.4, seed=seed)
+    return diagnose(Plant(robot), logs, (), FEW, QUICK, window_seconds=0.4, seed=seed)
 
 
 @pytest.mark.slow
@@ -82,7 +82,7 @@ def test_sizes_that_gain_nothing_elsewhere_become_one_size(robot: Robot, seed: i
     hidden = of(robot, EFFECTS["cable_friction"], 4.0)
     logs = [recorded(robot, (hidden,), seed + i) for i in range(2)]
     heartbeat = Heartbeat(lambda note: None)
-    under_test = ModelUnderTest(Plant(robot), None, seed, heartbeat.again, Settings())
+    under_test = ModelUnderTest(Plant(robot), None, seed, heartbeat.again, QUICK)
     searched = _searched(under_test, logs, 0.4, candidates(robot, FEW), (), heartbeat)
     search, last = searched.search, searched.models[-1].fit
     (term,) = last.terms

@@ -12,7 +12,7 @@ from flywheel.errors import DataError
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import load_robot
 from tests import draws
-from tests.unit.diagnosis.conftest import recorded
+from tests.unit.diagnosis.conftest import QUICK, recorded
 
 
 def test_what_goes_on_is_said_again_but_not_all_the_time() -> None:
@@ -57,7 +57,7 @@ def test_who_is_stopped_gives_the_best_answer_so_far(found: bool) -> None:
         fitted = next((k for k, each in enumerate(told) if each.startswith("fitting")), len(told))
         return any(each.startswith("scored" if found else "fitting") for each in told[fitted:])
 
-    answer = diagnose(Plant(robot), [log], [log], few, progress=told.append, stop=stop)
+    answer = diagnose(Plant(robot), [log], [log], few, QUICK, progress=told.append, stop=stop)
     assert answer.interrupted
     assert answer.exit_code == 130
     assert [each.effect for each in answer.answers[0]] == ["winch_gain"] * found
@@ -91,7 +91,7 @@ def test_no_part_of_a_diagnosis_is_silent_for_long(monkeypatch) -> None:
     seen = track.observations.points[0] + rng.normal(size=track.observations.points[0].shape) * 0.01
     log = type(track)(type(track.observations)(seen, np.full((101, 6), np.nan)), controls, track.dt)
     few = {name: EFFECTS[name] for name in ("slope", "winch_gain")}
-    diagnose(plant, [log], [log], few, progress=told.append)
+    diagnose(plant, [log], [log], few, QUICK, progress=told.append)
     assert told
     assert len(steps) > 20
     assert steps[-1] == len(told)  # also after the last note: what is held out is simulated, too

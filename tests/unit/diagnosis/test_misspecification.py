@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.results.verdict import imitated, other_form
 from flywheel.diagnosis.selection.misspecification import NONE, PROBES, Misspecification
-from flywheel.diagnosis.settings import Limits, Settings
+from flywheel.diagnosis.settings import Limits
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import Robot, load_robot
-from tests.unit.diagnosis.conftest import recorded
+from tests.unit.diagnosis.conftest import QUICK, recorded
 
 FEW = {name: EFFECTS[name] for name in ("cable_damping", "winch_gain")}
 LAW = "damping_by_speed_squared"
@@ -32,7 +34,7 @@ def _of(robot: Robot, kind: str, times: float) -> Term:
 
 def _diagnosed(robot: Robot, hidden: Term, recordings: int, seed: int, strict: Limits) -> Diagnosis:
     logs = [recorded(robot, (hidden,), seed + i) for i in range(recordings)]
-    settings = Settings(limits=strict)
+    settings = replace(QUICK, limits=strict)
     return diagnose(Plant(robot), logs, (), FEW, settings, window_seconds=0.4, seed=seed)
 
 

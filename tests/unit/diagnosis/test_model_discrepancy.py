@@ -13,7 +13,7 @@ from flywheel.effects import NAMED, Term
 from flywheel.reports.diagnosis_page import diagnosis_page, scale
 from flywheel.robots import Robot, load_robot
 from tests import draws
-from tests.unit.diagnosis.conftest import recorded
+from tests.unit.diagnosis.conftest import QUICK, recorded
 from tests.unit.diagnosis.test_unexplained import HIDDEN
 
 SERIES, LENGTH = 400, 200
@@ -56,7 +56,7 @@ def test_what_is_left_beside_a_scale_of_its_own_is_left_all_the_same(platform: R
     """Noise of a twentieth of a millimetre, and a law that the library does not have: all would be sure."""
     logs = [recorded(platform, HIDDEN, draws.seed(), noise=5e-5) for _ in range(2)]
     few = {name: NAMED[name] for name in ("winch_gain", "slope")}
-    answer = diagnose(Plant(platform), logs, (), few)
+    answer = diagnose(Plant(platform), logs, (), few, QUICK)
     assert answer.verdict in (Verdict.PARTIAL, Verdict.OUTSIDE_LIBRARY)
     assert answer.model_discrepancy > answer.after.beyond_noise > answer.errors.noise
     assert answer.errors.noise < 1e-4
@@ -68,7 +68,7 @@ def test_what_is_left_beside_a_scale_of_its_own_is_left_all_the_same(platform: R
 @pytest.mark.slow
 def test_what_the_library_explains_counts_in_noise(platform: Robot) -> None:
     log = recorded(platform, (Term(NAMED["winch_gain"], None, (0.3,)),), draws.seed())
-    answer = diagnose(Plant(platform), [log], (), {"winch_gain": NAMED["winch_gain"]})
+    answer = diagnose(Plant(platform), [log], (), {"winch_gain": NAMED["winch_gain"]}, QUICK)
     assert answer.verdict is Verdict.EFFECT
     assert answer.model_discrepancy == 0.0
     assert scale(answer) == ""

@@ -22,7 +22,7 @@ from flywheel.errors import DataError, UnknownNameError
 from flywheel.reports.diagnosis_page import diagnosis_page, held_back
 from flywheel.robots import Robot, load_robot
 from tests import draws
-from tests.unit.diagnosis.conftest import recorded
+from tests.unit.diagnosis.conftest import QUICK, recorded
 
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "stiffening")}
 SCALES = {"cable_stiffness": "cable_stiffness", "body_mass": "mass"}  # of the plant
@@ -44,7 +44,9 @@ def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(
     logs = [recorded(robot, (), seed + i) for i in range(2)]
     told = Plant(robot, parameters=PlantParameters(**{scale: 1 / 1.06}))
     unsure = {name: 0.05}
-    found = diagnose(told, logs[:1], logs[1:], FEW, window_seconds=0.4, seed=seed, unsure=unsure)
+    found = diagnose(
+        told, logs[:1], logs[1:], FEW, QUICK, window_seconds=0.4, seed=seed, unsure=unsure
+    )
     assert not any(found.answers), (seed, found.verdict)
     (value,) = found.calibration[0].values
     assert value.low - 0.03 < 0.06 < value.high + 0.03, (seed, value)
@@ -73,7 +75,9 @@ def test_an_effect_is_found_beside_a_wrong_number(robot: Robot, seed: int) -> No
     told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.05))
     logs = [recorded(robot, hidden, seed + i) for i in range(2)]
     unsure = {"cable_stiffness": 0.05}
-    found = diagnose(told, logs[:1], logs[1:], FEW, window_seconds=0.4, seed=seed, unsure=unsure)
+    found = diagnose(
+        told, logs[:1], logs[1:], FEW, QUICK, window_seconds=0.4, seed=seed, unsure=unsure
+    )
     answer = found.answers[0]
     assert [each.effect for each in answer] == ["winch_gain"], (seed, found.verdict)
     assert answer[0].values[0].value == pytest.approx(0.15, abs=0.02), seed
@@ -111,7 +115,7 @@ def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
     told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.05))
     log = recorded(robot, (), seed)
     sure = {"cable_stiffness": 1e-6}
-    found = diagnose(told, [log], (), FEW, window_seconds=0.4, seed=seed, unsure=sure)
+    found = diagnose(told, [log], (), FEW, QUICK, window_seconds=0.4, seed=seed, unsure=sure)
     assert abs(found.calibration[0].values[0].in_plant) < 1e-4, seed
 
 
@@ -125,6 +129,7 @@ def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(
         [recorded(robot, (), seed)],
         (),
         FEW,
+        QUICK,
         window_seconds=0.4,
         unsure={"cable_stiffness": 0.05},
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,6 @@ from flywheel.diagnosis.settings import (
     DiscrepancySettings,
     FitStoppingSettings,
     FittingSettings,
-    Settings,
 )
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Cables, Parameter, TensionEffect, Term
@@ -26,7 +27,7 @@ from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats, Observation, Trajectory
 from flywheel.reports.diagnosis_page import diagnosis_page, sentence
 from flywheel.robots import Robot, load_robot
-from tests.unit.diagnosis.conftest import recorded
+from tests.unit.diagnosis.conftest import QUICK, recorded
 
 RECORDINGS = 2  # initial states make up for what is missing, in some more than in others
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "slope")}
@@ -100,7 +101,7 @@ def test_a_law_is_trained_only_while_that_explains_something(
 
 @pytest.mark.slow
 def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
-    never = Settings(limits=Limits(max_residual_variance=0.0))  # nothing is ever enough
+    never = replace(QUICK, limits=Limits(max_residual_variance=0.0))  # nothing is ever enough
     logs = [recorded(robot, (), seed + i) for i in range(2)]
     found = diagnose(Plant(robot), logs[:1], logs[1:], FEW, never, window_seconds=0.4, seed=seed)
     assert found.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL), seed
