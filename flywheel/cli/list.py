@@ -153,7 +153,7 @@ def settings() -> Table:
     from flywheel.diagnosis.settings import Settings, numbers
 
     rows = [(path, each.value, each.what) for path, each in numbers(Settings()).items()]
-    title = "Settings of a diagnosis (flywheel diagnose --set SETTING=NUMBER)"
+    title = "Settings of a diagnosis (--set SETTING=NUMBER of diagnose, power and design)"
     return table(title, ["setting", "#value", "what"], rows)
 
 

@@ -177,6 +177,7 @@ def _searched(
             probes,
             tolerance=limits.tolerance,
             stopped=heartbeat.stopped,
+            seed=under_test.seed,
         )
         if under_test.model is None:
             present = (*under_test.plant.terms, *unsure)
@@ -189,6 +190,7 @@ def _searched(
         if (own := own_errors(fitter, scored.test)) is not None:
             limits = beyond(limits, own)
             search = replace(search, threshold=limits.threshold)
+            scored = search.ranked(scored)
         search, models = stepwise(search, scored)
         if len(models) == 1 or heartbeat.stopped():
             break

@@ -382,6 +382,8 @@ class SelectionSettings:
         effect must explain in its place.
       usually_off: standard deviations of a number of a robot as built, up to which an effect that changes the
         same is no answer beside another one in the place of these numbers.
+      unlikely: probability that numbers of a robot as built, which are right, explain so much; below it
+        they are doubted.
       as_built_shares: of the deviations of a robot as built [-]; the one counts with which recordings are the
         most likely, since nobody knows how well a robot was made.
       rival: share of an effect's LM statistic from which another is tried in its place.
@@ -403,6 +405,7 @@ class SelectionSettings:
     max_rounds_to_target_of_law: float = 40.0
     makes_good: float = 0.5
     usually_off: float = 2.0
+    unlikely: float = 1e-3
     as_built_shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)
     rival: float = 0.8
     suspect_share: float = 0.25
@@ -438,6 +441,7 @@ class CheckSettings:
 
     Attributes:
       rare: probability of differences between windows, by noise, that count as none.
+      least_told: share of what all windows tell of a size, below which one tells nothing of it.
       shift: standard deviations of the initial states by which they are moved, to see what of an effect is
         still detected: a whole one leaves the valley of the cost where there are contacts.
       pieces: of a window, in which what is left is located.
@@ -445,6 +449,7 @@ class CheckSettings:
     """
 
     rare: float = 1e-3
+    least_told: float = 1e-3
     shift: float = 0.5
     pieces: int = 10
     half: float = 0.5
@@ -463,6 +468,10 @@ class Limits:
         explain only the recordings that they were fitted to.
       least_gain: share of what the model as it was leaves beyond noise, on windows that were not fitted,
         that effects must take away to be named as a part of what is missing.
+      partial: the same on the recordings that were fitted, above which an answer beside something else is
+        `PARTIAL`: most of the error has a name.
+      adopted: share of the held-out error beyond noise, as mean squares, from which effects beside something
+        that no effect explains are adopted unnamed.
       tolerance: root mean square beyond noise that a model may be off without anybody wanting to know more
         [m]; 0 to know all.
       sure: standard deviations of the noise's own error on top of that.
@@ -478,6 +487,8 @@ class Limits:
     max_residual_variance: float = 1.05
     max_held_out_variance: float = 1.25
     least_gain: float = 0.1
+    partial: float = 0.5
+    adopted: float = 0.5
     tolerance: float = 0.0
     sure: float = 2.0
     correlated: float = 0.05

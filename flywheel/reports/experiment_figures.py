@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flywheel.diagnosis.experiments.design import Design
-from flywheel.diagnosis.experiments.power import ENOUGH, Power
+from flywheel.diagnosis.experiments.power import Power
 from flywheel.records import Floats
 from flywheel.reports import style
 
@@ -67,7 +67,7 @@ def told_apart(found: Design) -> Figure:
     plain = [pair.plain for pair in found.pairs]
     axes.barh(place - 0.19, plain, height=0.36, color=style.FAINT, label="random steps, median")
     axes.set_yticks(place, [f"{p.first.label} or {p.second.label}" for p in found.pairs])
-    axes.axvline(ENOUGH, color=style.INK, linestyle=(0, (1, 1.6)), label="told apart")
+    axes.axvline(found.needed, color=style.INK, linestyle=(0, (1, 1.6)), label="told apart")
     axes.set_xlabel("separation [sigma]")
     axes.grid(axis="y", visible=False)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)

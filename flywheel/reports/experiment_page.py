@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flywheel.diagnosis.experiments.design import Design
-from flywheel.diagnosis.experiments.power import ENOUGH, Power
+from flywheel.diagnosis.experiments.power import Power
 from flywheel.outputs import write_output
 from flywheel.reports.experiment_figures import (
     likeness,
@@ -19,10 +19,9 @@ from flywheel.reports.experiment_figures import (
 )
 from flywheel.reports.html import Shown, data_uri, render
 
-LIMITS = (
+PREDICTED = (
     "All of this is predicted by the plant, for small effects around it. A robot that lacks much is "
     "elsewhere after a second than the plant says.",
-    f"{ENOUGH:g} sigmas count as seen, and as told apart: a score of {ENOUGH**2:g} in a diagnosis.",
     "What unknown starts of the windows, unknown offsets of the winches and smaller time steps could "
     "explain does not count.",
 )
@@ -61,7 +60,7 @@ def design_sentence(found: Design) -> str:
     if not found.enough:
         return (
             f"No script was found that tells the rivals apart: {found.separation:.1f} sigmas, and "
-            f"{ENOUGH:g} are needed. A longer script, less noise or another sensor may do it."
+            f"{found.needed:g} are needed. A longer script, less noise or another sensor may do it."
         )
     ratio = f"{found.separation / found.plain:.1f} times" if found.plain > 0 else "infinitely"
     return (
@@ -95,7 +94,14 @@ def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Pat
         rows.append((p.candidate.label, *(seen if p.visible else ("invisible", "")), *pair))
     notes = confusions(found)
     return _write(
-        "Power", power_sentence(found), Listing(columns, rows), notes, figures, path, about
+        "Power",
+        power_sentence(found),
+        Listing(columns, rows),
+        notes,
+        figures,
+        path,
+        about,
+        found.enough,
     )
 
 
@@ -137,7 +143,14 @@ def write_design(
     ]
     notes = [f"{found.tried} scripts were tried; {found.unsafe} diverged or went slack."]
     return _write(
-        "Design", design_sentence(found), Listing(columns, rows), notes, figures, path, about
+        "Design",
+        design_sentence(found),
+        Listing(columns, rows),
+        notes,
+        figures,
+        path,
+        about,
+        found.needed,
     )
 
 
@@ -153,7 +166,9 @@ def _write(
     figures: Sequence[Shown],
     path: str | Path,
     about: Mapping[str, str],
+    enough: float,
 ) -> Path:
+    counts = f"{enough:g} sigmas count as seen, and as told apart: a score of {enough**2:g} in a diagnosis."
     page = render(
         "experiment",
         title=title,
@@ -162,6 +177,6 @@ def _write(
         notes=notes,
         figures=figures,
         about=about,
-        limits=LIMITS,
+        limits=(PREDICTED[0], counts, *PREDICTED[1:]),
     )
     return write_output(path, page)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console, table
+from flywheel.cli.logs.diagnose import SetOption, about_settings, changes_of
 from flywheel.cli.options import (
     TYPICAL_SIZES,
     DtOption,
@@ -58,6 +59,7 @@ def design(
     seconds: SecondsOption = 3.0,
     candidates: CandidatesOption = 64,
     effects_from: EffectsFromOption = None,
+    settings: SetOption = None,
     seed: Annotated[
         int, typer.Option(help="Seed of all that is random.", callback=within(SEED))
     ] = 0,
@@ -77,6 +79,7 @@ def design(
     from flywheel.data.recordings.commands import write_commands
     from flywheel.diagnosis.experiments.design import Designer
     from flywheel.diagnosis.selection.candidates import Rival
+    from flywheel.diagnosis.settings import Settings, changed
     from flywheel.reports.experiment_page import write_design
     from flywheel.runtime.config.demand import check_predictions
     from flywheel.runtime.pool.progress import console_progress
@@ -87,7 +90,9 @@ def design(
     library, shown = Library.of(effects_from), console()
     plant = open_plant(robot, dt, threads, library)
     named = [Rival.named(name, plant.robot, library.known) for name in rivals]
-    designer = Designer(plant, named, length_of(noise, plant.robot), size)
+    tuned = changed(Settings(), changes_of(settings or []))
+    sigma = length_of(noise, plant.robot)
+    designer = Designer(plant, named, sigma, size, settings=tuned)
     with console_progress().stage("try scripts", 2 * candidates) as stage:
         found = designer.design(
             seconds, candidates, seed, lambda n, best: stage.update(n, f"best {best:.1f} sigma")
@@ -98,6 +103,7 @@ def design(
     shown.say(f"Commands: {out}")
     if page is not None:
         about = {"commands": out.name, "seed": str(seed), **about_plant(plant), **library.about}
+        about |= about_settings(tuned)
         winches = [winch.name for winch in plant.robot.winches]
         shown.say(f"Page: {write_design(found, page, about, winches)}")
     shown.keep_json(json, {**found.summary(), **library.provenance})

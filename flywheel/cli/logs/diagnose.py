@@ -188,10 +188,7 @@ def _about(
     plant: Plant, found: Diagnosis, recordings: Sequence[Path], others: Sequence[Path]
 ) -> dict[str, str]:
     """Lines about a diagnosis, for the head of its page."""
-    from flywheel.diagnosis.settings import unusual
-
     robot = plant.robot
-    changes = ", ".join(f"{path} {value:g}" for path, value in unusual(found.settings).items())
     return {
         "robot": f"{robot.name} ({robot.digest[:12]})",
         "model under test": found.model or "the plant",
@@ -199,8 +196,16 @@ def _about(
         "held out": ", ".join(path.name for path in others) or "none",
         "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
         "control step": f"{plant.dt:g} s, MuJoCo steps of {robot.timestep:g} s",
-        **({"settings": changes} if changes else {}),
+        **about_settings(found.settings),
     }
+
+
+def about_settings(settings: Settings) -> dict[str, str]:
+    """A line about settings that are not the usual ones, for the head of a page; none where all are."""
+    from flywheel.diagnosis.settings import unusual
+
+    changes = ", ".join(f"{path} {value:g}" for path, value in unusual(settings).items())
+    return {"settings": changes} if changes else {}
 
 
 def changes_of(statements: Sequence[str]) -> dict[str, float]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console, table
+from flywheel.cli.logs.diagnose import SetOption, about_settings, changes_of
 from flywheel.cli.options import (
     TYPICAL_SIZES,
     DtOption,
@@ -44,6 +45,7 @@ def power(
     effects: EffectsOption = "",
     effects_from: EffectsFromOption = None,
     window: WindowOption = None,
+    settings: SetOption = None,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
     page: PageOption = None,
@@ -58,6 +60,7 @@ def power(
     from flywheel.cli.models import Library, about_plant, open_plant
     from flywheel.data.recordings.commands import read_commands
     from flywheel.diagnosis.experiments.power import power as foreseen
+    from flywheel.diagnosis.settings import Settings, changed
     from flywheel.outputs import check_outputs
     from flywheel.reports.experiment_page import write_power
 
@@ -65,23 +68,28 @@ def power(
     check_outputs({"page": page, "JSON": json}, inputs=inputs)
     library, out = Library.of(effects_from), console()
     asked, plant = library.asked(effects), open_plant(robot, dt, threads, library)
+    tuned = changed(Settings(), changes_of(settings or []))
     controls = read_commands(commands, plant.robot, dt)
     sigma = length_of(noise, plant.robot)
-    found = foreseen(plant, controls, sigma, asked, size, seconds=window)
+    found = foreseen(plant, controls, sigma, asked, size, None, window, tuned)
     _show(out, found)
     if page is not None:
-        about = {"commands": commands.name, **about_plant(plant), **library.about}
+        about = {
+            "commands": commands.name,
+            **about_plant(plant),
+            **library.about,
+            **about_settings(tuned),
+        }
         out.say(f"Page: {write_power(found, page, about)}")
     out.keep_json(json, {**found.summary(), **library.provenance})
 
 
 def _show(out: Out, found: Power) -> None:
-    from flywheel.diagnosis.experiments.power import ENOUGH
     from flywheel.reports.experiment_page import confusions, power_sentence
 
     out.say(power_sentence(found), style="bold")
     columns = ("effect", "at", "#smallest seen", "unit", "#/ typical", "most like", "#|cos|")
-    title = f"noise {1000 * found.sigma:.2f} mm; {ENOUGH:g} sigma count as seen, and as told apart"
+    title = f"noise {1000 * found.sigma:.2f} mm; {found.enough:g} sigma count as seen, and as told apart"
     rows = [_row(prospect) for prospect in found.prospects]
     last = f"#apart at {found.size:g} typical, in sigma"
     out.print(table(title, (*columns, last), rows))

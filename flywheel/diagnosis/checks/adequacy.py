@@ -91,7 +91,7 @@ def adequacy(
         doubt=windows.doubt,
         loudest=loudest(test.left, windows.noisy_in_each, test.left_freedom),
         correlation=sample_correlation(test.left, shape),
-        inconstancy=_inconstancy(fit, test, by_value, settings.rare),
+        inconstancy=_inconstancy(fit, test, by_value, settings),
         beyond_noise=test.beyond_noise(fitter),
     )
 
@@ -111,7 +111,9 @@ def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
     return float((in_time[:, 1:] * in_time[:, :-1]).sum() / max(power, 1e-300))
 
 
-def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats | None, rare: float) -> float:
+def _inconstancy(
+    fit: Fit, test: ScoreTest, by_value: Floats | None, settings: CheckSettings
+) -> float:
     """Chow's test of each size: is it the same in every window?"""
     if by_value is None:
         return 0.0
@@ -120,22 +122,22 @@ def _inconstancy(fit: Fit, test: ScoreTest, by_value: Floats | None, rare: float
     for term in fit.terms:
         count = len(term.effect.sizes) if term.asked else 0
         for column in range(start, start + count):
-            worst = max(worst, _chow(test, by_value[..., column], rare))
+            worst = max(worst, _chow(test, by_value[..., column], settings))
         start += len(term.values)
     return worst
 
 
-def _chow(test: ScoreTest, column: Floats, rare: float) -> float:
+def _chow(test: ScoreTest, column: Floats, settings: CheckSettings) -> float:
     """Statistic of one size, whose sensitivities are (K, D), over its `rare` quantile (Chow 1960)."""
     projection = test.projection
     own = projection.without_local(column[..., None])[..., 0]  # (K, D + X)
     left = test.residual.reshape(own.shape)
     weight, right = (own**2).sum(axis=1), (own * left).sum(axis=1)
-    enough = weight > 1e-3 * weight.sum()
+    enough = weight > settings.least_told * weight.sum()
     if enough.sum() < 2:
         return 0.0
     off = right[enough] / weight[enough]
     mean = (weight[enough] * off).sum() / weight[enough].sum()
     spread = (weight[enough] * (off - mean) ** 2).sum()
-    limit = chi2.ppf(1.0 - rare, enough.sum() - 1)
+    limit = chi2.ppf(1.0 - settings.rare, enough.sum() - 1)
     return float(spread / limit / max(test.noise, 1.0))

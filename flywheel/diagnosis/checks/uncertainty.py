@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
-from flywheel.diagnosis.results.verdict import QUANTILE
 from flywheel.diagnosis.selection.score_test import Projection
+from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.records import Floats
 
 # 1 + 1/2 + 1/4 + ...: what all further halvings of the time step change, over what one does.
@@ -63,7 +63,7 @@ def uncertainty(
     few = len(columns) / max(1, len(columns) - 1)
     sandwich = inverse @ (few * by_window.T @ by_window) @ inverse
     by_step = HALVINGS * inverse @ (left.T @ projection(fitter.step_error(fit))[:, 0])
-    ended = np.where(known == 0.0, known_to, 0.0) / QUANTILE**2 * np.diag(inverse)
+    ended = np.where(known == 0.0, known_to, 0.0) / INTERVAL**2 * np.diag(inverse)
     spread = np.maximum.reduce([np.diag(curvature), np.diag(sandwich), ended])
     variance = spread + (by_step / 2) ** 2 + further**2
     unit = np.array([f.unit for f in free])

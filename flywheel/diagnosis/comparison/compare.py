@@ -14,6 +14,7 @@ from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.comparison.regions import Region, regions, span_noise, spans
 from flywheel.diagnosis.comparison.result import LEVEL, Comparison, Judgement
 from flywheel.diagnosis.fitting.subject import Subject
+from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics import Persistence, RestartedPlant
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ExactSum
@@ -31,6 +32,7 @@ def compare(
     seed: int = 0,
     names: Sequence[str] = (),
     fit_starts: bool = False,
+    settings: Settings = Settings(),
 ) -> Comparison:
     """Compare models with recordings.
 
@@ -42,6 +44,7 @@ def compare(
       seed: of the draws.
       names: of the recordings.
       fit_starts: also say what plants leave where starts are fitted, which takes longer than the rest.
+      settings: tuned numbers of those fits, as of a diagnosis.
 
     Raises:
       DataError: recordings that cannot be used.
@@ -61,7 +64,7 @@ def compare(
     return Comparison(
         windows=windows,
         models=tuple(
-            judged(subject, windows, where, draws, rng, seed if fit_starts else None)
+            judged(subject, windows, where, draws, rng, seed if fit_starts else None, settings)
             for subject, rng in zip(models, streams, strict=True)
         ),
         persistence=mean_by_lead(still),
@@ -78,6 +81,7 @@ def judged(
     draws: int,
     rng: np.random.Generator,
     fit_seed: int | None,
+    settings: Settings = Settings(),
 ) -> Judgement:
     """One model; `fit_seed` is of the search for starts that fit, None to leave that out."""
     points, winch = predicted(subject, windows)
@@ -87,7 +91,7 @@ def judged(
     spread = _span_squares(windows, points)
     dynamics, fitted = subject.dynamics, None
     if fit_seed is not None and isinstance(dynamics, RestartedPlant):
-        fitted = fitted_starts(dynamics.plant, windows, fit_seed)
+        fitted = fitted_starts(dynamics.plant, windows, fit_seed, settings)
     return Judgement(
         name=subject.name,
         points=points,

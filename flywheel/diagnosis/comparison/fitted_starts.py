@@ -11,7 +11,7 @@ from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import Limits
+from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
 
@@ -37,19 +37,24 @@ class FittedStarts:
         return asdict(self)
 
 
-def fitted_starts(plant: Plant, windows: ForecastWindows, seed: int) -> FittedStarts:
+def fitted_starts(
+    plant: Plant, windows: ForecastWindows, seed: int, settings: Settings = Settings()
+) -> FittedStarts:
     """Fit the initial states of windows that tile the recordings.
 
     Args:
       plant: to be tested.
       windows: whose recordings, window length and noise to use.
       seed: of the search for initial states.
+      settings: tuned numbers, as of a diagnosis.
     """
     used = [windows.recordings[i].trajectory for i in sorted(set(windows.recording))]
     seconds = windows.steps * windows.dt
-    fitter = fitter_of(Windows.cut(plant.robot, used, seconds, windows.sigma), plant)
+    cut = Windows.cut(plant.robot, used, seconds, windows.sigma, settings.windows)
+    fitter = fitter_of(cut, plant, settings=settings.fitting)
     fit = fitted(fitter, plant.terms, seed=seed)
     some = candidates(plant.robot, {ANY: EFFECTS[ANY]})
-    model = Search(fitter, some, Limits().threshold).score_all(fit)
-    left = adequacy(fitter, fit, model.test, model.by_value)
+    search = Search(fitter, some, settings.limits.threshold, settings.selection, seed=seed)
+    model = search.score_all(fit)
+    left = adequacy(fitter, fit, model.test, model.by_value, settings.checks)
     return FittedStarts(fitter.rms(fit), left.noise, left.correlation)

@@ -19,8 +19,8 @@ from flywheel.diagnosis.experiments.information import (
     information_of,
     simulate_scripts,
 )
-from flywheel.diagnosis.experiments.power import ENOUGH
 from flywheel.diagnosis.selection.candidates import Candidate, Rival
+from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.tautness import taut_share
 from flywheel.errors import DataError
@@ -70,6 +70,7 @@ class Design:
       unsafe: of them, those that were left out: diverging, or too slack.
       sigma: noise [m].
       size: of the rivals, in typical sizes.
+      settings: tuned numbers of the diagnosis that follows.
     """
 
     controls: Floats
@@ -84,18 +85,24 @@ class Design:
     unsafe: int
     sigma: float
     size: float
+    settings: Settings
+
+    @property
+    def needed(self) -> float:
+        """Separation from which two rivals are told apart [sigma]."""
+        return float(np.sqrt(self.settings.limits.threshold))
 
     @property
     def enough(self) -> bool:
         """It tells all rivals apart."""
-        return self.separation >= ENOUGH
+        return self.separation >= self.needed
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
         return {
             "separation": self.separation,
             "plain": self.plain,
-            "enough": ENOUGH,
+            "enough": self.needed,
             "family": self.family,
             "pairs": [
                 {
@@ -112,6 +119,7 @@ class Design:
             "unsafe": self.unsafe,
             "noise": {"value": self.sigma, "unit": "m"},
             "size": self.size,
+            **({"settings": changes} if (changes := unusual(self.settings)) else {}),
         }
 
 
@@ -162,6 +170,7 @@ class Designer:
       sigma: noise of each coordinate [m].
       size: of the rivals, in typical sizes.
       start: (1,) where the experiment begins; None for the settled keyframe.
+      settings: tuned numbers of the diagnosis that follows.
 
     Raises:
       DataError: fewer than two rivals, or one of them twice.
@@ -174,12 +183,13 @@ class Designer:
         sigma: float,
         size: float = 1.0,
         start: State | None = None,
+        settings: Settings = Settings(),
     ) -> None:
         labels = [c.label for rival in rivals for c in rival.candidates]
         if len(rivals) < 2 or len(set(labels)) < len(labels):
             names = ", ".join(rival.name for rival in rivals)
             raise DataError(f"A design needs two or more different rivals, got {names or 'none'}.")
-        self.plant, self.sigma, self.size = plant, sigma, size
+        self.plant, self.sigma, self.size, self.settings = plant, sigma, size, settings
         self.start = plant.settle(SETTLING) if start is None else start
         self.reach = WinchRange.around(plant.robot, plant.winch(self.start)[0], plant.dt)
         self.library = tuple(c for rival in rivals for c in rival.candidates)
@@ -241,7 +251,12 @@ class Designer:
         safe = motion.finite & (taut_share(self.plant, motion.states) >= self._least_taut)
         kept = np.flatnonzero(safe)
         information = information_of(
-            self.plant, scripts[kept], motion[kept], self.library, self.sigma
+            self.plant,
+            scripts[kept],
+            motion[kept],
+            self.library,
+            self.sigma,
+            settings=self.settings,
         )
         everyone = [pair for pairs in self.pairs.values() for pair in pairs]
         return Tried(
@@ -277,6 +292,7 @@ class Designer:
             unsafe=tried.unsafe,
             sigma=self.sigma,
             size=self.size,
+            settings=self.settings,
         )
 
     def _pair(

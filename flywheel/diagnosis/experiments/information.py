@@ -9,7 +9,8 @@ it another one could explain.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,10 +21,11 @@ from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.selection.score_test import (
     DEAD,
     Projection,
-    chance,
     slices_of,
     smallest_shown,
 )
+from flywheel.diagnosis.settings import FittingSettings, Limits, Settings
+from flywheel.diagnosis.statistics import chance
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant
 from flywheel.effects import Scales
 from flywheel.errors import DataError, ModelError
@@ -43,26 +45,27 @@ class Information:
         candidate, each at its typical size, in `ScoreTest` order [sigma^2].
       slices: candidate -> shape -> its columns.
       usual: candidate -> its shape of typical values.
+      threshold: score from which an effect counts as seen.
     """
 
     candidates: tuple[Candidate, ...]
     gram: Floats
     slices: tuple[tuple[slice, ...], ...]
     usual: tuple[int, ...]
+    threshold: float = Limits().threshold
 
     def __getitem__(self, rows: Sequence[int] | np.ndarray) -> Information:
         """Some of the experiments."""
-        return Information(self.candidates, self.gram[rows], self.slices, self.usual)
+        return replace(self, gram=self.gram[rows])
 
     def __add__(self, other: Information) -> Information:
         """The experiments of both, of the same candidates."""
-        gram = np.concatenate([self.gram, other.gram])
-        return Information(self.candidates, gram, self.slices, self.usual)
+        return replace(self, gram=np.concatenate([self.gram, other.gram]))
 
     def smallest(self, index: int) -> Floats:
         """(S,) size of a candidate that would just be seen, in typical sizes; infinite for none."""
         own = self.slices[index][self.usual[index]]
-        return np.array([smallest_shown(gram) for gram in self.gram[:, own, own]])
+        return np.array([smallest_shown(gram, self.threshold) for gram in self.gram[:, own, own]])
 
     def strength(self, index: int) -> Floats:
         """(S,) what a candidate at its typical size would change that nothing known explains [sigma].
@@ -70,7 +73,9 @@ class Information:
         Of several sizes, the combination that shows least, as strong as one that is as unlikely by noise.
         """
         own = self.slices[index][self.usual[index]]
-        return _weakest(self.gram[:, own, own]) / np.sqrt(chance(own.stop - own.start))
+        return _weakest(self.gram[:, own, own]) / np.sqrt(
+            chance(own.stop - own.start, self.threshold)
+        )
 
     def separation(self, index: int, rival: int) -> Floats:
         """(S,) what of a candidate at its typical size no size and shape of a rival explains [sigma].
@@ -120,6 +125,7 @@ def information_of(
     library: Sequence[Candidate],
     sigma: float,
     seconds: float | None = None,
+    settings: Settings = Settings(),
 ) -> Information:
     """What experiments would say, before they are made.
 
@@ -130,6 +136,7 @@ def information_of(
       library: candidates.
       sigma: noise of each coordinate [m].
       seconds: length of the windows [s]; None for what suits the robot.
+      settings: tuned numbers of the diagnosis that follows.
 
     Raises:
       DataError: nothing to look at, no noise, or scripts too short for a window.
@@ -143,18 +150,20 @@ def information_of(
         which = int(np.argmin(motion.finite))
         raise ModelError(f"The simulation of {plant.robot.name} diverges under script {which}.")
     tracks = [_track(plant, script, motion, row) for row, script in enumerate(scripts)]
+    cut = partial(Windows.cut, plant.robot, seconds=seconds, sigma=sigma, settings=settings.windows)
     slices, row = slices_of(library), 0
     columns = slices[-1][-1].stop
     parts = [np.empty((0, columns, columns))]
     while row < len(tracks):
-        each = len(Windows.cut(plant.robot, tracks[row : row + 1], seconds, sigma))
+        each = len(cut(tracks[row : row + 1]))
         stop = row + max(1, AT_ONCE // each)
-        windows = Windows.cut(plant.robot, tracks[row:stop], seconds, sigma)
-        parts.append(_grams(plant, windows, motion.states[row:stop], library))
+        states = motion.states[row:stop]
+        parts.append(_grams(plant, cut(tracks[row:stop]), states, library, settings.fitting))
         row = stop
     scales = Scales.of(plant.robot)
     usual = tuple(_usual(candidate, scales) for candidate in library)
-    return Information(tuple(library), np.concatenate(parts), slices, usual)
+    grams, threshold = np.concatenate(parts), settings.limits.threshold
+    return Information(tuple(library), grams, slices, usual, threshold)
 
 
 def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory:
@@ -163,10 +172,16 @@ def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory
     return Trajectory(seen, script, plant.dt)
 
 
-def _grams(plant: Plant, windows: Windows, states: State, library: Sequence[Candidate]) -> Floats:
+def _grams(
+    plant: Plant,
+    windows: Windows,
+    states: State,
+    library: Sequence[Candidate],
+    settings: FittingSettings,
+) -> Floats:
     """(S, n, n) of the candidates; every script by itself, as if it were the only recording."""
     starts = states[windows.recording, windows.first]
-    fitter = PlantFitter(WindowSimulator(windows, plant), starts)
+    fitter = PlantFitter(WindowSimulator(windows, plant), starts, settings)
     fit = fitter.first_estimate(plant.terms)
     terms = [(*fit.terms, term) for candidate in library for term in candidate.unit_terms()]
     shared = [fitter.step_error(fit), fitter.by_value(fit, fitter.free(fit.terms))]

@@ -14,12 +14,10 @@ from flywheel.diagnosis.experiments.information import (
     simulate_scripts,
 )
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
-from flywheel.diagnosis.selection.score_test import CRITICAL
+from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Effect
 from flywheel.records import Floats, State
-
-ENOUGH = float(np.sqrt(CRITICAL))  # sigmas from which an effect is seen, or two are told apart
 
 
 @dataclass(frozen=True)
@@ -34,6 +32,7 @@ class Prospect:
       rival: that would explain most of it; None if there is no other.
       likeness: |cosine| of what the two change.
       separation: what the rival, at whatever size, leaves of it [sigma].
+      shown: whether the size asked about would be seen, more often than not.
       taken_for: candidates that leave too little of it to be told from it; of one that would be seen.
     """
 
@@ -43,17 +42,13 @@ class Prospect:
     rival: Candidate | None
     likeness: float
     separation: float
+    shown: bool
     taken_for: tuple[Candidate, ...]
 
     @property
     def visible(self) -> bool:
         """A size that the effect can have would be seen."""
         return self.smallest <= self.candidate.effect.sizes[0].high
-
-    @property
-    def shown(self) -> bool:
-        """The size asked about would be seen, more often than not."""
-        return self.strength >= ENOUGH
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -87,6 +82,7 @@ class Power:
       sigma: noise of each coordinate [m].
       dt: control step [s].
       controls: (T, W) of the experiment.
+      settings: tuned numbers of the diagnosis that follows.
     """
 
     prospects: tuple[Prospect, ...]
@@ -95,6 +91,12 @@ class Power:
     sigma: float
     dt: float
     controls: Floats
+    settings: Settings
+
+    @property
+    def enough(self) -> float:
+        """Strength from which an effect is seen, and separation from which two are told apart [sigma]."""
+        return float(np.sqrt(self.settings.limits.threshold))
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -102,9 +104,10 @@ class Power:
             "noise": {"value": self.sigma, "unit": "m"},
             "seconds": len(self.controls) * self.dt,
             "size": self.size,
-            "enough": ENOUGH,
+            "enough": self.enough,
             "effects": [prospect.summary() for prospect in self.prospects],
             "likeness": self.likeness.tolist(),
+            **({"settings": changes} if (changes := unusual(self.settings)) else {}),
         }
 
 
@@ -116,6 +119,7 @@ def power(
     size: float = 1.0,
     start: State | None = None,
     seconds: float | None = None,
+    settings: Settings = Settings(),
 ) -> Power:
     """Say what commands would show.
 
@@ -127,6 +131,7 @@ def power(
       size: at which they are to be told apart, in typical sizes.
       start: (1,) where the experiment begins; None for the settled keyframe.
       seconds: length of the windows [s]; None for what suits the robot.
+      settings: tuned numbers of the diagnosis that follows.
 
     Raises:
       DataError: too few commands for a window, no effect, or no noise.
@@ -134,7 +139,7 @@ def power(
     """
     scripts, known = controls[None], candidates(plant.robot, library)
     information = information_of(
-        plant, scripts, simulate_scripts(plant, scripts, start), known, sigma, seconds
+        plant, scripts, simulate_scripts(plant, scripts, start), known, sigma, seconds, settings
     )
     apart, likeness = _pairs(information)
     prospects = [_prospect(information, i, size, apart[i], likeness[i]) for i in range(len(known))]
@@ -146,6 +151,7 @@ def power(
         sigma=sigma,
         dt=plant.dt,
         controls=controls,
+        settings=settings,
     )
 
 
@@ -166,7 +172,9 @@ def _prospect(
 ) -> Prospect:
     rival, alone = int(apart.argmin()), len(apart) == 1
     strength = size * float(information.strength(index)[0])
-    close = np.flatnonzero((size * apart < ENOUGH) & (strength >= ENOUGH))
+    enough = np.sqrt(information.threshold)
+    shown = bool(strength >= enough)
+    close = np.flatnonzero(size * apart < enough) if shown else ()
     return Prospect(
         candidate=information.candidates[index],
         smallest=float(information.smallest(index)[0]),
@@ -174,5 +182,6 @@ def _prospect(
         rival=None if alone else information.candidates[rival],
         likeness=0.0 if alone else float(likeness[rival]),
         separation=size * float(apart[rival]),
+        shown=shown,
         taken_for=tuple(information.candidates[i] for i in close),
     )

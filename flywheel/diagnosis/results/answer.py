@@ -10,6 +10,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, StrictFloat
 
 from flywheel.diagnosis.results.verdict import Verdict
+from flywheel.diagnosis.settings import NUMBER, Limits
 from flywheel.effects import WrittenTerm
 from flywheel.effects.own import MOST_FILES, LawReference
 from flywheel.effects.written import MOST_PARAMETERS
@@ -20,10 +21,8 @@ from flywheel.validation import validated
 
 FORMAT = 2  # of the JSON that is written
 CLEAR = (Verdict.EFFECT, Verdict.PARTIAL)
-# Of the held-out error beyond noise, as mean squares: effects that take away so much are worth having in the
-# plant although something else is left that no effect explains.
-WORTH_HAVING = 0.5
 EVIDENCE = ("verdict", "error", "held_out", "residual", "recordings", "held_out_recordings")
+MOST_SETTINGS = 1000
 MOST_ANSWERS = 1000  # also of the effects of one
 MOST_NAMED = 20  # alternatives, in a message
 LARGEST_EVIDENCE = 200_000  # characters, as JSON: a plant's file must stay one that is read
@@ -108,6 +107,7 @@ class Answer(_Part):
       held_out: what was kept to judge the answer by; None for nothing.
       robot: that was diagnosed.
       effects_from: law files that effects were from.
+      settings: tuned numbers of the diagnosis that are not the usual ones, by their paths.
       format: of the JSON; answers of format 1 do not state it, and have other names for fields that are
         not read here.
     """
@@ -120,6 +120,7 @@ class Answer(_Part):
     held_out: HeldOut | None = None
     robot: AboutRobot = AboutRobot()
     effects_from: tuple[LawReference, ...] = Field(default=(), max_length=MOST_FILES)
+    settings: dict[Name, Annotated[float, NUMBER]] = Field(default={}, max_length=MOST_SETTINGS)
 
     @classmethod
     def of(cls, summary: Mapping[str, Any]) -> Self:
@@ -141,6 +142,11 @@ class Answer(_Part):
         return tuple(each for each in self.answer_set if each)
 
     @property
+    def worth_having(self) -> float:
+        """The share of the held-out error beyond noise from which it is adopted unnamed, see `Limits`."""
+        return self.settings.get("limits.adopted", Limits().adopted)
+
+    @property
     def is_clear(self) -> bool:
         """Whether the first alternative may be adopted without naming it.
 
@@ -153,7 +159,7 @@ class Answer(_Part):
         if self.verdict in CLEAR:
             return True
         alone = self.verdict == Verdict.OUTSIDE_LIBRARY and len(self.alternatives) == 1
-        return alone and self.held_out is not None and self.held_out.explained >= WORTH_HAVING
+        return alone and self.held_out is not None and self.held_out.explained >= self.worth_having
 
     def chosen(self, number: int | None) -> tuple[FoundEffect, ...]:
         """The effects of an alternative, from 1, or of the first where that is clear.
@@ -189,7 +195,7 @@ class Answer(_Part):
             return " Held-out recordings would say whether it is worth having."
         return (
             f" It takes away {self.held_out.explained:.0%} of the error beyond noise on held-out recordings; "
-            f"from {WORTH_HAVING:.0%} on it is adopted unnamed."
+            f"from {self.worth_having:.0%} on it is adopted unnamed."
         )
 
     def check_held_out(self) -> None:

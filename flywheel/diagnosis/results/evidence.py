@@ -11,6 +11,7 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.records import Floats
 
 RIVALS = 8  # candidates in the table of who is like whom
@@ -90,7 +91,7 @@ class Evidence:
             likeness=likeness,
             lags_before=_autocorrelation(windows, first),
             lags_after=_autocorrelation(windows, last),
-            band=float(1.96 / np.sqrt(windows.noisy.sum())),
+            band=float(INTERVAL / np.sqrt(windows.noisy.sum())),
         )
 
     def squares(self, points: Floats) -> Floats:

@@ -15,12 +15,12 @@ from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.selection.misspecification import Misspecification
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.settings import JacobianSettings, Limits
+from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.effects import Parameter, PerPart, Scales, Term, place_name
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
 NEAR = 0.999  # of a bound: a step that ends there may miss it by a rounding
-QUANTILE = 1.96  # of a 95 % interval, in standard deviations
 
 
 class Verdict(StrEnum):
@@ -222,7 +222,7 @@ def _at_bound(size: float, parameter: Parameter) -> bool:
 def _value(parameter: Parameter, fitted: float, deviation: float, by_step: float) -> Value:
     least = 0.0 if parameter.one_sided else -np.inf
     value = max(fitted - by_step, least)
-    low, high = (value + side * QUANTILE * deviation for side in (-1.0, 1.0))
+    low, high = (value + side * INTERVAL * deviation for side in (-1.0, 1.0))
     return Value(
         parameter.name, float(value), float(max(low, least)), float(high), parameter.unit, fitted
     )
@@ -325,6 +325,6 @@ def verdict_of(
         return Verdict.OUTSIDE_LIBRARY
     if not enough:
         explained = (before.noise - after.noise) / max(before.noise - 1.0, 1e-9)
-        partial = explained > 0.5 and not imitated(limits, law)
+        partial = explained > limits.partial and not imitated(limits, law)
         return Verdict.PARTIAL if partial else Verdict.OUTSIDE_LIBRARY
     return Verdict.EFFECT

@@ -12,6 +12,8 @@ from flywheel.diagnosis.selection.score_test import Score, ScoredModel
 from flywheel.diagnosis.selection.search import Search, added, without
 from flywheel.effects import Term, alike
 
+TWINS = 1e-6  # relative difference of the costs of models that predict the same: rounding
+
 
 @dataclass(frozen=True)
 class ExchangedModels:
@@ -148,7 +150,7 @@ def _twin(search: Search, fit: Fit, term: Term, score: Score) -> Fit | None:
         return None
     terms = (*without(fit.terms, term), Term(effect, place, term.values))
     twin = search.fitter.with_terms(fit, terms)
-    return twin if abs(twin.cost - fit.cost) < 1e-6 * fit.cost else None
+    return twin if abs(twin.cost - fit.cost) < TWINS * fit.cost else None
 
 
 def _from_its_initial_states(search: Search, fit: Fit, other: Fit) -> Fit:

@@ -12,30 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, local_bases
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.settings import PairSettings, ScoreSettings
+from flywheel.diagnosis.settings import Limits, PairSettings, ScoreSettings
+from flywheel.diagnosis.statistics import POWER, chance
 from flywheel.effects import Term, Terms
 from flywheel.records import Floats
 
 DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not connected
-CRITICAL = 25.0  # score of an effect that counts as shown, where smallest sizes are stated
-SURE = 1.645  # standard deviations by which its root is exceeded in 95 of 100 recordings
-
-
-@cache
-def chance(sizes: int) -> float:
-    """How many times as much several sizes must explain as one, to be as unlikely by noise alone.
-
-    The ratio of the quantiles of chi-square with so many degrees of freedom and with one, at `CRITICAL`.
-    """
-    return float(chi2.isf(chi2.sf(CRITICAL, 1), sizes) / CRITICAL)
 
 
 @dataclass(frozen=True)
@@ -163,7 +151,7 @@ class Score:
       statistic: Lagrange-multiplier (LM) statistic: fall of the squared residuals in the linearisation
         [sigma^2].
       score: the statistic over the noise, of several sizes as that of one that is as unlikely (`chance`), to
-        compare with `Limits.threshold`.
+        compare with the test's threshold.
       sizes: one-step estimates, in multiples of the typical sizes.
       errors: their standard deviations.
       smallest: size that these data would have shown (95 %), in multiples of the typical one.
@@ -200,6 +188,7 @@ class ScoreTest:
       whole: the same without what something is known of, in which every window counts in full.
       left: (N,) residual after that: what one bad window says shows here.
       left_freedom: its degrees of freedom.
+      threshold: score from which an effect counts as seen, see `Limits`.
     """
 
     candidates: tuple[Candidate, ...]
@@ -214,6 +203,7 @@ class ScoreTest:
     whole: Projection
     left: Floats
     left_freedom: float
+    threshold: float
 
     @property
     def left_noise(self) -> float:
@@ -248,10 +238,10 @@ class ScoreTest:
             candidate,
             shape,
             statistic,
-            statistic / chance(len(sizes)) / noise,
+            statistic / chance(len(sizes), self.threshold) / noise,
             tuple(sizes),
             tuple(np.sqrt(noise * np.diag(inverse).clip(min=0.0))),  # below by rounding only
-            smallest_shown(a, noise),
+            smallest_shown(a, self.threshold, noise),
         )
 
 
@@ -294,8 +284,8 @@ class ScoredModel:
         return best >= max(share * self.beyond_noise, by_chance * self.left)
 
 
-def smallest_shown(gram: Floats, noise: float = 1.0) -> float:
-    """Size that scores `CRITICAL` in 95 of 100 recordings, from products (d, d) of sensitivities.
+def smallest_shown(gram: Floats, threshold: float, noise: float = 1.0) -> float:
+    """Size that reaches the threshold in 95 of 100 recordings, from products (d, d) of sensitivities.
 
     Noise adds to the root of what is explained, or takes away, one standard deviation: an effect that
     would score exactly that much without noise is missed every second time. Of several sizes, in the
@@ -304,7 +294,8 @@ def smallest_shown(gram: Floats, noise: float = 1.0) -> float:
     weakest, sizes = np.linalg.eigvalsh(gram)[0], len(gram)
     if weakest <= DEAD**2:
         return np.inf
-    return float((np.sqrt(CRITICAL * chance(sizes)) + SURE) * np.sqrt(noise / weakest))
+    least = np.sqrt(threshold * chance(sizes, threshold)) + POWER
+    return float(least * np.sqrt(noise / weakest))
 
 
 def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:
@@ -381,6 +372,7 @@ def score_test(
     jacobian: Jacobian | None = None,
     settings: ScoreSettings = ScoreSettings(),
     prior: Sequence[Prior] = (),
+    threshold: float = Limits().threshold,
 ) -> ScoreTest:
     """Test candidates on top of a fit.
 
@@ -391,6 +383,7 @@ def score_test(
       jacobian: of the fit, where it is at hand.
       settings: tuned numbers.
       prior: of the last of the `known` sizes.
+      threshold: score from which an effect counts as seen.
     """
     jacobian = jacobian or fitter.jacobian(fit)
     mean = fitter.mean_squares(fit)
@@ -427,6 +420,7 @@ def score_test(
         whole=full.unknown,
         left=full.unknown(fit.residual[..., None])[:, 0],
         left_freedom=fitter.freedom - full.taken,
+        threshold=threshold,
     )
 
 
@@ -453,14 +447,14 @@ def further_scores(
 def promising_pairs(
     test: ScoreTest,
     scores: Sequence[Score],
-    threshold: float,
     settings: PairSettings = PairSettings(),
 ) -> list[Terms]:
     """Pairs that promise to explain clearly more than the best candidate alone, the best first.
 
+    The second one has to add what counts as seen.
+
     Args:
       scores: of the test's candidates, best first.
-      threshold: score from which an effect counts as seen, which the second one has to add.
       settings: tuned numbers.
     """
     gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
@@ -483,7 +477,7 @@ def promising_pairs(
         )
         found.append((float(b @ sizes), terms))
     found.sort(key=lambda each: -each[0])
-    least = settings.more * scores[0].statistic + threshold
+    least = settings.more * scores[0].statistic + test.threshold
     return [terms for statistic, terms in found[: settings.count] if statistic > least]
 
 

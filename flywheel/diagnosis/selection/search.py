@@ -13,8 +13,9 @@ from flywheel.diagnosis.fitting.nuisance import as_said, asked, shaken_terms
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import never
 from flywheel.diagnosis.selection.candidates import Candidate, places
-from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, chance, score_test
+from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, score_test
 from flywheel.diagnosis.settings import SelectionSettings
+from flywheel.diagnosis.statistics import chance
 from flywheel.effects import Term, Terms, handed_back, handed_over
 
 
@@ -33,6 +34,7 @@ class Search:
         than any effect; none where that is not asked.
       tolerance: of what is left beyond noise, up to which nobody wants to know more [m].
       stopped: whether the search was interrupted; what it has is its answer then.
+      seed: of what is random.
     """
 
     fitter: Fitter
@@ -44,6 +46,7 @@ class Search:
     as_built: Terms = ()
     tolerance: float = 0.0
     stopped: Callable[[], bool] = never
+    seed: int = 0
 
     def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
         """Score all candidates and probes on top of a model, whose Jacobian may be at hand."""
@@ -56,11 +59,17 @@ class Search:
         known = numerics if by_value is None else np.concatenate([numerics, by_value], axis=2)
         everything = (*self.library, *self.probes)
         prior = [Prior(f.value(fit.terms), f.prior) for f in free]
-        test = score_test(fitter, fit, everything, known, jacobian, self.settings.score, prior)
-        count, scores = len(self.library), test.scores()
+        settings = self.settings.score
+        test = score_test(fitter, fit, everything, known, jacobian, settings, prior, self.threshold)
+        self.progress(f"scored {len(self.library)} candidates on top of {len(fit.terms)} effects")
+        return self.ranked(ScoredModel(fit, jacobian, by_value, test, (), ()))
+
+    def ranked(self, model: ScoredModel) -> ScoredModel:
+        """A model with the scores of its test by the search's threshold, which may have risen."""
+        test, count = replace(model.test, threshold=self.threshold), len(self.library)
+        scores = test.scores()
         ranking = sorted(scores[:count], key=lambda s: -s.score)
-        self.progress(f"scored {count} candidates on top of {len(fit.terms)} effects")
-        return ScoredModel(fit, jacobian, by_value, test, tuple(ranking), tuple(scores[count:]))
+        return replace(model, test=test, scores=tuple(ranking), probes=tuple(scores[count:]))
 
     def tolerates(self, model: ScoredModel) -> bool:
         """Whether what a model leaves is so little that nobody wants to know more."""
@@ -132,7 +141,7 @@ class Search:
                 return fit
         if self.criterion(fit) - target > settings.most_by_shaking:
             return fit
-        rng = np.random.default_rng(0)
+        rng = np.random.default_rng(self.seed)
         for _ in range(settings.shakes):
             terms = self.within_bounds(shaken_terms(fit.terms, settings.shake, rng))
             begun = self.fitter.with_terms(fit, terms).outdated(np.ones(len(fit.local), bool))
@@ -218,7 +227,7 @@ class Search:
 
     def least_explained(self, term: Term) -> float:
         """What a term has to explain to be seen [sigma^2]."""
-        return self.threshold * chance(len(term.effect.sizes))
+        return self.threshold * chance(len(term.effect.sizes), self.threshold)
 
     def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:
         """The better of two fits of one model, with the initial states that are better in the other."""

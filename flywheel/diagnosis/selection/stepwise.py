@@ -26,7 +26,6 @@ from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search, added
 from flywheel.effects import Terms, usual
 
-UNLIKELY = 1e-3  # of numbers that are right to explain so much
 SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
 
@@ -183,7 +182,8 @@ def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: Scor
     if len(found) > 1 and any(usual(term, search.as_built, off) for term in found):
         return True
     numbers = sum(len(term.values) for term in search.as_built)
-    return alone[-1].fit.cost - last.fit.cost > float(chi2.isf(UNLIKELY, numbers))
+    least = float(chi2.isf(search.settings.unlikely, numbers))
+    return alone[-1].fit.cost - last.fit.cost > least
 
 
 def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
@@ -226,7 +226,7 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
     proposals += [(term,) for term in proposed_forms(search, model)]
     proposals += screened(fitter, model, search.library, short, settings.screening)
     if room > 1:
-        proposals += promising_pairs(model.test, model.scores, search.threshold, settings.pairs)
+        proposals += promising_pairs(model.test, model.scores, settings.pairs)
     begun = [search.warm_start(model, (*model.fit.terms, *terms)) for terms in proposals]
     begun = deduplicated(begun)
     if model.fit.kept is not None:

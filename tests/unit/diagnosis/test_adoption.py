@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from flywheel.cli.main import app
 from flywheel.diagnosis.adoption import adopt, adoptable
-from flywheel.diagnosis.results.answer import FORMAT
+from flywheel.diagnosis.results.answer import FORMAT, Answer
 from flywheel.effects import EFFECTS, AdoptedPlant
 from flywheel.errors import DataError, FlywheelError
 from flywheel.files import parsed_yaml
@@ -103,6 +103,12 @@ def test_an_effect_that_explains_most_of_what_is_held_out_is_adopted_beside_what
     assert [e.effect for e in adoptable(answer("OUTSIDE_LIBRARY", [GAIN], after=0.0105))] == [
         "winch_gain"
     ]
+
+
+@pytest.mark.parametrize(("share", "clear"), [(0.3, True), (0.4, False)])
+def test_the_share_from_which_that_is_so_is_a_setting(share: float, clear: bool) -> None:
+    third = answer("OUTSIDE_LIBRARY", [GAIN], after=0.0111)
+    assert Answer.of({**third, "settings": {"limits.adopted": share}}).is_clear == clear
 
 
 def test_naming_an_answer_overrules_doubts() -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.adoption import adoptable
-from flywheel.diagnosis.fitting.least_squares import Fit, JacobianCache
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, JacobianCache
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.judgement import _from_shorter
@@ -19,9 +21,9 @@ from flywheel.diagnosis.selection.forms import in_other_forms, with_even_sizes
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import _numbers_are_needed
-from flywheel.diagnosis.settings import AsBuiltSettings
+from flywheel.diagnosis.settings import AsBuiltSettings, FittingSettings
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, PerPart, Term, per_part_term, taken_apart
+from flywheel.effects import EFFECTS, PerPart, Term, Terms, per_part_term, taken_apart
 from flywheel.errors import DataError
 from flywheel.records import Trajectory
 from flywheel.reports.diagnosis_page import as_built, diagnosis_page, sentence
@@ -127,6 +129,41 @@ def test_sensitivities_that_are_kept_become_those_of_where_the_fit_is(
     settled = search.settled(fit)
     assert off(settled) < 0.3 * off(fit)
     assert settled.cost <= fit.cost
+
+
+def test_fits_are_shaken_by_the_seed_of_the_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two seeds move the numbers elsewhere, and one twice to the same places."""
+    fit = SimpleNamespace(kept=(), terms=(), cost=1.0, local=np.zeros(1), outdated=lambda _: fit)
+    fitter = SimpleNamespace(
+        settings=FittingSettings(),
+        windows=SimpleNamespace(noisy=np.ones(2)),
+        kept_anew=lambda fit: fit,
+        fit=lambda fit, free, rounds: fit,
+        free=lambda terms: [],
+        with_terms=lambda fit, terms: fit,
+    )
+    found: list[list[float]] = []
+
+    def shaken(terms: Terms, size: float, rng: np.random.Generator) -> Terms:
+        found[-1].append(rng.normal())
+        return terms
+
+    monkeypatch.setattr("flywheel.diagnosis.selection.search.shaken_terms", shaken)
+    for seed in (0, 0, 1):
+        found.append([])
+        Search(cast(Fitter, fitter), (), 25.0, seed=seed).settled(cast(Fit, fit))
+    assert found[0] == found[1] and not set(found[0]) & set(found[2])
+
+
+@pytest.mark.parametrize(("unlikely", "needed"), [(1e-3, False), (0.5, True)])
+def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(
+    begun: tuple[Search, ScoredModel], unlikely: float, needed: bool
+) -> None:
+    """As much as the median of chi-square with so many degrees of freedom, and a little more."""
+    search, model = begun
+    more = 1.05 * sum(len(term.values) for term in search.as_built)
+    search = replace(search, settings=replace(search.settings, unlikely=unlikely))
+    assert alone_beside((search, model), 0.01, (), more) == needed
 
 
 def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, ScoredModel]) -> None:

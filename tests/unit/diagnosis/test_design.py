@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from flywheel.diagnosis.experiments.command_scripts import FAMILIES, WinchRange,
 from flywheel.diagnosis.experiments.design import Design, Designer
 from flywheel.diagnosis.experiments.information import information_of, simulate_scripts
 from flywheel.diagnosis.selection.candidates import Rival
+from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, UnknownNameError
 from flywheel.robots import Robot, load_robot
@@ -103,3 +106,12 @@ def test_the_same_seed_gives_the_same_script(designer: Designer, seed: int) -> N
     )
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
+
+
+def test_rivals_are_told_apart_by_the_threshold_of_the_diagnosis(robot: Robot) -> None:
+    strict = changed(Settings(), {"limits.threshold": 36.0})
+    named = rivals(robot, "cable_friction", "capstan")
+    found = Designer(Plant(robot), named, SIGMA, settings=strict).design(seconds=0.3, count=1)
+    assert found.needed == found.summary()["enough"] == 6.0
+    assert found.summary()["settings"] == {"limits.threshold": 36.0}
+    assert [replace(found, separation=apart).enough for apart in (5.9, 6.1)] == [False, True]

@@ -8,7 +8,8 @@ import pytest
 from flywheel.diagnosis.experiments.command_scripts import FAMILIES, WinchRange
 from flywheel.diagnosis.experiments.information import Information, information_of, simulate_scripts
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.score_test import chance, slices_of
+from flywheel.diagnosis.selection.score_test import slices_of
+from flywheel.diagnosis.statistics import chance
 from flywheel.dynamics.plant import Plant
 from flywheel.dynamics.plant.tautness import taut_share
 from flywheel.effects import EFFECTS
@@ -52,9 +53,9 @@ def test_of_several_sizes_the_weakest_combination_counts(
     directions = np.stack([np.cos(angles), np.sin(angles)])
     for row in range(2):
         own = columns[row][:, information.slices[slope][0]]
-        weakest = np.linalg.norm(own @ directions, axis=0).min() / np.sqrt(chance(2))
+        weakest = np.linalg.norm(own @ directions, axis=0).min() / np.sqrt(chance(2, 25.0))
         assert information.strength(slope)[row] == pytest.approx(weakest, rel=1e-5), seed
-        needed = 5.0 + 1.645 / np.sqrt(chance(2))  # the noise is that of both together
+        needed = 5.0 + 1.645 / np.sqrt(chance(2, 25.0))  # the noise is that of both together
         assert information.smallest(slope)[row] == pytest.approx(needed / weakest, rel=1e-5), seed
 
 

@@ -9,11 +9,12 @@ import pytest
 
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.experiments.information import simulate_scripts
-from flywheel.diagnosis.experiments.power import ENOUGH, Power, power
+from flywheel.diagnosis.experiments.power import Power, power
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import EFFECTS, Effect
 from flywheel.records import Observation, Trajectory
@@ -93,8 +94,9 @@ def test_an_effect_above_the_smallest_size_is_seen_and_one_far_below_is_not(
     measured = truth + np.random.default_rng(seed).normal(0, noise, truth.shape)
     log = Trajectory(Observation(measured, hidden.observations.winch[:81]), controls, hidden.dt)
     fitter = fitter_of(Windows.cut(robot, [log], sigma=noise), Plant(robot))
-    after = Search(fitter, candidates(robot, gain), ENOUGH**2).score_all(fitted(fitter)).scores[0]
-    assert (after.score >= ENOUGH**2) == seen, (seed, after.score)
+    search = Search(fitter, candidates(robot, gain), threshold=25.0)
+    (after,) = search.score_all(fitted(fitter)).scores
+    assert (after.score >= search.threshold) == seen, (seed, after.score)
 
 
 def test_twins_are_taken_for_each_other_and_nobody_else_is(found: Power, seed: int) -> None:
@@ -135,3 +137,27 @@ def test_the_summary_is_json(found: Power) -> None:
         p.candidate.effect.name for p in found.prospects
     ]
     assert np.shape(again["likeness"]) == (len(found.prospects),) * 2
+
+
+def test_promises_are_those_of_a_diagnosis_with_the_same_settings(
+    robot: Robot, hidden: Trajectory, library: dict[str, Effect]
+) -> None:
+    few = {name: library[name] for name in ("capstan", "winch_gain")}
+    strict = changed(Settings(), {"limits.threshold": 36.0})
+    before, after = (
+        power(Plant(robot), hidden.controls[:80], 0.01, few, settings=settings)
+        for settings in (Settings(), strict)
+    )
+    assert (before.enough, after.enough) == (5.0, 6.0)
+    assert "settings" not in before.summary()
+    assert after.summary()["settings"] == {"limits.threshold": 36.0}
+    for one, two in zip(before.prospects, after.prospects, strict=True):
+        assert two.smallest / one.smallest == pytest.approx(7.645 / 6.645)
+    between = 5.5 / before.prospects[0].strength
+    shown = [
+        power(Plant(robot), hidden.controls[:80], 0.01, few, between, settings=settings)
+        .prospects[0]
+        .shown
+        for settings in (Settings(), strict)
+    ]
+    assert shown == [True, False]

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from flywheel.diagnosis.checks.adequacy import adequacy
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.fitting.windows import Recording, Windows
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import (
-    CRITICAL,
     Prior,
     Projection,
     ScoreTest,
-    chance,
     score_test,
     smallest_shown,
 )
-from flywheel.diagnosis.settings import ScoreSettings
+from flywheel.diagnosis.settings import CheckSettings, Limits, ScoreSettings
+from flywheel.diagnosis.statistics import chance
 from flywheel.effects import EFFECTS, Terms
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -29,6 +29,7 @@ from flywheel.robots import Robot
 # Windows of two recordings, steps after the first, points, local parameters of each, and winches.
 WINDOWS, STEPS, POINTS, LOCAL, WINCHES = 5, 4, 3, 2, 2
 COORDINATES = (STEPS + 1) * POINTS * 3
+CRITICAL = Limits().threshold
 PRIOR, SIGMA = np.array([0.5, 2.0]), 0.01
 SCORE = ScoreSettings()
 
@@ -304,7 +305,9 @@ def test_a_score_is_what_a_fit_with_the_candidate_explains(case: Case) -> None:
         assert score.statistic == pytest.approx(max(falls), abs=1e-9)
         assert score.sizes == pytest.approx(expected, abs=1e-9)
         assert score.errors == pytest.approx(np.sqrt(max(test.noise, 1.0) * np.diag(inverse)))
-        assert score.score == pytest.approx(score.statistic / chance(count) / max(test.noise, 1.0))
+        assert score.score == pytest.approx(
+            score.statistic / chance(count, CRITICAL) / max(test.noise, 1.0)
+        )
     assert sum(score.statistic > 0 for score in test.scores()) >= 2
 
 
@@ -443,21 +446,42 @@ def test_a_knob_that_is_not_connected_shows_and_explains_nothing(case: Case) -> 
 
 def test_a_knob_that_hardly_does_anything_shows_in_a_large_size_only() -> None:
     """Ten thousand times weaker, ten thousand times larger."""
-    strong, weak = smallest_shown(np.array([[4.0]])), smallest_shown(np.array([[4e-8]]))
+    strong, weak = (smallest_shown(np.array([[gram]]), CRITICAL) for gram in (4.0, 4e-8))
     assert weak == pytest.approx(1e4 * strong)
-    assert smallest_shown(np.zeros((1, 1))) == np.inf
+    assert smallest_shown(np.zeros((1, 1)), CRITICAL) == np.inf
 
 
-def test_several_sizes_must_explain_as_much_as_is_as_unlikely() -> None:
-    assert chance(1) == pytest.approx(1.0)
+def test_scores_and_smallest_sizes_are_those_of_the_threshold_of_the_test(case: Case) -> None:
+    usual, strict = case.test().scores(), case.test(threshold=36.0).scores()
+    for before, after in zip(usual, strict, strict=True):
+        count = len(after.sizes)
+        ratio = chance(count, 36.0) / chance(count, CRITICAL)
+        assert after.score == pytest.approx(before.score / ratio)
+        assert after.smallest > before.smallest
+        if count == 1:
+            assert after.smallest / before.smallest == pytest.approx(7.645 / 6.645)
+
+
+@pytest.mark.parametrize("threshold", [4.0, 25.0, 36.0, 100.0])
+def test_several_sizes_must_explain_as_much_as_is_as_unlikely(threshold: float) -> None:
+    assert chance(1, threshold) == pytest.approx(1.0)
     for sizes in (2, 3):
-        assert chi2.sf(chance(sizes) * CRITICAL, sizes) == pytest.approx(chi2.sf(CRITICAL, 1))
+        unlikely = chi2.sf(chance(sizes, threshold) * threshold, sizes)
+        assert unlikely == pytest.approx(chi2.sf(threshold, 1))
 
 
-def test_the_smallest_size_shown_is_found_in_95_of_100_recordings() -> None:
-    rng, size = np.random.default_rng(5), smallest_shown(np.array([[9.0]]), 2.0)
+@pytest.mark.parametrize("threshold", [1e-300, 1e-6, 1e4, 1e6])
+def test_no_threshold_is_too_small_or_too_large_for_that(threshold: float) -> None:
+    factors = [chance(sizes, threshold) for sizes in (1, 2, 3, 30)]
+    assert factors == sorted(factors) and factors[0] == pytest.approx(1.0)
+    assert np.isfinite(factors).all()
+
+
+@pytest.mark.parametrize("threshold", [CRITICAL, 36.0])
+def test_the_smallest_size_shown_is_found_in_95_of_100_recordings(threshold: float) -> None:
+    rng, size = np.random.default_rng(5), smallest_shown(np.array([[9.0]]), threshold, 2.0)
     explained = (3.0 * size + np.sqrt(2.0) * rng.normal(size=100_000)) ** 2 / 2.0
-    assert np.mean(explained > CRITICAL) == pytest.approx(0.95, abs=0.005)
+    assert np.mean(explained > threshold) == pytest.approx(0.95, abs=0.005)
 
 
 @pytest.mark.parametrize("name", ["winch_gain", "slope"])
@@ -486,3 +510,20 @@ def test_the_shorter_secant_counts_where_it_promises_more_and_the_whole_one_is_l
     expected = part if factor > 1.0 else scale * raw
     first = test.columns[:, own.start : own.start + 1]
     np.testing.assert_allclose(first, test.projection(expected[..., None]), atol=1e-6)
+
+
+@pytest.mark.parametrize(("least_told", "same"), [(1e-6, False), (0.1, True)])
+def test_a_window_that_tells_nothing_of_a_size_says_nothing_of_its_constancy(
+    case: Case, least_told: float, same: bool
+) -> None:
+    """In one window a size changes a tenth of what it changes elsewhere, and would have to be large."""
+    column = np.abs(case.column(2)) + 1.0
+    column[3] *= 0.1
+    residual = np.random.default_rng(3).normal(size=column.shape)
+    residual[3] = column[3] / np.sqrt(np.mean(column[3] ** 2))
+    winch_gain = next(c for c in case.library if c.effect.name == "winch_gain")
+    fit = replace(case.fit, residual=residual, terms=(winch_gain.term((1.0,)),))
+    test = replace(case, fit=fit).test()
+    settings = CheckSettings(least_told=least_told)
+    left = adequacy(case.model, fit, test, column[..., None], settings)
+    assert (left.inconstancy < 1.0) == same

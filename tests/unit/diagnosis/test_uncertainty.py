@@ -5,7 +5,7 @@ from __future__ import annotations
 from flywheel.diagnosis.checks.uncertainty import uncertainty
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
-from flywheel.diagnosis.results.verdict import QUANTILE
+from flywheel.diagnosis.statistics import INTERVAL
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.robots import load_robot
@@ -41,6 +41,6 @@ def test_an_interval_holds_what_costs_no_more_than_a_fit_is_known_to(seed: int) 
     fit = fitter.fit(fit, fitter.free(fit.terms), rounds=20)
     sure = uncertainty(fitter, fit).deviations
     rough = uncertainty(fitter, fit, known_to=25.0).deviations
-    assert 2.0 * sure[0] < rough[0] <= 5.0 / QUANTILE * sure[0], seed
+    assert 2.0 * sure[0] < rough[0] <= 5.0 / INTERVAL * sure[0], seed
     assert rough[1] == sure[1]
     assert (uncertainty(fitter, fit, known_to=0.1).deviations == sure).all()

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.checks.adequacy import OwnErrors
+from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
 from flywheel.diagnosis.checks.held_out import Errors
-from flywheel.diagnosis.results.verdict import Found, beyond, carries_over, found
+from flywheel.diagnosis.results.verdict import (
+    Found,
+    Verdict,
+    beyond,
+    carries_over,
+    found,
+    verdict_of,
+)
+from flywheel.diagnosis.selection.misspecification import NONE
+from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.settings import Limits
 from flywheel.effects import EFFECTS, Scales, Term
 from flywheel.robots import Robot
@@ -100,3 +112,18 @@ def test_what_is_explained_carries_over_to_held_out_recordings_or_does_not() -> 
     assert carries_over(limits, None)
     assert carries_over(limits, Errors(noise=1.0, baseline=5.0, augmented=1.09))
     assert not carries_over(limits, Errors(noise=1.0, baseline=5.0, augmented=1.11))
+
+
+@pytest.mark.parametrize(("partial", "verdict"), [(0.5, "PARTIAL"), (0.7, "OUTSIDE_LIBRARY")])
+def test_an_answer_with_most_of_the_error_is_a_part_of_what_is_missing(
+    partial: float, verdict: str
+) -> None:
+    """Of an error of 10 noise variances it leaves 4.6: 0.6 of what was beyond noise is explained."""
+    before, after = (
+        Adequacy(noise, 0.0, loudest=50.0, correlation=0.5, inconstancy=0.0, beyond_noise=1.0)
+        for noise in (10.0, 4.6)
+    )
+    last = cast(ScoredModel, SimpleNamespace(fit=SimpleNamespace(cost=1.0)))
+    answer = (cast(Found, SimpleNamespace(shown=True)),)
+    limits = Limits(partial=partial)
+    assert verdict_of(limits, last, answer, before, after, NONE) is Verdict(verdict)
