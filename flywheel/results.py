@@ -543,15 +543,15 @@ class RunResult(ResultRecord):
             raise Unsound(f"{error} {hint}", error.kind, error.instead) from None
 
     @classmethod
-    def read(cls, folder: str | Path) -> tuple[Self, Seal | None]:
-        """Read the result with its seal, which is None in files of earlier versions.
+    def read(cls, folder: str | Path) -> tuple[Self, Seal]:
+        """Read the result with its seal.
 
         Raises:
           DataError: as `load`.
         """
         owner = ""
         with suppress(Unsound):  # what run.json has is told by `flywheel data verify`
-            owner = read_begun(Path(folder)).owner
+            owner = read_begun(Path(folder)).identity.key
         return read(cls, Path(folder) / RESULT_FILE, Seal(RESULT, RESULT, owner))
 
 
@@ -563,13 +563,13 @@ def save(record: ResultRecord, path: Path, seal: Seal) -> Path:
     return write_output(path, sealed(json.loads(record.model_dump_json()), seal))
 
 
-def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
-    """Read a record that `save` wrote, with its seal, which is None in files of earlier versions.
+def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal]:
+    """Read a record that `save` wrote, with its seal.
 
     Args:
       kind: class of the record.
       path: of the file.
-      wanted: the seal that the file has to have. If its owner is "", any owner and no seal are accepted.
+      wanted: the seal that the file has to have. If its owner is "", any is accepted.
 
     Raises:
       DataError: there is no such file, or its contents are no such record.
@@ -580,11 +580,8 @@ def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal | None]:
         raise Unsound(message, "missing")
     what = f"The file {path}"
     values, seal = unsealed(read_bytes(path, "file", DataError, LARGEST_RESULT), what)
-    if seal is not None:
-        check_seal(seal, wanted.kind, wanted.name, what)
-    elif wanted.owner:
-        raise Unsound(f"{what} has no seal, unlike the other files of its run.", "foreign")
-    if seal is not None and wanted.owner not in ("", seal.owner):
+    check_seal(seal, wanted.kind, wanted.name, what)
+    if wanted.owner not in ("", seal.owner):
         words = f"{what} is of another run ({seal.owner}, this one is {wanted.owner})."
         raise Unsound(words, "foreign")
     try:

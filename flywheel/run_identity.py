@@ -39,18 +39,11 @@ class Begun:
 
     Attributes:
       identity: of the run.
-      files: name -> sha256 of the files that it was begun with; empty in runs of earlier versions.
-      sealed: whether the run's files have seals; in runs of earlier versions they have none.
+      files: name -> sha256 of the files that it was begun with.
     """
 
     identity: Identity
     files: dict[str, str]
-    sealed: bool
-
-    @property
-    def owner(self) -> str:
-        """The owner on the seal of every file of the run; "" if the run also has files without a seal."""
-        return self.identity.key if self.sealed else ""
 
     def check(self, folder: Path, name: str) -> None:
         """Refuse a file that is not what the run was begun with.
@@ -97,7 +90,5 @@ def _read(path: Path) -> Begun:
         raise Unsound(
             f"The file {path} does not say who the run is: it holds {shown(values)}."
         ) from None
-    if seal is None:
-        return Begun(identity, {}, sealed=False)
     check_seal(seal, RUN, RUN, f"The file {path}")
-    return Begun(identity, dict(seal.rests_on), sealed=True)
+    return Begun(identity, dict(seal.rests_on))

@@ -6,7 +6,7 @@ A sealed file is a JSON object whose last key is its seal:
                    "rests_on": {"i0000-mppi": "8d1f..."}, "sha256": "..."}}
 
 Its sha256 is of every byte before it. So a byte that changes is found, and so is a file that lies under
-another's name, or that was copied from elsewhere. Files of before (format 1) have no seal.
+another's name, or that was copied from elsewhere.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ def sealed(values: Mapping[str, Any], seal: Seal, allow_nan: bool = False) -> by
     return body + hashlib.sha256(body).hexdigest().encode() + _END
 
 
-def unsealed(text: bytes, what: str) -> tuple[dict[str, Any], Seal | None]:
-    """Values and seal of a text; no seal where it was written before there were any.
+def unsealed(text: bytes, what: str) -> tuple[dict[str, Any], Seal]:
+    """Values and seal of a text.
 
     Args:
       text: of the file.
@@ -90,7 +90,7 @@ def unsealed(text: bytes, what: str) -> tuple[dict[str, Any], Seal | None]:
     if not isinstance(values, dict):
         raise Unsound(f"{what} was altered: it holds {shown(values)}, not named values.")
     if SEAL not in values:
-        return values, None
+        raise Unsound(f"{what} was altered: it has no seal.")
     head = values.pop(SEAL)
     if isinstance(head, dict) and isinstance(head.get("format"), int) and head["format"] > FORMAT:
         raise DataError(

@@ -102,7 +102,7 @@ def _opened(target: Path, source: SplitSource) -> Arrays | None:
     """A cache's arrays, or None if there is none that is whole, and of this source."""
     try:
         about, seal = unsealed(read_bytes(target / _ABOUT, "file", DataError), _ABOUT)
-        if seal is None or about != source.about:
+        if about != source.about:
             return None
         check_seal(seal, "cache", target.name, _ABOUT)
         wanted = {name: file_sha256(target / f"{name}.npy", "array") for name in ARRAYS}

@@ -7,7 +7,6 @@ episodes have the same one, whatever they are called and wherever they are.
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -103,8 +102,8 @@ class Receipt:
       sha256: over the names and contents of its files.
       files: relative path -> sha256 of each.
       summaries: of its episodes, in their order.
-      sizes: relative path -> bytes of each; empty in receipts of before.
-      owner: id of the store that it was committed to; "" in receipts of before.
+      sizes: relative path -> bytes of each.
+      owner: id of the store that it was committed to.
     """
 
     __pydantic_config__ = STRICT
@@ -113,8 +112,8 @@ class Receipt:
     sha256: str
     files: dict[str, str]
     summaries: tuple[EpisodeSummary, ...]
-    sizes: dict[str, int] = field(default_factory=dict, compare=False)
-    owner: str = field(default="", compare=False)
+    sizes: dict[str, int] = field(compare=False)
+    owner: str = field(compare=False)
 
     @property
     def episodes(self) -> tuple[str, ...]:
@@ -136,9 +135,8 @@ class Receipt:
         """
         what = f"The receipt of segment {name}"
         content, _, seal = unsealed_content(text, what)
-        if seal is not None:
-            check_seal(seal, "segment", name, what)
-        receipt = _read(cls, {**content, "owner": seal.owner if seal else ""}, what)
+        check_seal(seal, "segment", name, what)
+        receipt = _read(cls, {**content, "owner": seal.owner}, what)
         if receipt.segment != name:
             raise Unsound(f"{what} is that of {receipt.segment}.", "renamed", receipt.segment)
         return receipt
@@ -175,8 +173,8 @@ class Snapshot:
       segments: names, in order.
       episodes: of all segments.
       sha256: of each segment, in the same order.
-      parent_name: of the snapshot it grew from; "" without one, or where it was not noted yet.
-      owner: id of the store that it was sealed in; "" in snapshots of before.
+      parent_name: of the snapshot it grew from; "" without one.
+      owner: id of the store that it was sealed in.
     """
 
     name: str
@@ -346,8 +344,7 @@ def snapshot_of(name: str, text: bytes) -> Snapshot:
     """
     what = f"The manifest of snapshot {name}"
     content, digest, seal = unsealed_content(text, what)
-    if seal is not None:
-        check_seal(seal, "snapshot", name, what)
+    check_seal(seal, "snapshot", name, what)
     listed = _read(_Manifest, content, what)
     return Snapshot(
         name=name,
@@ -358,8 +355,8 @@ def snapshot_of(name: str, text: bytes) -> Snapshot:
         segments=tuple(s.segment for s in listed.segments),
         episodes=tuple(e for s in listed.segments for e in s.episodes),
         sha256=tuple(s.sha256 for s in listed.segments),
-        parent_name=next(iter(seal.rests_on), "") if seal else "",
-        owner=seal.owner if seal else "",
+        parent_name=next(iter(seal.rests_on), ""),
+        owner=seal.owner,
     )
 
 
@@ -373,8 +370,8 @@ def sealed_content(
 
 def unsealed_content(
     text: bytes, what: str, allow_nan: bool = False
-) -> tuple[dict[str, Any], str, Seal | None]:
-    """Content, digest and seal of what `sealed_content` wrote; no seal where there were none yet.
+) -> tuple[dict[str, Any], str, Seal]:
+    """Content, digest and seal of what `sealed_content` wrote.
 
     Raises:
       Unsound: it is not, to the byte, as it was written.
@@ -389,14 +386,9 @@ def unsealed_content(
         digest = digest_of(content, allow_nan)
     except ValueError as error:
         raise Unsound(f"{what} was altered: it cannot be read ({error}).") from None
-    if digest != stated or (seal is None and _formerly(values) != text):
+    if digest != stated:
         raise Unsound(f"{what} was altered: its sha256 is {digest[:12]}, not {str(stated)[:12]}.")
     return content, digest, seal
-
-
-def _formerly(values: dict[str, Any]) -> bytes:
-    """The text of content as it was written before there were seals."""
-    return json.dumps(values, sort_keys=True, indent=1).encode()
 
 
 def check_name(name: object, kind: str) -> str:

@@ -1,14 +1,13 @@
 """Which store segments and snapshots belong to: every store has an id of its own, kept in `store.json`.
 
 What is sealed in a store names that id. So what was copied in from elsewhere is known as foreign, and
-a lost `store.json` is read off what is there. Stores of before have none; what lies in them is nameless.
+a lost `store.json` is read off what is there.
 """
 
 from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from flywheel.data.places import Place
 from flywheel.errors import DataError
@@ -18,31 +17,18 @@ STORE_FILE = "store.json"
 _WHAT = "The file store.json"
 
 
-@dataclass(frozen=True)
-class StoreIdentity:
-    """Identity of a store.
-
-    Attributes:
-      id: unique.
-      older: it was begun before there were seals, so that what has none may be its own.
-    """
-
-    id: str
-    older: bool
-
-
 class Ownership:
     """Tells what is a store's own.
 
     Args:
       place: of the store.
       url: of it, for messages.
-      owners: ids in all receipts and manifests that can be read; "" of those without a seal.
+      owners: ids in all receipts and manifests that can be read.
     """
 
     def __init__(self, place: Place, url: str, owners: Callable[[], Iterable[str]]) -> None:
         self._place, self._url, self._owners = place, url, owners
-        self._known: StoreIdentity | None = None
+        self._known: str | None = None
         self._seen: set[str] | None = None
 
     def id(self) -> str:
@@ -52,15 +38,15 @@ class Ownership:
           Unsound: it cannot be told.
         """
         if (there := self.noted()) is not None:
-            return there.id
-        found = self.inferred() or StoreIdentity(uuid.uuid4().hex, older=bool(self._seen))
-        text = sealed({"older": found.older}, Seal("store", "store", found.id))
+            return there
+        found = self.inferred() or uuid.uuid4().hex
+        text = sealed({}, Seal("store", "store", found))
         if not self._place.put_new(STORE_FILE, text):  # another writer has made it in the meantime
             return self.id()
-        return found.id
+        return found
 
-    def noted(self) -> StoreIdentity | None:
-        """What `store.json` says; None if there is none.
+    def noted(self) -> str | None:
+        """The id that `store.json` has; None if there is none.
 
         Raises:
           Unsound: it was altered.
@@ -80,7 +66,7 @@ class Ownership:
         """Refuse what is another store's.
 
         Args:
-          owner: that its seal names; "" where it has none.
+          owner: that its seal names.
           what: it is, at the beginning of a sentence.
 
         Raises:
@@ -90,25 +76,20 @@ class Ownership:
             mine = self.noted()
         except Unsound:  # `verify` tells
             mine = None
-        if mine is None and owner:
-            mine = self.inferred()
-        if mine is None or owner == mine.id or (not owner and mine.older):
-            return
-        if owner:
-            words = f"is of another store ({owner[:12]}, this one is {mine.id[:12]})"
-        else:
-            words = "has no seal: it is of a store of before, and this one is none"
-        raise Unsound(f"{what} {words}.", "foreign")
+        mine = mine or self.inferred()
+        if mine not in (None, owner):
+            words = f"is of another store ({owner[:12]}, this one is {str(mine)[:12]})"
+            raise Unsound(f"{what} {words}.", "foreign")
 
-    def inferred(self) -> StoreIdentity | None:
-        """Identity of the store inferred from its seals; None if nothing has a seal.
+    def inferred(self) -> str | None:
+        """The id of the store inferred from its seals; None if it is empty.
 
         Raises:
           Unsound: it is of several stores.
         """
         if self._seen is None:
             self._seen = set(self._owners())
-        sealing = sorted(self._seen - {""})
+        sealing = sorted(self._seen)
         if len(sealing) > 1:
             words = " and ".join(owner[:12] for owner in sealing)
             raise Unsound(
@@ -116,12 +97,10 @@ class Ownership:
                 f"stores {words}: put back its copy, or set aside what is foreign.",
                 "missing",
             )
-        return StoreIdentity(sealing[0], "" in self._seen) if sealing else None
+        return sealing[0] if sealing else None
 
 
-def _read(text: bytes) -> StoreIdentity:
-    values, seal = unsealed(text, _WHAT)
-    if seal is None or not isinstance(values.get("older"), bool):
-        raise Unsound(f"{_WHAT} was altered: it does not say whose the store is.")
+def _read(text: bytes) -> str:
+    _, seal = unsealed(text, _WHAT)
     check_seal(seal, "store", "store", _WHAT)
-    return StoreIdentity(seal.owner, values["older"])
+    return seal.owner

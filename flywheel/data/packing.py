@@ -19,7 +19,7 @@ from flywheel.errors import DataError
 from flywheel.records import Episode, Observation, Outcome, Provenance, Split, State, Trajectory
 from flywheel.terrain import Terrain
 
-SCHEMA, WITH_TERRAIN = 1, 2
+SCHEMA = 1
 _STATE = ("qpos", "qvel", "act")
 TERRAINS = ("terrain", "terrain_grid", "terrain_heights")  # arrays
 Arrays = dict[str, NDArray[Any]]
@@ -52,19 +52,17 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
     arrays: Arrays = {"lengths": np.array([t.steps for t in tracks], "<i8")}
     for name, parts in columns.items():
         arrays[name] = _end_to_end(parts)
-    schema = SCHEMA
     if any(e.terrain is not None for e in episodes):
         arrays |= packed_terrains([e.terrain for e in episodes])
-        schema = WITH_TERRAIN
-    return arrays, {"schema": schema, "episodes": [_describe(e) for e in episodes]}
+    return arrays, {"schema": SCHEMA, "episodes": [_describe(e) for e in episodes]}
 
 
 def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
     """The episodes that `pack` packed, without their telemetry."""
-    if attributes.get("schema") not in (SCHEMA, WITH_TERRAIN):
+    if attributes.get("schema") != SCHEMA:
         raise DataError(
             f"A segment of schema {attributes.get('schema')!r} cannot be read; this version reads "
-            f"schemas {SCHEMA} and {WITH_TERRAIN}."
+            f"schema {SCHEMA}."
         )
     steps = arrays["lengths"]
     terrains = unpacked_terrains(arrays) if "terrain" in arrays else [None] * len(steps)

@@ -37,7 +37,6 @@ from flywheel.seals import Kind, Seal, Unsound, check_seal
 RECEIPT = "receipt.json"
 ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
 TELEMETRY = "telemetry.json"
-FORMERLY = "timing.json"  # name in older stores
 _ID = re.compile(rb'"id"\s*:\s*"([a-z0-9._-]+)"')
 
 
@@ -119,8 +118,8 @@ def worth_reading(text: bytes, segment: str, sizes: Mapping[str, int]) -> dict[s
       segment: its name.
       sizes: of all files that are there.
     """
-    texts = {path: size for path, size in sizes.items() if path in (TELEMETRY, FORMERLY)}
-    texts = {path: size for path, size in texts.items() if size <= LARGEST_LISTING}
+    size = sizes.get(TELEMETRY)
+    texts = {} if size is None or size > LARGEST_LISTING else {TELEMETRY: size}
     try:
         receipt = Receipt.from_json(text, segment)
     except DataError:
@@ -129,8 +128,7 @@ def worth_reading(text: bytes, segment: str, sizes: Mapping[str, int]) -> dict[s
     return texts | {
         f"{prefix}{path}": size
         for path in receipt.files
-        if (size := sizes.get(f"{prefix}{path}")) is not None
-        and size == receipt.sizes.get(path, size)
+        if (size := sizes.get(f"{prefix}{path}")) is not None and size == receipt.sizes.get(path)
     }
 
 
@@ -193,7 +191,7 @@ def _differences(receipt: Receipt, found: Found) -> Iterator[tuple[str, Kind]]:
         yield f"{path} does not belong there", "foreign"
     # Arrays of other content were left by a writer on S3 that came second; nobody reads them.
     for path in found.sizes:
-        if path not in (RECEIPT, TELEMETRY, FORMERLY) and ".zarr/" not in path:
+        if path not in (RECEIPT, TELEMETRY) and ".zarr/" not in path:
             yield f"{path} does not belong there", "foreign"
 
 
@@ -220,16 +218,14 @@ def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
 
 
 def _telemetry(found: Found) -> dict[str, Any]:
-    name = FORMERLY if FORMERLY in found.sizes else TELEMETRY
-    if name not in found.sizes:
-        raise Unsound(f"{name} is missing", "missing")
-    if name not in found.files:
-        raise Unsound(f"{name} was altered: it has {found.sizes[name]} bytes")
-    content, _, seal = unsealed_content(found.files[name], name, allow_nan=True)
-    if seal is not None:
-        check_seal(seal, "telemetry", found.segment, name)
-        if seal.owner != found.receipt.owner:
-            raise Unsound(f"{name} is that of another store ({seal.owner[:12]})", "foreign")
+    if TELEMETRY not in found.sizes:
+        raise Unsound(f"{TELEMETRY} is missing", "missing")
+    if TELEMETRY not in found.files:
+        raise Unsound(f"{TELEMETRY} was altered: it has {found.sizes[TELEMETRY]} bytes")
+    content, _, seal = unsealed_content(found.files[TELEMETRY], TELEMETRY, allow_nan=True)
+    check_seal(seal, "telemetry", found.segment, TELEMETRY)
+    if seal.owner != found.receipt.owner:
+        raise Unsound(f"{TELEMETRY} is that of another store ({seal.owner[:12]})", "foreign")
     return content
 
 

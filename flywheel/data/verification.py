@@ -121,12 +121,10 @@ def _parents(sealed: Sequence[Snapshot], names: Iterable[str]) -> Iterator[Damag
     damaged = set(names) - digests.keys()
     for one in sealed:
         if one.parent and one.parent not in digests.values() and one.parent_name not in damaged:
-            name = one.parent_name or one.name
-            now = f"has {digests[name][:12]}" if one.parent_name in digests else "is missing"
+            name = one.parent_name
+            now = f"has {digests[name][:12]}" if name in digests else "is missing"
             what = f"snapshot {one.name} grew from it with digest {one.parent[:12]}; it {now}"
-            if not one.parent_name:
-                what = f"what it grew from, with digest {one.parent[:12]}, is missing"
-            kind: Kind = "altered" if one.parent_name in digests else "missing"
+            kind: Kind = "altered" if name in digests else "missing"
             yield Damage(f"snapshot {name}", (), what, kind)
 
 

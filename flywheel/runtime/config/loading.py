@@ -36,7 +36,6 @@ def read_config(
     schema: type[M],
     path: str | Path,
     overrides: Sequence[str] = (),
-    retired: Iterable[str] = (),
     beside: Iterable[str] = (),
     only_beside: bool = False,
 ) -> M:
@@ -50,7 +49,6 @@ def read_config(
       schema: what the result must be.
       path: of the YAML file.
       overrides: "a.b=value", the value in YAML; later ones win.
-      retired: "section.key" of settings that an earlier version had; they are ignored.
       beside: keys whose values are files, or lists of files, named relative to the file that they stand in.
       only_beside: refuse such a file that is in another folder.
 
@@ -62,9 +60,6 @@ def read_config(
     defaults = schema.model_construct().model_dump(mode="json")
     changed = overridden(values, overrides, defaults)
     plain = resolved(changed, f"The configuration {path}")
-    for section, _, key in (name.partition(".") for name in retired):
-        if isinstance(plain.get(section), dict):
-            plain[section].pop(key, None)
     return validated(schema, plain, f"{path} is not a valid configuration", ConfigError)
 
 

@@ -245,22 +245,7 @@ class WorkersConfig(Part):
 NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
 # The parts that may differ between a run and its continuation: they decide who computes where, no number.
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
-# Settings of earlier versions, still in the files of their runs. None of them changed a result.
-RETIRED = ("workers.remote_rollouts",)
 LAW_FILES = "effects_from"  # names files relative to the one that it stands in
-
-
-def _with_model(values: dict[str, Any]) -> dict[str, Any]:
-    """The values with the MJCF under `model`; in earlier versions it was under `robot`."""
-    if not isinstance(values.get("robot"), str):
-        return values
-    if "model" in values:
-        raise ValueError(
-            f"robot is the robot that is driven (link, hidden, ...), not an MJCF; that is model: "
-            f"model={shown(values['robot'])}"
-        )
-    rest = {key: value for key, value in values.items() if key != "robot"}
-    return {"model": values["robot"], **rest}
 
 
 def _with_preset(network: Any) -> Any:
@@ -350,7 +335,12 @@ class RunConfig(Part):
     def _model_and_effects(cls, values: Any) -> Any:
         if not isinstance(values, dict):
             return values
-        return cls._adopted(_with_model(values))
+        if isinstance(name := values.get("robot"), str):
+            raise ValueError(
+                "robot is the robot that is driven (link, hidden, ...), not an MJCF; that is model: "
+                f"model={shown(name)}"
+            )
+        return cls._adopted(values)
 
     @classmethod
     def _adopted(cls, values: dict[str, Any]) -> dict[str, Any]:
@@ -465,12 +455,12 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
 
 
 def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunConfig:
-    """Read the configuration that a run was begun with, by this or an earlier version.
+    """Read the configuration that a run was begun with.
 
     Raises:
       ConfigError: the file or an override cannot be read, or a value is wrong.
     """
-    return read_config(RunConfig, path, overrides, RETIRED, beside=(LAW_FILES,), only_beside=True)
+    return read_config(RunConfig, path, overrides, beside=(LAW_FILES,), only_beside=True)
 
 
 def decisive(config: RunConfig) -> dict[str, Any]:

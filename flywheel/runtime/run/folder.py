@@ -119,13 +119,12 @@ class RunFolder:
 
         Raises:
           Unsound: the copy of its MJCF was changed since then.
-          RobotError: the run of an earlier version has no copy, and the MJCF cannot be used.
+          RobotError: there is no run here, and the MJCF cannot be used.
         """
-        if self.config_file.exists():
-            read_begun(self.path).check(self.path, self.robot_file.name)
-        if self.robot_file.exists():
-            return read_robot(self.robot_file)
-        return load_robot(config.model)
+        if not self.config_file.exists():
+            return load_robot(config.model)
+        read_begun(self.path).check(self.path, self.robot_file.name)
+        return read_robot(self.robot_file)
 
     @property
     def robot_folder(self) -> Path:
@@ -167,12 +166,12 @@ class RunFolder:
         found = self.kept(iteration, arm)
         return None if found is None else found[0]
 
-    def kept(self, iteration: int, arm: Arm) -> tuple[IterationResult, Seal | None] | None:
+    def kept(self, iteration: int, arm: Arm) -> tuple[IterationResult, Seal] | None:
         """The result of an iteration with its seal, which names all that it needs; None if it is not done."""
         path = self._result(iteration, arm)
         if not os.path.lexists(path):
             return None
-        return read(IterationResult, path, Seal(ITERATION, path.stem, self.begun().owner))
+        return read(IterationResult, path, Seal(ITERATION, path.stem, self.begun().identity.key))
 
     def finish(self, result: IterationResult, rests_on: Mapping[str, str] = NOTHING) -> None:
         """Write the result of an iteration in one atomic step; with it, the iteration is done.
@@ -196,13 +195,13 @@ class RunFolder:
     def page_of(self, iteration: int) -> Mapping[str, str]:
         """Path -> sha256 of the page about a diagnosis; empty where unknown."""
         found = self._kept_diagnosis(iteration)
-        return found[1].rests_on if found and found[1] else NOTHING
+        return found[1].rests_on if found else NOTHING
 
-    def _kept_diagnosis(self, iteration: int) -> tuple[DiagnosisNote, Seal | None] | None:
+    def _kept_diagnosis(self, iteration: int) -> tuple[DiagnosisNote, Seal] | None:
         path = self._diagnosis(iteration).with_suffix(".json")
         if not os.path.lexists(path):
             return None
-        return read(DiagnosisNote, path, Seal(DIAGNOSIS, path.stem, self.begun().owner))
+        return read(DiagnosisNote, path, Seal(DIAGNOSIS, path.stem, self.begun().identity.key))
 
     def keep_diagnosis(self, iteration: int, note: DiagnosisNote, page: str) -> DiagnosisNote:
         """Write the page, then the note; with the note, the diagnosis is done.

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flywheel.data import Damage, Snapshot, TrajectoryStore
-from flywheel.dynamics.gnn.weights import read_about
 from flywheel.errors import DataError, FlywheelError, RunError
 from flywheel.results import RESULT_FILE, IterationResult, RunResult
 from flywheel.run_identity import HOW, RUN_FILE
@@ -79,8 +78,8 @@ class Inventory:
     def __init__(self, folder: RunFolder, store: TrajectoryStore, thorough: bool = True) -> None:
         self.folder, self.store, self.thorough = folder, store, thorough
         self._config: RunConfig | None = None
-        self._turns: dict[str, tuple[IterationResult, Seal | None]] = {}
-        self._result: tuple[RunResult, Seal | None] | None = None
+        self._turns: dict[str, tuple[IterationResult, Seal]] = {}
+        self._result: tuple[RunResult, Seal] | None = None
         self._pages: dict[str, tuple[str, int]] = {}
         self._snapshots: dict[str, Snapshot] = {}
 
@@ -89,8 +88,7 @@ class Inventory:
         found = [*self._beginning(), *self._folders()]
         # Without run.json it cannot be told whose the other files are.
         if not any(fault.where == RUN_FILE for fault in found):
-            found += [*self._iterations(), *self._end(), *self._missing()]
-            found += [*self._models(), *self._unsealed_models()]
+            found += [*self._iterations(), *self._end(), *self._missing(), *self._models()]
         self._snapshots = dict(self._sound_snapshots())
         stored = list(self._of_store())
         told = {fault.where for fault in stored}
@@ -236,31 +234,13 @@ class Inventory:
                 what = "it is no model of this run"
                 yield Fault("foreign", f"models/{path.name}", what, idle=True)
 
-    def _unsealed_models(self) -> Iterator[Fault]:
-        """Faults of the models of earlier versions, which no seal names."""
-        for name, (result, seal) in self._turns.items():
-            if seal is not None or not result.model:
-                continue
-            path = self.folder.weights(result.iteration, result.arm)
-            where = path.relative_to(self.folder.path.absolute()).as_posix()
-            try:
-                digest = read_about(path)["digest"]
-            except FlywheelError as error:
-                yield self._fault(error, where, _number(name))
-                continue
-            if digest != result.model:
-                what = f"{name} made weights of digest {result.model[:12]}, these are {digest[:12]}"
-                yield Fault("altered", where, what, _number(name))
-
     def _seals(self) -> Iterator[tuple[str, str, int]]:
         """Name and digest of all that a seal names, and the iteration of the seal."""
         seals = [(seal, _number(name)) for name, (_, seal) in self._turns.items()]
         seals += [(self._result[1], self.end)] if self._result else []
         for seal, since in seals:
-            for name, digest in seal.rests_on.items() if seal else ():
+            for name, digest in seal.rests_on.items():
                 yield name, digest, since
-        for name, (result, _) in self._turns.items():  # runs of earlier versions have no seals
-            yield f"{SNAPSHOT}{name}", result.snapshot, _number(name)
 
     def _compared(self) -> Iterator[Fault]:
         """Segments and snapshots that an iteration needs, and that the store lacks or has altered."""

@@ -98,7 +98,7 @@ def test_one_log_named_twice_is_refused(logs: list[Path], tmp_path: Path) -> Non
 def test_a_map_for_all_logs_and_the_run_s_own_robot(logs: list[Path], tmp_path: Path) -> None:
     run = tmp_path / "run"
     run.mkdir()
-    RunFolder(run).begin(RunConfig(robot="prism3"), resume=False)
+    RunFolder(run).begin(RunConfig(model="prism3"), resume=False)
     (tmp_path / "map.yaml").write_text("repair: []\nconditions: new cables\n")
     printed = ask("import", logs[1], "--store", run, "--map", tmp_path / "map.yaml")
     assert "as the map says" in " ".join(printed.split())

@@ -23,7 +23,6 @@ COMMANDS = (
     "design payload capstan --robot prism3 --out OUT",
     "design payload capstan --robot prism3 --page OUT",
     "design payload capstan --robot prism3 --json OUT",
-    "bench --output OUT",
     "navigate config.yaml --model oracle --video OUT",
     "navigate config.yaml --model oracle --no-film --results OUT",
     "navigate config.yaml --model oracle --no-film --picture OUT",
@@ -41,7 +40,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a file, a log that cannot be read, and a configuration."""
     (tmp_path / "file").write_text("kept")
     (tmp_path / "log.csv").write_text("no log")
-    (tmp_path / "config.yaml").write_text("robot: prism3\n")
+    (tmp_path / "config.yaml").write_text("model: prism3\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -88,14 +88,11 @@ def test_digests_do_not_depend_on_telemetry_or_place(tmp_path, make_episode):
     assert receipts[0] == receipts[1]
 
 
-def test_plans_come_back_and_telemetry_of_older_stores_is_read(tmp_path, make_episode):
+def test_plans_come_back(tmp_path, make_episode):
     store, rng = TrajectoryStore(tmp_path), np.random.default_rng(draws.seed())
     begins, paths = np.arange(3) * 0.5, rng.normal(size=(3, 4, 5, 2)).round(3)
     seen = {"plan_begins": begins, "plan_paths": paths}
     store.commit("e", [dataclasses.replace(make_episode("e"), telemetry=seen)])
-    file = tmp_path / "segments/e/telemetry.json"
-    file.rename(file.with_name("timing.json"))
-    assert TrajectoryStore(tmp_path).verify() == ()
     plans = TrajectoryStore(tmp_path).read("e").plans
     assert plans.at(-0.1) is None
     for at, number in ((0.0, 0), (0.49, 0), (0.5, 1), (9.0, 2)):

@@ -14,7 +14,6 @@ from flywheel.runtime.config.run_config import (
     RunConfig,
     config_digest,
     load_config,
-    load_stored_config,
 )
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -97,14 +96,6 @@ def test_a_misspelt_setting_is_told_its_neighbour(tmp_path):
     path.write_text("collect: {gait: 3}\n")
     with pytest.raises(ConfigError, match="collect.gait: unknown key. Did you mean 'gaits'"):
         load_config(path)
-
-
-def test_a_setting_that_is_gone_is_refused_but_for_runs_that_were_begun_with_it(tmp_path):
-    path = tmp_path / "config.yaml"
-    path.write_text("workers: {remote_rollouts: 0}\n")
-    with pytest.raises(ConfigError, match="workers.remote_rollouts: unknown key"):
-        load_config(path)
-    assert load_stored_config(path) == RunConfig()
 
 
 def adopted_plant(folder: Path, robot_name: str = "prism3") -> Path:

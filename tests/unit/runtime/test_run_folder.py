@@ -1,5 +1,6 @@
 """When a folder may be begun, and when it may be continued."""
 
+import json
 import re
 from pathlib import Path
 
@@ -110,33 +111,31 @@ SEEDED = RunConfig(seed=3)
 
 
 @pytest.fixture
-def unsealed(folder):
-    """A run from before there were seals."""
-    identity = folder.begin(SEEDED, resume=False)
-    (folder.path / "run.json").write_text(identity.model_dump_json(indent=1))
-    (folder.path / "iterations").mkdir()
-    result = IterationResult(iteration=0, snapshot="s", model="m")
-    (folder.path / "iterations/i0000-mppi.json").write_text(result.model_dump_json(indent=1))
+def seeded(folder):
+    """A run with one iteration."""
+    folder.begin(SEEDED, resume=False)
+    folder.finish(IterationResult(iteration=0, snapshot="s", model="m"))
     return folder
 
 
-def test_a_run_from_before_there_were_seals_goes_on(unsealed):
-    assert unsealed.begin(SEEDED, resume=True).key == unsealed.begun().identity.key
-    first = unsealed.finished(0, "mppi")
-    assert first.model == "m"
-    unsealed.finish(first.model_copy(update={"iteration": 1}))
-    assert unsealed.finished(1, "mppi") is not None
+@pytest.mark.parametrize("name", ["iterations/i0000-mppi.json", "run.json"])
+def test_a_file_without_its_seal_was_altered(seeded, name):
+    values = json.loads((seeded.path / name).read_text())
+    del values["seal"]
+    (seeded.path / name).write_text(json.dumps(values))
+    with pytest.raises(DataError, match=f"{name} was altered: it has no seal"):
+        seeded.finished(0, "mppi")
 
 
 @pytest.mark.parametrize("name", ["iterations/i0000-mppi.json", "config.yaml", "run.json"])
 @pytest.mark.parametrize("content", ["", "{", "[]", "null", '{"key": 5}', "\0"])
-def test_the_files_of_an_unsealed_run_are_refused_with_a_message_too(unsealed, content, name):
-    (unsealed.path / name).write_text(content)
+def test_other_contents_are_refused_with_a_message(seeded, content, name):
+    (seeded.path / name).write_text(content)
     with pytest.raises(
         FlywheelError, match=r"i0000-mppi\.json|config\.yaml|run\.json|seed: 0 -> 3"
     ):
-        unsealed.begin(SEEDED, resume=True)
-        unsealed.finished(0, "mppi")
+        seeded.begin(SEEDED, resume=True)
+        seeded.finished(0, "mppi")
 
 
 @pytest.mark.parametrize("path", ["../a.mp4", "/etc/passwd", "videos/../../a", "a\0b"])
