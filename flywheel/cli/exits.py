@@ -85,11 +85,19 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
     Args:
       debug: show also where an error was raised.
     """
+    from flywheel.errors import FlywheelError
     from flywheel.outputs import drop_broken_streams
     from flywheel.runtime.pool.interrupts import caught
 
+    asked = False
+
+    def interrupt() -> None:
+        nonlocal asked
+        asked = True
+        raise KeyboardInterrupt
+
     try:
-        with _quiet(debug), caught(_interrupt):
+        with _quiet(debug), caught(interrupt):
             yield
     except (typer.Exit, typer.Abort, TyperException):
         raise
@@ -103,6 +111,10 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
             raise typer.Exit(NOBODY_READS) from None
         if debug:
             typer.echo(_trace(error), err=True)
+        if asked and not isinstance(error, (FlywheelError, OSError)):
+            error = (
+                KeyboardInterrupt()
+            )  # a module that is being imported makes an ImportError of it
         ending = ending_of(error)
         _say(ending.message)
         raise typer.Exit(ending.code) from None
@@ -213,10 +225,6 @@ def _quiet(debug: bool) -> Iterator[None]:
         yield
     finally:
         threading.excepthook = before
-
-
-def _interrupt() -> None:
-    raise KeyboardInterrupt
 
 
 def _thread_ended(failed: threading.ExceptHookArgs) -> None:

@@ -237,6 +237,18 @@ def test_a_signal_that_comes_twice_in_a_moment_does_not_disturb_the_tidying_up()
     assert (done.exit_code, done.stderr, tidied) == (130, "flywheel: interrupted\n", [True])
 
 
+def test_what_an_interrupted_import_makes_of_the_signal_is_no_bug(temporary):
+    def work() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None  # as compiled modules do
+
+    done = CliRunner().invoke(doing(work), ["work"])
+    assert (done.exit_code, done.stderr) == (130, "flywheel: interrupted\n")
+    assert not list(temporary.iterdir())
+
+
 HUNG_UP = """
 import fcntl, sys, termios, time
 from pathlib import Path
