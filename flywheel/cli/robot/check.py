@@ -16,9 +16,10 @@ from flywheel.cli.exits import FAILED
 from flywheel.cli.robot.log import log
 from flywheel.cli.robot.reveal import reveal
 from flywheel.cli.robot.serve import serve
+from flywheel.cli.robot.steps import beyond_limit, show_steps
 
 if TYPE_CHECKING:
-    from flywheel.dynamics.plant import Settling
+    from flywheel.dynamics.plant import Plant, Settling
     from flywheel.records import Floats, State
     from flywheel.robots import Attachment, Robot
 
@@ -50,7 +51,7 @@ def check(
         ),
     ] = None,
 ) -> None:
-    """Say what is read off an MJCF, whether it settles, what a model of it would hold, and how to run it.
+    """Say what is read off an MJCF, whether it settles, what its time steps cost, and how to run it.
 
     The exit code is 1 if it is none of a robot that can be used.
 
@@ -66,10 +67,13 @@ def check(
     step = _control_step(found, dt)
     _show_robot(out, found)
     _show_graph(out, found)
-    for remark in _about_units(found):
+    plant = Plant(found, step)
+    for remark in _about_units(plant):
         out.say(remark, style="yellow")
+    if words := beyond_limit(plant):
+        out.say(words, style="red")
     try:
-        end = settling(Plant(found, step))
+        end = settling(plant)
     except ModelError as error:
         out.say(str(error), style="red")
         raise typer.Exit(FAILED) from None
@@ -77,6 +81,7 @@ def check(
     out.say(words, style="red" if not usable else "green" if end.still else "yellow")
     if not usable:
         raise typer.Exit(FAILED)
+    show_steps(out, plant)
     for remark in _remarks(found, end, step):
         out.say(remark, style="yellow")
     command = shlex.join(["flywheel", "run", CONFIG, *_overrides(mjcf, found, step)])
@@ -156,14 +161,12 @@ def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
     )
 
 
-def _about_units(robot: Robot) -> Iterator[str]:
+def _about_units(plant: Plant) -> Iterator[str]:
     """What speaks for lengths that are not in metres, and gravity that is not the Earth's."""
-    import mujoco
-
     from flywheel.robots import GRAVITY
     from flywheel.robots.mjcf_reader import gravity_of
 
-    gravity = float(abs(gravity_of(mujoco.MjModel.from_xml_string(robot.xml))[2]))
+    robot, gravity = plant.robot, float(abs(gravity_of(plant.model)[2]))
     times = gravity / GRAVITY
     for unit, many in UNITS.items():
         if math.isclose(times, many, rel_tol=0.03):

@@ -16,6 +16,7 @@ from flywheel.dynamics.plant.restarted import RestartedPlant, states_of
 from flywheel.dynamics.plant.resting import Settling, settling
 from flywheel.dynamics.plant.roll import unseen_axes
 from flywheel.dynamics.plant.tangent import between, moved, turning
+from flywheel.dynamics.plant.time_steps import StepError, StepStudy, cable_damping
 
 __all__ = [
     "AugmentedPlant",
@@ -32,7 +33,10 @@ __all__ = [
     "Scenery",
     "Settling",
     "Shot",
+    "StepError",
+    "StepStudy",
     "between",
+    "cable_damping",
     "hasty",
     "moved",
     "refined",

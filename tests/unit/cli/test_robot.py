@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from flywheel.cli.main import app
+from flywheel.cli.robot import steps
+from flywheel.cli.robot.steps import advice
+from flywheel.dynamics.plant import Plant, StepError
+from flywheel.dynamics.plant.time_steps import CableDamping
 from flywheel.effects import WrittenTerm
 from flywheel.results import RunResult
 from flywheel.robots import ROBOTS, load_robot
@@ -46,7 +52,7 @@ def suggested(output: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_a_shipped_robot_is_read_and_settles(name: str) -> None:
+def test_a_shipped_robot_is_read_and_settles_and_the_command_printed_can_be_run(name: str) -> None:
     done = run(app, ["robot", "check", name], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     robot = load_robot(name)
@@ -55,6 +61,10 @@ def test_a_shipped_robot_is_read_and_settles(name: str) -> None:
     assert "It settles" in done.output
     assert "nodes" in done.output  # of the graph
     assert "keyframe is" not in done.output
+    assert "Its time steps cost" in done.output
+    assert "With Euler the damping of its cables is explicit" in done.output
+    settings = load_config(ROOT / "configs" / "prism3.yaml", suggested(done.output))
+    check_suits(settings, load_robot(settings.model))
 
 
 @pytest.mark.parametrize("config", ["prism3", "smoke"])
@@ -73,13 +83,6 @@ def test_the_command_it_prints_can_be_run(
 ) -> None:
     overrides = suggested(checked(tmp_path, *edits))
     settings = load_config(ROOT / "configs" / f"{config}.yaml", overrides)
-    check_suits(settings, load_robot(settings.model))
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_so_can_that_of_a_shipped_robot(name: str) -> None:
-    overrides = suggested(run(app, ["robot", "check", name]).output)
-    settings = load_config(ROOT / "configs" / "prism3.yaml", overrides)
     check_suits(settings, load_robot(settings.model))
 
 
@@ -232,3 +235,59 @@ def test_a_run_without_a_stand_in_has_nothing_to_reveal(tmp_path):
     RunResult(name="r", key=bench.files.begun().identity.key).save(bench.files.path)
     done = run(app, ["robot", "reveal", str(bench.files.path)])
     assert done.exit_code == 2 and "has no stand-in" in done.output
+
+
+def test_damping_that_is_too_much_for_the_steps_is_named_with_its_limit(tmp_path: Path) -> None:
+    stiff = SWING.replace('damping="20"', 'damping="5000"')
+    beyond = (
+        "damping of its cables is explicit, and stable in steps below 1.96 ms: c dt / m is 5.09"
+    )
+    for integrator, named in (("Euler", True), ("implicitfast", False)):
+        (tmp_path / "mine.xml").write_text(stiff.replace("implicitfast", integrator))
+        done = run(app, ["robot", "check", str(tmp_path / "mine.xml")])
+        before_it_moves = " ".join(re.split("diverged|It settles", done.output)[0].split())
+        assert (f"With {integrator} the {beyond}" in before_it_moves) == named
+        assert done.exit_code == named
+
+
+def step_error(integrator: str, timestep: float, median: float, most: float = 1.0) -> StepError:
+    return StepError(integrator, timestep, median, most, 100.0)
+
+
+PRISM = load_robot("prism3")  # 2.95 m long
+STEPS = {"integrator": "implicitfast", "timestep": 0.005}
+OWN = step_error("implicitfast", 0.005, 0.012)
+
+
+@pytest.mark.parametrize(
+    ("others", "advised"),
+    [
+        ([step_error("Euler", 0.005, 0.0046)], 'timestep="0.005" integrator="Euler"'),
+        ([step_error("Euler", 0.005, 0.0115)], ""),
+        ([step_error("Euler", 0.01, 0.011)], 'timestep="0.01" integrator="Euler"'),
+        ([step_error("Euler", 0.01, 0.021)], ""),
+        ([step_error("Euler", 0.01, 0.021, 0.0028)], 'timestep="0.01" integrator="Euler"'),
+        ([step_error("Euler", 0.005, math.inf)], ""),
+        ([step_error("implicitfast", 0.0025, 0.003)], ""),
+    ],
+)
+def test_other_steps_are_advised_where_they_are_nearer_or_fewer(
+    others: list[StepError], advised: str
+) -> None:
+    said = advice([OWN, *others], replace(PRISM, **STEPS), CableDamping(20.0, "a", 10.0))
+    assert said.startswith("Its time steps cost 12 mm after 2 s (implicitfast, 5 ms), 0.41 % of L")
+    assert (f"<option {advised}/>" in said) if advised else ("<option" not in said)
+
+
+def test_explicit_steps_near_their_limit_are_not_advised() -> None:
+    others = [step_error("Euler", 0.005, 0.001)]
+    for rate, advised in ((201.0, False), (199.0, True)):
+        said = advice([OWN, *others], replace(PRISM, **STEPS), CableDamping(rate, "a", 10.0))
+        assert ("<option" in said) == advised
+
+
+def test_steps_of_a_robot_that_is_too_slow_are_not_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(steps, "PATIENCE", 0.0)
+    assert steps.measured(Plant(PRISM)) == []
