@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import signal
 import threading
 import time
 
@@ -48,6 +50,18 @@ def drawing(count: int, seconds: float = 0.0) -> list[Job]:
 
 def expected(count: int) -> list[float]:
     return [float(np.random.default_rng(i).normal()) for i in range(count)]
+
+
+def system_handler(number: signal.Signals) -> int:
+    """Address of the C function that the system calls for a signal."""
+    action = (ctypes.c_void_p * 64)()
+    ctypes.CDLL(None).sigaction(number, None, action)
+    return action[0]
+
+
+def test_ray_leaves_sigterm_to_python(local_ray):
+    assert callable(signal.getsignal(signal.SIGTERM))
+    assert system_handler(signal.SIGTERM) == system_handler(signal.SIGINT)
 
 
 @pytest.mark.slow

@@ -24,10 +24,11 @@ from types import TracebackType
 from typing import Any, Self
 
 # Before `import ray`: no re-creation of the environment on every worker under `uv run`, no usage
-# reports, no warning about accelerators.
+# reports, no warning about accelerators, no handler that has SIGTERM abort the driver while it connects.
 os.environ.setdefault("RAY_ENABLE_UV_RUN_RUNTIME_ENV", "0")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+os.environ.setdefault("RAY_DISABLE_FAILURE_SIGNAL_HANDLER", "1")
 
 import ray
 from ray import exceptions
