@@ -40,7 +40,7 @@ def write_comparison(
         worst=found.windows.labels[found.models[-1].worst],
         videos=_videos(videos),
         about=about,
-        limits=LIMITS,
+        limits=(*LIMITS, *about_lengths(found)),
     )
     return write_output(path, page)
 
@@ -50,7 +50,7 @@ def sentence(found: Comparison, model: Judgement) -> str:
     low, _, high = model.noise_rms
     error = f"The error of {model.name} is {model.rms:.3g} times the noise"
     by_noise = f"noise in its starts alone makes {low:.3g} to {high:.3g}"
-    if model.outcome is Outcome.NOISE_ONLY:
+    if not model.forecast_is_off:
         words = f"{error}, and no more than noise makes of it: {by_noise}."
     elif model.rms > high:
         words = f"{error}; {by_noise}."
@@ -59,8 +59,26 @@ def sentence(found: Comparison, model: Judgement) -> str:
             f"{error}; {by_noise}, but not in this way: {model.excess:.3g} times more is left than noise "
             "leaves."
         )
-    worse = model.rms > found.persistence_rms
-    return f"{words} It would be less if nothing moved." if worse else words
+    if model.rms > found.persistence_rms:
+        words += " It would be less if nothing moved."
+    if model.fitted is None:
+        return words
+    only = "no more than noise" if model.outcome is Outcome.NOISE_ONLY else "more than noise"
+    return (
+        f"{words} Where each window begins where it fits best, {only} is left: {model.fitted.noise:.3g} "
+        f"times its variance, with a correlation of {model.fitted.correlation:.2g}."
+    )
+
+
+def about_lengths(found: Comparison) -> tuple[str, ...]:
+    """How the first lengths of winches that were not measured are known; nothing where they were."""
+    windows = found.windows
+    if windows.begun is not None:
+        return (
+            "Where winches were when recordings began was not measured: it was fitted to the first windows, "
+            f"and is up to {windows.moved.max():.2g} m from the keyframe.",
+        )
+    return ()
 
 
 def _figures(found: Comparison) -> Sequence[Shown]:

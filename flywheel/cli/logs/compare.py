@@ -76,7 +76,8 @@ def compare(
 ) -> None:
     """Compare models with recordings: is the error more than noise, and where is it?
 
-    The exit code speaks for the last model: 0 NOISE_ONLY, 1 MORE_THAN_NOISE.
+    The exit code speaks for the last model: 0 NOISE_ONLY, 1 MORE_THAN_NOISE; with --fit-starts, of what
+    fitted starts leave.
 
     [bold]Example[/bold]
 
@@ -142,10 +143,12 @@ def _page(
 
 
 def _show(out: Out, found: Comparison) -> None:
-    from flywheel.reports.comparison_page import sentence
+    from flywheel.reports.comparison_page import about_lengths, sentence
 
     for model in found.models:
         out.say(f"{model.name}: {model.outcome}. {sentence(found, model)}", style="bold")
+    for remark in about_lengths(found):
+        out.say(remark)
     windows = found.windows
     if windows.unused:
         out.say(f"No window in {', '.join(windows.unused)}.")

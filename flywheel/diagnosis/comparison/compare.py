@@ -9,6 +9,7 @@ import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
 from flywheel.diagnosis.comparison.bootstrap import bootstrap_null, mean_by_lead
+from flywheel.diagnosis.comparison.first_lengths import with_first_lengths
 from flywheel.diagnosis.comparison.fitted_starts import fitted_starts
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.comparison.regions import Region, regions, span_noise, spans
@@ -16,6 +17,7 @@ from flywheel.diagnosis.comparison.result import LEVEL, Comparison, Judgement
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics import Persistence, RestartedPlant
+from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, ModelError
 from flywheel.evaluation import ExactSum
 from flywheel.records import Floats, Trajectory
@@ -57,6 +59,7 @@ def compare(
     robot = models[0].dynamics.robot
     history = max(subject.dynamics.history for subject in models)
     windows = ForecastWindows.cut(robot, recordings, horizon, history, names)
+    windows = with_first_lengths(windows, Plant(robot, windows.dt), settings)
     nothing = Subject("nothing moves", Persistence(robot, windows.dt, windows.lead))
     still = _squares(windows, predicted(nothing, windows)[0])
     where = regions(windows)
@@ -83,13 +86,18 @@ def judged(
     fit_seed: int | None,
     settings: Settings = Settings(),
 ) -> Judgement:
-    """One model; `fit_seed` is of the search for starts that fit, None to leave that out."""
+    """One model; `fit_seed` is of the search for starts that fit, None to leave that out.
+
+    A plant begins with first lengths of its winches that suit it, any other model with those of the MJCF's.
+    """
+    dynamics, fitted = subject.dynamics, None
+    if isinstance(dynamics, RestartedPlant) and dynamics.plant.terms:
+        windows = with_first_lengths(windows, dynamics.plant, settings)
     points, winch = predicted(subject, windows)
     squares = _squares(windows, points)
     null = bootstrap_null(subject, windows, points, draws, rng)
     sums = ExactSum.of(squares, axis=1).over(2)
     spread = _span_squares(windows, points)
-    dynamics, fitted = subject.dynamics, None
     if fit_seed is not None and isinstance(dynamics, RestartedPlant):
         fitted = fitted_starts(dynamics.plant, windows, fit_seed, settings)
     return Judgement(

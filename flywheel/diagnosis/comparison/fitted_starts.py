@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from flywheel.diagnosis.checks.adequacy import adequacy
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
+from flywheel.diagnosis.results.verdict import only_noise
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
 
+# Times the noise, below which it is no physics: the robot of a simulator with another time step has as much.
+LOUD = 1.10
 ANY = "winch_gain"  # the test needs a candidate; which one does not matter here
 
 
@@ -26,11 +29,13 @@ class FittedStarts:
       rms: [m], with the initial states counted as degrees of freedom.
       noise: variance of what is left; 1 for nothing but noise.
       correlation: of what is left, from sample to sample; 0 for noise.
+      only_noise: nothing but noise is left, by the limits of a diagnosis.
     """
 
     rms: float
     noise: float
     correlation: float
+    only_noise: bool
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -48,13 +53,15 @@ def fitted_starts(
       seed: of the search for initial states.
       settings: tuned numbers, as of a diagnosis.
     """
-    used = [windows.recordings[i].trajectory for i in sorted(set(windows.recording))]
+    tracks = windows.tracks
+    used = [tracks[i] for i in sorted(set(windows.recording.tolist()))]
     seconds = windows.steps * windows.dt
     cut = Windows.cut(plant.robot, used, seconds, windows.sigma, settings.windows)
     fitter = fitter_of(cut, plant, settings=settings.fitting)
     fit = fitted(fitter, plant.terms, seed=seed)
-    some = candidates(plant.robot, {ANY: EFFECTS[ANY]})
-    search = Search(fitter, some, settings.limits.threshold, settings.selection, seed=seed)
+    some, limits = candidates(plant.robot, {ANY: EFFECTS[ANY]}), settings.limits
+    search = Search(fitter, some, limits.threshold, settings.selection, seed=seed)
     model = search.score_all(fit)
     left = adequacy(fitter, fit, model.test, model.by_value, settings.checks)
-    return FittedStarts(fitter.rms(fit), left.noise, left.correlation)
+    only = only_noise(replace(limits, max_residual_variance=LOUD), left)
+    return FittedStarts(fitter.rms(fit), left.noise, left.correlation, only)

@@ -38,6 +38,8 @@ class ForecastWindows:
       recording: (K,) index of each window's recording.
       first: (K,) step of the recording that is its present.
       sigma: noise of each measured coordinate [m].
+      begun: (recordings, W) fitted positions of the winches in the first rows, see `with_first_lengths`;
+        None where they were measured [m].
     """
 
     robot: Robot
@@ -49,6 +51,7 @@ class ForecastWindows:
     recording: np.ndarray
     first: np.ndarray
     sigma: float
+    begun: Floats | None = None
     # Winch positions, once for all parts of the windows, by what they were reckoned with.
     _reckoned: dict[tuple[object, ...], tuple[Floats, ...]] = field(
         default_factory=dict, repr=False, compare=False
@@ -114,6 +117,20 @@ class ForecastWindows:
     def __getitem__(self, some: slice) -> ForecastWindows:
         """Some of the windows."""
         return replace(self, recording=self.recording[some], first=self.first[some])
+
+    def starting_at(self, begun: Floats) -> ForecastWindows:
+        """The same, of winches that were at (recordings, W) in the first rows [m]."""
+        return replace(self, begun=begun, _reckoned={})
+
+    @property
+    def moved(self) -> Floats:
+        """(W,) farthest that winches began from the keyframe, as fitted; 0 where measured [m]."""
+        home = self.robot.winch_of(self.robot.keyframe)
+        measured = np.stack([e.trajectory.observations.winch[0] for e in self.recordings])
+        if self.begun is None:
+            return np.zeros_like(home)
+        off = np.where(np.isfinite(measured), 0.0, np.abs(self.begun - home))
+        return np.asarray(off[sorted(set(self.recording.tolist()))].max(axis=0))
 
     @property
     def dt(self) -> float:
@@ -187,9 +204,23 @@ class ForecastWindows:
         key = tuple((term.effect.name, term.place, term.values) for term in terms)
         if key not in self._reckoned:
             reckoning = Reckoning(self.robot, self.dt, terms)
-            known = (reckoning.known(episode.trajectory) for episode in self.recordings)
+            known = (reckoning.known(track) for track in self.tracks)
             self._reckoned[key] = tuple(known)
         return self._reckoned[key]
+
+    @property
+    def tracks(self) -> list[Trajectory]:
+        """The recordings, with the winches' fitted positions in their first rows."""
+        tracks = [episode.trajectory for episode in self.recordings]
+        if self.begun is None:
+            return tracks
+        winches = [track.observations.winch.copy() for track in tracks]
+        for winch, begun in zip(winches, self.begun, strict=True):
+            winch[0] = begun
+        return [
+            replace(track, observations=replace(track.observations, winch=winch))
+            for track, winch in zip(tracks, winches, strict=True)
+        ]
 
     @cached_property
     def _smooth_episodes(self) -> tuple[Episode, ...]:

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 
 from flywheel.diagnosis.comparison.bins import Bins
-from flywheel.diagnosis.comparison.fitted_starts import FittedStarts
+from flywheel.diagnosis.comparison.fitted_starts import LOUD, FittedStarts
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.evaluation import ExactSum
 from flywheel.records import Floats
 
 LEVEL = 0.05  # probability below which an error is more than noise
-# Excess below which it is no physics: the robot of a simulator with another time step has as much.
-LOUD = 1.10
 
 
 class Outcome(StrEnum):
@@ -72,9 +70,14 @@ class Judgement:
 
     @property
     def outcome(self) -> Outcome:
-        """More than noise is what noise makes neither often nor nearly."""
-        more = self.probability < LEVEL and self.excess > LOUD
+        """By what fitted starts leave, where they were asked for; else by the predictions."""
+        more = self.forecast_is_off if self.fitted is None else not self.fitted.only_noise
         return Outcome.MORE_THAN_NOISE if more else Outcome.NOISE_ONLY
+
+    @property
+    def forecast_is_off(self) -> bool:
+        """Whether predictions from measured pasts are off as noise makes them neither often nor nearly."""
+        return self.probability < LEVEL and self.excess > LOUD
 
     @property
     def worst(self) -> int:
@@ -150,6 +153,11 @@ class Comparison:
             "robot": {"name": windows.robot.name, "digest": windows.robot.digest},
             "recordings": list(windows.names),
             "recordings_too_short": list(windows.unused),
+            "first_lengths": {
+                "fitted": windows.begun is not None,
+                "from_keyframe": windows.moved.tolist(),
+                "unit": "m",
+            },
             "windows": list(windows.labels),
             "noise": {"sigma": windows.sigma, "unit": "m"},
             "lead_time": {"values": self.lead_seconds.tolist(), "unit": "s"},
