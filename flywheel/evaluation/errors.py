@@ -62,7 +62,7 @@ class ErrorTable:
 
     @classmethod
     def empty(cls, robot: Robot, dt: float) -> ErrorTable:
-        """The table of no window: adding it changes nothing."""
+        """The table without windows, neutral for addition."""
         bodies = tuple(body.name for body in robot.bodies)
         by_body, by_point = (0, len(bodies)), (0, len(robot.points))
         sums = (ExactSum.zeros(by_body), ExactSum.zeros(by_body), ExactSum.zeros(by_point))

@@ -1,4 +1,4 @@
-"""Intervals: how sure one can be of a success rate or of a median time, from few episodes."""
+"""Intervals: uncertainty of a success rate or of a median time, from few episodes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def success_interval(
 ) -> Interval:
     """Success rate with its binomial interval (Wilson's score, or Clopper and Pearson's exact one).
 
-    Without a trial nothing is known: the value is NaN and the interval is [0, 1].
+    Without trials the value is NaN and the interval is [0, 1].
 
     Raises:
       DataError: more successes than trials, or negative numbers.
@@ -49,9 +49,9 @@ def rmse_ratio_interval(
     confidence: float = 0.95,
     resamples: int = 2000,
 ) -> Interval:
-    """How many times larger one model's RMSE is than another's, by a bootstrap over episodes.
+    """Ratio of one model's RMSE to another's, with an interval by a bootstrap over episodes.
 
-    Whole episodes are drawn, because errors within one resemble each other; and both models' errors
+    Whole episodes are drawn, because errors within one are correlated; and both models' errors
     together, because an episode that is hard for one is hard for the other.
 
     Args:

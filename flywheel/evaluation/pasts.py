@@ -1,4 +1,4 @@
-"""What was known at a step of a recorded episode: the past that a dynamics model starts from."""
+"""The past at a step of a recorded episode: input of a dynamics model."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from flywheel.robots import Robot
 def past_at(
     episode: Episode, robot: Robot, start: int, history: int, winch: Floats, dataset: int = 0
 ) -> Past:
-    """What was known at step `start` of an episode: a batch of one, `history` steps long.
+    """The past at step `start` of an episode: a batch of one, `history` steps long.
 
     Args:
       episode: recorded.
-      robot: it was recorded on.
+      robot: of the episode.
       start: index of the present observation.
-      history: past steps wanted; a start earlier than that is padded by a robot at rest.
+      history: number of past steps; a start earlier than that is padded by a robot at rest.
       winch: (T + 1, W) of the episode, see `Robot.winches_of` [m].
       dataset: index of the data set.
     """

@@ -31,10 +31,10 @@ BINS: dict[str, Callable[[Episode], str]] = {
 
 @dataclass(frozen=True)
 class Window:
-    """Where a prediction starts, and over how many steps it is scored.
+    """Start and length of a scored prediction.
 
     Attributes:
-      episode: it lies in.
+      episode: of the window.
       start: index of the model's present observation.
       steps: control steps predicted.
     """
@@ -60,24 +60,24 @@ def score(
     """Errors over short horizons from random starts.
 
     The starts depend on the seed and the episode alone, so that every model is scored on the same
-    ones. Where a point had been out of sight for a while, no prediction starts.
+    ones. No prediction starts while a point has been out of sight for some time.
 
     Args:
       dynamics: the model.
       episodes: recorded on the model's robot, at its dt.
       horizon_seconds: predicted from each start [s].
-      starts_per_episode: drawn uniformly, with repetition; an episode without a place for one (see
-        `places`) has none.
+      starts_per_episode: drawn uniformly, with repetition; none for an episode without a place for
+        one (see `places`).
       seed: of the starts.
-      history_seconds: no start lies earlier than this where the episode is long enough [s].
+      history_seconds: earliest start in a sufficiently long episode [s].
       truth: points (T + 1, P, 3) to score against instead of the measured ones, e.g. the noise-free
         ones of a simulated episode. The model always starts from the measured ones.
       datasets: index of each data set for the network's one-hot; 0 for all if None.
-      winches: where they were, as far as is known; None for `Robot.winches_of`.
+      winches: best known positions; None for `Robot.winches_of`.
       batch: windows per rollout call.
 
     Raises:
-      DataError: an episode does not fit the model, or not one window fits any episode.
+      DataError: an episode does not fit the model, or no window fits any episode.
       ModelError: a prediction is not finite.
     """
     steps = _steps(horizon_seconds, dynamics.dt, "horizon_seconds")
@@ -113,8 +113,8 @@ def score_full(
 ) -> ErrorTable:
     """Errors of one prediction over each whole episode, from `start_seconds` [s] to its end.
 
-    Where a point is out of sight then, it starts when all have come into sight. Episodes of different
-    lengths share a rollout call; what lies past an episode's end has no weight. Other arguments and
+    If a point is out of sight then, it starts when all have come into sight. Episodes of different
+    lengths share a rollout call; steps after an episode's end have no weight. Other arguments and
     errors as in `score`.
     """
     earliest = _steps(start_seconds, dynamics.dt, "start_seconds", least=0)
@@ -135,9 +135,9 @@ def score_full(
 
 
 def places(episode: Episode, steps: int, earliest: int = 0) -> NDArray[np.int64]:
-    """Where in an episode predictions of so many control steps can start, ascending.
+    """Possible starts of predictions of so many control steps in an episode, ascending.
 
-    Not before step `earliest`, where the episode is long enough; and only where each point was seen
+    Not before step `earliest` in a sufficiently long episode; and only if each point was seen
     within `SEEN_SECONDS`.
     """
     trajectory = episode.trajectory

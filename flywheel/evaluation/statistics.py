@@ -52,7 +52,7 @@ def rotation_error(robot: Robot, truth: Floats, predicted: Floats) -> Floats:
 
 
 def shows_turn(robot: Robot, body: Body) -> bool:
-    """Whether a body has a rotation error: its tracked points are several, and not in one place."""
+    """True if a body has a rotation error: it has several tracked points in different places."""
     return _rank(robot, body) > 0
 
 

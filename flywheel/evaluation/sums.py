@@ -1,4 +1,4 @@
-"""Sums that do not depend on the order of their terms, so that partial sums add exactly."""
+"""Sums independent of the order of their terms, so that partial sums add exactly."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _PART_BITS = 40  # of a value that are summed at once; so int64 has room for 2**
 
 @dataclass(frozen=True)
 class ExactSum:
-    """Sums of numbers >= 0 and how many numbers they are of.
+    """Sums of numbers >= 0, and the count of these numbers.
 
     Floating-point addition depends on the order; integers do not. Each value is cut to a multiple
-    of 2**-60, and sums are Python's integers, which have room for any number of the largest values.
+    of 2**-60, and sums are Python's integers, large enough for any number of the largest values.
 
     Attributes:
       sums: (...) Python integers (dtype object), in units of 2**-60.
-      count: (...) int64, the weights: how many values were present.
+      count: (...) int64, the number of present values.
     """
 
     sums: NDArray[np.object_]
@@ -61,7 +61,7 @@ class ExactSum:
 
     @property
     def mean(self) -> Floats:
-        """Sum over count; NaN where nothing was present."""
+        """Sum over count; NaN without values."""
         return np.divide(
             self.total, self.count, out=np.full(self.shape, np.nan), where=self.count > 0
         )
@@ -73,7 +73,7 @@ class ExactSum:
         )
 
     def __add__(self, other: ExactSum) -> ExactSum:
-        """Element-wise. The shorter of the two is continued by zeros along the first axis."""
+        """Element-wise. The shorter of the two is extended by zeros along the first axis."""
         length = max(self.shape[0], other.shape[0])
         mine, theirs = self._lengthened(length), other._lengthened(length)
         return ExactSum(mine.sums + theirs.sums, mine.count + theirs.count)

@@ -1,4 +1,4 @@
-"""The loop: a whole run, from an empty folder or from where it was stopped, to its final result."""
+"""The loop: a whole run, from an empty folder or from its last state, to its final result."""
 
 from __future__ import annotations
 
@@ -69,22 +69,23 @@ def run(
     tracker: OpenTracker | None = open_tracker,
     progress: Progress | None = None,
 ) -> RunResult:
-    """Turn the flywheel `config.iterations` times after iteration 0.
+    """Run `config.iterations` iterations after iteration 0.
 
     Args:
-      config: what to run.
+      config: of the run.
       folder: of the run; made if it is missing.
-      resume: go on with the run in the folder, or begin one if there is none.
+      resume: continue the run in the folder, or start one if there is none.
       address: of an existing Ray cluster; by default a local one is started.
       tracker: opens the tracker of the run; None for a run that is not tracked.
-      progress: shows people how far the run is.
+      progress: display for people.
 
     Raises:
-      ConfigError: the folder is in use, cannot be written, holds a run although `resume` is false, or holds a
-        run of another configuration; the robot cannot do what is asked for; or the cluster is too small.
+      ConfigError: the folder is in use, not writable, contains a run although `resume` is false, or
+        contains a run of another configuration; the robot cannot do the run; or the cluster is too
+        small.
       RobotError: the MJCF cannot be used.
-      RunError: the run cannot go on, or its files were changed since it stopped; the message says why. What
-        is finished is kept.
+      RunError: the run cannot continue, or its files were changed since it stopped; the message
+        says why. Finished work is kept.
       Interrupted: the user asked to stop.
     """
     cluster = ClusterConfig(address, cores_of(config.workers, address))
@@ -110,7 +111,7 @@ def run(
                 return done
         files.check_space(config.workers.least_free_gb)
         check_reached(config, robot)
-        shown.say(f"The run is in {folder}. Ctrl-C stops it; --resume goes on.")
+        shown.say(f"The run is in {folder}. Ctrl-C stops it; --resume continues it.")
         with (
             Cluster(cluster) as ray,
             StopRequest() as stop,  # after Ray, which catches signals, too
@@ -123,7 +124,7 @@ def run(
 
 
 def finished_run(files: RunFolder) -> RunResult | None:
-    """The result of a run that is finished; None for one that is not."""
+    """The result of a finished run; None for an unfinished one."""
     if not (files.path / RESULT_FILE).exists():
         return None
     result = RunResult.load(files.path)
@@ -131,7 +132,7 @@ def finished_run(files: RunFolder) -> RunResult | None:
 
 
 def finish(run: Run, identity: Identity) -> RunResult:
-    """Do all of a run that is not done yet, and return its result."""
+    """Complete the unfinished part of a run, and return its result."""
     if run.tracker is not None:
         plain = run.config.model_dump(mode="json")
         publish_start(run.tracker, plain, start_tags(run.config, identity, run.robot.digest))
@@ -195,7 +196,7 @@ def _tracked(
     tracker: OpenTracker | None,
     progress: Progress,
 ) -> Iterator[Tracker | None]:
-    """Open the tracker; at the end of the block log how the run ended, and deliver for some time."""
+    """Open the tracker; at the end of the block log the outcome, and deliver for some time."""
     if tracker is None:
         yield None
         return
@@ -222,23 +223,23 @@ def cores_of(workers: WorkersConfig, address: str | None) -> int:
     """The cores of a local cluster: as configured, or all that this process may use.
 
     Raises:
-      ConfigError: this machine has far fewer than are configured, and no cluster's address is given.
+      ConfigError: this machine has far fewer than configured, and no cluster's address is given.
     """
     there = len(os.sched_getaffinity(0))
     cores = workers.cores or there
     if address is None and cores > OVERBOOKED * there:
         raise ConfigError(
-            f"workers.cores is {cores:,}, this machine has {there}; at most {OVERBOOKED * there} are "
-            "booked here. A cluster is named with --address."
+            f"workers.cores is {cores:,}, this machine has {there}; at most {OVERBOOKED * there} "
+            "are allowed here. Give the address of a cluster with --address."
         )
     return cores
 
 
 def run_iteration(run: Run, iteration: int) -> list[str]:
-    """Do one iteration in every arm that has not done it yet.
+    """Do one iteration in every arm that has not completed it.
 
     Returns:
-      Sentences about what went wrong on the way.
+      Sentences about problems in the iteration.
     """
     arms = [arm for arm in run.arms(iteration) if run.folder.finished(iteration, arm) is None]
     if not arms:
@@ -288,7 +289,7 @@ def summary(result: IterationResult) -> str:
 
 
 def _on_robot(robot: RobotResult) -> str:
-    """What came of an iteration on the robot."""
+    """Results of an iteration on the robot."""
     errors = ", ".join(
         f"{name} {each.short.e_pos_rmse:.2f} %" for name, each in robot.errors.items()
     )

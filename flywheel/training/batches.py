@@ -1,4 +1,4 @@
-"""Training batches: which windows a step sees, and how they are turned and shifted."""
+"""Training batches: the windows of a step, with rotations and shifts."""
 
 from __future__ import annotations
 
@@ -20,19 +20,18 @@ from flywheel.terrain import Terrain
 
 @dataclass(frozen=True)
 class Batch:
-    """Windows as the network takes them, float32, each shifted so that its present is near the
-    origin.
+    """Windows as network inputs, float32, each shifted so that its present is near the origin.
 
     Attributes:
       past_points: (B, h + 1, P, 3) [m].
       past_controls: (B, h, W).
-      past_winch: (B, h + 1, W) best knowledge of the winch positions [m].
-      controls: (B, S, W) of the steps to be predicted.
+      past_winch: (B, h + 1, W) best estimate of the winch positions [m].
+      controls: (B, S, W) of the predicted steps.
       points: (B, S + 1, P, 3) measured at the present and at those steps [m]; NaN where missing.
-      winch: (B, S, W) the plant's, or as measured, at those steps [m]; NaN where neither is known.
+      winch: (B, S, W) the plant's, or measured, at those steps [m]; NaN if neither is known.
       dataset: (B,) index of the data set, int64.
       terrains: under each of B, or one for all.
-      view: axes in which the windows are seen.
+      view: axes of the windows.
     """
 
     past_points: Tensor
@@ -59,7 +58,7 @@ class Batch:
 
     @property
     def ground(self) -> Ground:
-        """Below the windows' robots."""
+        """The ground below the windows' robots."""
         return ground_of(self.terrains, self.controls.device, self.view)
 
     def _tensors(self) -> dict[str, Tensor]:
@@ -73,17 +72,17 @@ def generator(seed: int, step: int, purpose: int) -> np.random.Generator:
 
 
 class Draw:
-    """Which windows of a cache a step trains on.
+    """The windows of a cache for each training step.
 
     Args:
       cache: of the training episodes.
       length: control steps per window.
-      past: of these, the first ones, from which the rest is predicted.
-      mix: share of each data set by name; empty draws all windows alike.
+      past: number of first steps from which the rest is predicted.
+      mix: fraction of each data set by name; empty draws all windows alike.
 
     Raises:
-      DataError: no episode is as long as a window, or all points are never seen in one's past.
-      ConfigError: `mix` names a data set that has no window.
+      DataError: no episode is as long as a window, or every past misses a point.
+      ConfigError: `mix` names a data set without windows.
     """
 
     def __init__(
@@ -139,7 +138,7 @@ def turned(windows: WindowBatch, rng: np.random.Generator) -> WindowBatch:
 def noisy(
     windows: WindowBatch, history: int, deviation: float, rng: np.random.Generator
 ) -> WindowBatch:
-    """The same windows with white noise [m] on the past's points; what is predicted stays."""
+    """The same windows with white noise [m] on the past's points; targets are unchanged."""
     points = np.array(windows.points)
     past = points[:, : history + 1]
     past += deviation * rng.standard_normal(past.shape)
@@ -147,7 +146,7 @@ def noisy(
 
 
 def _ground_center(points: Floats) -> Floats:
-    """(B, 3) mean of the points that are present, at height 0."""
+    """(B, 3) mean of the present points, at height 0."""
     present = np.isfinite(points).all(axis=-1, keepdims=True)
     center = np.where(present, points, 0.0).sum(axis=1) / np.maximum(present.sum(axis=1), 1)
     return center * np.array([1.0, 1.0, 0.0])
@@ -163,7 +162,7 @@ def _by_dataset(
         found = starts[index == known.index(name)] if name in known else starts[:0]
         if share > 0 and len(found) == 0:
             raise ConfigError(
-                f"mix gives data set {name!r} a share of {share}, but no training window is of it. "
+                f"mix gives data set {name!r} a share of {share}, but it has no training window. "
                 f"There are: {', '.join(known)}."
             )
         groups.append((share, found))

@@ -1,7 +1,7 @@
-"""Checkpoints: everything a training needs to go on as if it had never been interrupted.
+"""Checkpoints: the complete state of a training, for an exact continuation.
 
-The order of the data and all random numbers are functions of (seed, step), so that the state is the
-weights, the optimiser, the step and the best weights so far. Files hold tensors and plain values
+The order of the data and all random numbers are functions of (seed, step), so the state is the
+weights, the optimiser, the step and the best weights so far. Files contain tensors and plain values
 only and are read with `weights_only=True`: reading one runs no code.
 """
 
@@ -42,14 +42,15 @@ class Checkpoint:
     """The state of a training before `step`.
 
     Attributes:
-      key: digest of all that decides the result (configuration, robot, data, first weights).
-      step: next step to be done.
+      key: digest of everything that determines the result (configuration, robot, data, first
+        weights).
+      step: next step.
       weights: of the network.
       optimiser: AdamW's state.
       averaged: state of the averaged weights.
       best: weights with the least selection error so far; empty before the first validation.
       best_error: that error.
-      best_step: steps done when they were validated.
+      best_step: steps done at their validation.
       stale: validations of the last stage since then.
       curve: points of the training curve, as plain values.
     """
@@ -74,7 +75,7 @@ def write_checkpoint(checkpoint: Checkpoint, folder: Path) -> Path:
 
 
 def read_checkpoint(folder: Path, key: str, device: str = "cpu") -> Checkpoint | None:
-    """Read the checkpoint of a folder; None where there is none.
+    """Read the checkpoint of a folder; None if there is none.
 
     Raises:
       ConfigError: it belongs to a training with another configuration, robot, data or first
@@ -95,7 +96,7 @@ def read_checkpoint(folder: Path, key: str, device: str = "cpu") -> Checkpoint |
 
 
 def damaged(path: Path, why: object) -> DataError:
-    """What is said of a checkpoint that cannot be gone on from."""
+    """Message about an unusable checkpoint."""
     return DataError(f"{path} is damaged ({why}); remove it to train again from the start.")
 
 
@@ -115,7 +116,7 @@ def _fields(path: Path, file: BinaryIO, device: str) -> Any:
 
 
 def _checked(path: Path, fields: Any) -> Checkpoint:
-    """The fields of a checkpoint, if they are of their types; what is in them, torch refuses."""
+    """The fields of a checkpoint, checked for their types; their content is checked by torch."""
     if not isinstance(fields, dict) or fields.keys() != _TYPES.keys():
         raise damaged(path, f"it holds {shown(fields)}")
     for name, kind in _TYPES.items():

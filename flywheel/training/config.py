@@ -1,4 +1,4 @@
-"""What a user can choose about training, with the recipe that was measured best as defaults."""
+"""Settings of training, with the best measured recipe as defaults."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Stage(_Frozen):
     """A part of a curriculum.
 
     Attributes:
-      chunks: prediction chunks that a training window spans; gradients flow through all of them.
+      chunks: prediction chunks in a training window; gradients flow through all of them.
       share: of the step budget; the shares of a schedule are divided by their sum.
     """
 
@@ -47,7 +47,7 @@ def _stages(shares: dict[int, float]) -> tuple[Stage, ...]:
 
 
 class Schedule(_Frozen):
-    """How long to train, on windows of which length, at which rate.
+    """Number of steps, length of windows and learning rate of a training.
 
     Attributes:
       steps: optimiser steps in all. Budgets are counted in steps, never in seconds.
@@ -73,22 +73,22 @@ class Schedule(_Frozen):
 
 
 class TrainingConfig(_Frozen):
-    """How a network is trained.
+    """Settings of a network's training.
 
     Attributes:
       initial: schedule of a training from random weights.
       fine_tuning: schedule of a training from the last iteration's weights.
       chunks_per_batch: prediction chunks per optimiser step; a stage of k chunks has this / k
         windows.
-      least_windows: per batch, however long they are.
+      least_windows: per batch, for any length.
       weight_decay: of AdamW.
       clip: largest norm of the gradient.
-      averaging: decay per step of the running mean of the weights, which is what is validated and kept:
-        single steps scatter more than they gain. 0 keeps the weights as they are.
+      averaging: decay per step of the running mean of the weights, which is validated and kept:
+        single steps scatter more than they gain. 0 keeps the weights unaveraged.
       huber: residuals beyond this many scales count linearly.
       velocity_weight: of the node velocities' loss.
       position_weight: of the node positions' loss.
-      rest_weight: of the rest lengths' loss, where their truth is known.
+      rest_weight: of the rest lengths' loss, if their truth is known.
       lead_power: errors in chunk j are divided by (1 + j) to this power (positions: twice it).
       yaw_augmentation: turn every window about the vertical by a random angle, unless the network's
         predictions turn with the robot anyway (`NetworkConfig.yaw_frame`).
@@ -101,12 +101,12 @@ class TrainingConfig(_Frozen):
       patience: validations of the last stage without a better one before stopping early; 0 = never.
       checkpoint_every: steps between checkpoints; also written at the end of each stage.
       device: torch device.
-      threads: parts that each batch is cut into, to be computed at the same time, with one thread
+      threads: number of parts of each batch, computed at the same time, with one thread
         each: threads within single operations gain little on arrays of this size, and lose much
         where something else runs. Part of the result: sums are rounded differently.
       seed: of the weights, the order of the data and the augmentation.
       start_from: (`from` in files) weights that a run begins with, by the fine-tuning schedule: "shipped" for
-        the network that comes with Flywheel for the run's robot, or a file of weights; "" for random ones.
+        the shipped network for the run's robot, or a file of weights; "" for random ones.
     """
 
     model_config = ConfigDict(serialize_by_alias=True, validate_by_name=True)
@@ -155,7 +155,7 @@ class TrainingConfig(_Frozen):
     @model_validator(mode="before")
     @classmethod
     def _schedules_keep_what_is_not_given(cls, values: Any) -> Any:
-        """Fill in a schedule from the default: `training.initial.steps=500` changes just that."""
+        """Complete a schedule from the default: `training.initial.steps=500` changes just that."""
         if not isinstance(values, dict):
             return values
         partial = {

@@ -1,9 +1,10 @@
-"""The training loss: how far predicted nodes and rest lengths are from the measured ones.
+"""The training loss: deviations of predicted nodes and rest lengths from the measured ones.
 
 The paper's loss is on the velocity changes within one prediction chunk. Here the same quantity, the
-velocity of each node, is compared at every step of several chunks, with the position beside it, so
-that gradients reach back through all chunks. Residuals are measured in units of what a still guess
-would be off by at that step of a chunk, times a factor that grows with the chunk's lead time.
+velocity of each node, and its position are compared at every step of several chunks, so that
+gradients reach back through all chunks. Residuals are measured in units of the error of a
+prediction without motion at that step of a chunk, times a factor that grows with the chunk's lead
+time.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from flywheel.training.config import TrainingConfig
 
 @dataclass(frozen=True)
 class Truth:
-    """What a window's predictions are compared with. Missing values are NaN.
+    """Targets of a window's predictions. Missing values are NaN.
 
     Attributes:
       positions: (B, S, N, 3) of the nodes at the S = k n predicted steps [m].
@@ -33,12 +34,12 @@ class Truth:
 
 @dataclass(frozen=True)
 class Scales:
-    """Standard deviations of the n steps of a prediction chunk from a still guess.
+    """Standard deviations of the n steps of a prediction chunk from a constant-velocity guess.
 
     Attributes:
       velocity: (n,) of v[t + i] - v[t] [m/s].
       position: (n,) of p[t + i] - p[t] - i dt v[t] [m].
-      winch: () of a winch's way in one step [m].
+      winch: () of a winch's motion in one step [m].
     """
 
     velocity: Tensor
@@ -85,7 +86,7 @@ def residual_scales(positions: Tensor, winch: Tensor, dt: float) -> Scales:
 
     Args:
       positions: (B, n + 2, N, 3) [m]; the second entry is the present.
-      winch: (B, n + 1, W) [m], NaN where not measured.
+      winch: (B, n + 1, W) [m], NaN if not measured.
       dt: control step [s].
     """
     chunk = positions.shape[1] - 2
@@ -137,9 +138,9 @@ def window_loss(
 
 
 def _huber(predicted: Tensor, truth: Tensor, scale: Tensor, threshold: float) -> Tensor:
-    """Mean over the truth that is present of r^2, linear beyond the threshold; 0 for none.
+    """Mean of r^2 over the present truth, linear beyond the threshold; 0 for none.
 
-    A prediction that is not finite is never hidden: it makes the loss not finite.
+    A non-finite prediction is never hidden: it makes the loss non-finite.
     """
     present = torch.isfinite(truth)
     size = ((predicted - torch.where(present, truth, predicted)) / scale).abs()
@@ -148,7 +149,7 @@ def _huber(predicted: Tensor, truth: Tensor, scale: Tensor, threshold: float) ->
 
 
 def _spread(values: Tensor, axes: tuple[int, ...]) -> Tensor:
-    """Root mean square of what is present; 0 for nothing."""
+    """Root mean square of present values; 0 for none."""
     present = torch.isfinite(values)
     squares = torch.where(present, values, 0.0).double() ** 2
     mean = squares.sum(dim=axes) / present.sum(dim=axes).clamp(min=1)

@@ -1,4 +1,4 @@
-"""What a training step minimises: which windows it sees, and how far the network is off on them."""
+"""The objective of a training step: its windows, and the network's loss on them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Objective:
 
     Args:
       config: recipe.
-      schedule: that decides how long the windows of a step are.
+      schedule: determines the length of the windows of a step.
       simulator: of the network.
       cache: windows of the training episodes.
 
@@ -50,7 +50,7 @@ class Objective:
         """Losses of one optimiser step's batch; their gradient is left in the weights' `grad`.
 
         The batch is cut into `threads` parts, which `pool` computes at the same time. Their sum is
-        taken in a fixed order, so that it does not depend on which is ready first.
+        taken in a fixed order, independent of their completion.
         """
         batch = self.batch(step)
         weights = [w for w in network.parameters() if w.requires_grad]
@@ -106,7 +106,7 @@ class Objective:
         return to_batch(gathered, self._history, config.device)
 
     def measured(self) -> Batch:
-        """A large batch of one-chunk windows as they are, to measure scales on."""
+        """A large batch of unmodified one-chunk windows, to measure scales on."""
         rng = generator(self._config.seed, 0, _MEASURING)
         starts = self._draws[min(self._draws)](rng, _MEASURED_WINDOWS)
         return to_batch(self._cache.gather(starts, self._history + self._chunk), self._history)

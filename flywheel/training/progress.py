@@ -1,4 +1,4 @@
-"""What a training tells while it runs, and when it is done."""
+"""Progress reports of a training, and its result."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """One point of the training curve; it holds no timings, so that it repeats exactly.
+    """One point of the training curve, without timings, so that it is reproducible.
 
     Attributes:
       step: optimiser steps done.
       chunks: prediction chunks per window at this step.
       learning_rate: at this step.
       loss, velocity, position, rest: training loss and its parts on this step's batch.
-      e_pos_mse, e_pos_rmse: [%] validation rollout errors, None where none was due.
+      e_pos_mse, e_pos_rmse: [%] validation rollout errors, None without a validation.
       e_rot: [deg] likewise.
       error: selection error, likewise.
     """
@@ -36,7 +36,7 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """Where a training stands.
+    """Progress of a training.
 
     Attributes:
       point: the newest point of the curve.
@@ -59,8 +59,7 @@ class TrainingResult:
       weights: file of the best weights.
       digest: sha256 of them.
       best_error: selection error of the best weights, see `SELECTION`.
-      best_step: optimiser steps after which they were found; 0: all that came of the initial
-        weights was worse than they.
+      best_step: optimiser steps done at that time; 0: the initial weights were never improved.
       steps: optimiser steps done.
       curve: one point every `report_every` steps and at each validation.
     """

@@ -1,9 +1,9 @@
 """Training of the network that corrects a plant, from recordings of the robot alone.
 
-The plant predicts windows of the recordings once, from what is seen of the past. What it leaves, the measured
-points minus the predicted ones, is what the network learns to predict, over the whole horizon at once. A part
-of the recordings is held out: it decides when to stop, and how much of the correction is made. If none of it
-clearly helps there, the share is 0 and the model is the plant.
+The plant predicts windows of the recordings once, from the measured past. The network learns the
+residual, measured minus predicted points, over the whole horizon at once. A part of the recordings
+is held out: it determines the end of the training, and the applied fraction of the correction. If
+no fraction clearly helps there, it is 0 and the model is the plant.
 """
 
 from __future__ import annotations
@@ -55,28 +55,29 @@ _ORDER = 7  # what is drawn from a seed: in which order windows come
 _LEAST_RATE = 0.02  # where the cosine of the learning rate ends, as a share of the highest
 
 Say = Callable[[float, str], None]
-"""Is told how much is done, from 0 to 1, and a note."""
+"""Receives the completed fraction, from 0 to 1, and a note."""
 
 
 class ResidualTraining(BaseModel):
-    """How a plant's correction is trained.
+    """Settings of the training of a plant's correction.
 
     Attributes:
-      horizon: predicted from each present; less where no recording is as long.
+      horizon: predicted from each present; less if no recording is as long.
       spacing: between two presents of a recording.
-      windows: at most, of all recordings together.
-      held_out: share of the recordings that is not trained on, but decides.
+      windows: largest number, of all recordings together.
+      held_out: fraction of the recordings used for decisions instead of training.
       steps: of the optimiser, at most.
       batch: windows per step.
       learning_rate: highest one; it rises over the first `warmup_steps` and falls like a cosine.
       warmup_steps: of the optimiser.
       weight_decay: of AdamW.
       clip: largest norm of the gradient.
-      averaging: decay per step of the running mean of the weights, which is what is judged and kept.
-      huber: what is more than this many times as large as usual at its lead time counts linearly.
-      validate_every: steps between two looks at what is held out.
-      patience: looks without a better one before it stops early.
-      sure: standard errors by which the correction has to help on what is held out.
+      averaging: decay per step of the running mean of the weights, which is validated and kept.
+      huber: residuals larger than this many times their usual size at their lead time count
+        linearly.
+      validate_every: steps between two validations.
+      patience: validations without a better one before it stops early.
+      sure: standard errors by which the correction must help on held-out windows.
       seed: of the weights and of the order of the windows.
     """
 
@@ -106,13 +107,13 @@ class ResidualResult:
 
     Attributes:
       model: the plant and its correction.
-      plant_error, error: on what is held out, of the plant and of the model: distances in the mean, each
-        over what is usual of the plant at its lead time [-].
+      plant_error, error: on held-out windows, of the plant and of the model: mean distances, each
+        relative to the plant's usual one at its lead time [-].
       steps: optimiser steps done.
-      best_step: after which the weights were best.
-      windows, held_out: how many of each.
+      best_step: steps done at the best weights.
+      windows, held_out: their numbers.
       seconds: of the training, simulations included.
-      curve: (step, loss, error on what is held out with the whole correction).
+      curve: (step, loss, error on held-out windows with the whole correction).
     """
 
     model: ResidualDynamics
@@ -126,7 +127,9 @@ class ResidualResult:
     curve: tuple[tuple[int, float, float], ...]
 
     def notes(self) -> dict[str, object]:
-        """What is written beside the weights; no timings, so that equal trainings give equal files."""
+        """Notes for the side file of the weights; without timings, so that equal trainings give
+        equal files.
+        """
         return {
             "plant_error": self.plant_error,
             "error": self.error,
@@ -138,12 +141,12 @@ class ResidualResult:
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of recordings, as the plant predicts them; lengths in L.
+    """Windows of recordings with the plant's predictions; lengths in L.
 
     Attributes:
-      sight: what the network is shown.
-      left: (N, K, P, 3) what the plant leaves at each knot, in the mean over the steps around it.
-      weight: (N, K, P) share of those steps in which the point was measured.
+      sight: inputs of the network.
+      left: (N, K, P, 3) residual of the plant at each knot, averaged over the steps around it.
+      weight: (N, K, P) fraction of those steps with a measurement of the point.
     """
 
     sight: Sight
@@ -165,17 +168,17 @@ def train_residual(
     training: ResidualTraining = ResidualTraining(),
     say: Say = lambda done, note: None,
 ) -> ResidualResult:
-    """Train the correction of a plant. Equal arguments give equal weights, to the bit, on one machine.
+    """Train the correction of a plant. Equal arguments give equal weights, bit by bit, on one machine.
 
     Args:
-      plant: with what is known of the robot beyond its MJCF.
+      plant: with the known effects beyond its MJCF.
       recordings: unbatched, of the plant's control step; measurements are enough.
       config: of the network.
-      training: how.
-      say: is told how far it is.
+      training: its settings.
+      say: receives the progress.
 
     Raises:
-      DataError: recordings that do not fit the plant, or too little of them to train and to hold out.
+      DataError: recordings do not fit the plant, or are too short to train and to hold out.
       ModelError: the plant cannot predict them.
     """
     begun = time.monotonic()
@@ -206,7 +209,7 @@ def train_residual(
 
 
 def check(plant: RestartedPlant, recordings: Sequence[Trajectory]) -> None:
-    """Refuse recordings that do not fit the plant.
+    """Check that recordings fit the plant.
 
     Raises:
       DataError: they do not.
@@ -229,7 +232,7 @@ def check(plant: RestartedPlant, recordings: Sequence[Trajectory]) -> None:
 
 @dataclass(frozen=True)
 class Part:
-    """Steps of a recording in which windows lie; what was before them is known.
+    """A range of steps of a recording for windows; steps before it are used as past only.
 
     Attributes:
       track: the whole recording.
@@ -242,7 +245,7 @@ class Part:
 
 
 def split(recordings: Sequence[Trajectory], share: float) -> tuple[list[Part], list[Part]]:
-    """What to learn from, and to hold out: whole recordings if there are enough, else the end of each."""
+    """Training and held-out parts: whole recordings if there are enough, else the end of each."""
     count, period = len(recordings), max(2, round(1 / share))
     if count >= period:
         held = range(period - 1, count, period)
@@ -256,7 +259,7 @@ def split(recordings: Sequence[Trajectory], share: float) -> tuple[list[Part], l
 
 
 def horizon_of(lookout: Lookout, parts: Sequence[Part], training: ResidualTraining) -> int:
-    """Control steps of the longest windows that parts hold, up to the horizon."""
+    """Control steps of the longest windows that fit into the parts, up to the horizon."""
     plant, every = lookout.plant, lookout.every
     longest = max(p.end - max(p.begin, plant.history) for p in parts)
     return max(0, min(round(training.horizon / plant.dt), longest)) // every * every
@@ -269,14 +272,14 @@ def windows_of(
     training: ResidualTraining,
     say: Say = lambda done, note: None,
 ) -> Windows:
-    """Let the plant predict windows of parts of recordings.
+    """Predict windows of parts of recordings with the plant.
 
     Args:
       lookout: of the plant.
       parts: of recordings.
       steps: control steps of a window.
-      training: spacing, and how many windows at most.
-      say: is told how far it is.
+      training: spacing, and largest number of windows.
+      say: receives the progress.
 
     Raises:
       DataError: no recording is long enough.
@@ -286,8 +289,8 @@ def windows_of(
     if not found:
         least = (plant.history + lookout.every) * plant.dt
         raise DataError(
-            f"The recordings are too short, or points are missing too often: it takes {least:g} s in which "
-            "all points are in sight to learn from, and as much to judge by."
+            "The recordings are too short, or points are missing too often: training needs "
+            f"{least:g} s with all points in sight, and validation as much."
         )
     windows: list[Windows] = []
     for first in range(0, len(found), _SIMULATED):
@@ -296,12 +299,14 @@ def windows_of(
         done = first + len(some)
         say(done / len(found), f"the plant predicts window {done} of {len(found)}")
     if not windows:
-        raise DataError("The plant can predict no window of the recordings: all of them diverge.")
+        raise DataError(
+            "The plant cannot predict any window of the recordings: all of them diverge."
+        )
     return _joined(windows)
 
 
 _Present = tuple[Episode, int, Floats]
-"""A recording, a step of it, and what is known of its winches."""
+"""A recording, a step of it, and its winch positions."""
 
 
 def _presents(
@@ -310,7 +315,7 @@ def _presents(
     steps: int,
     training: ResidualTraining,
 ) -> list[_Present]:
-    """Where windows of so many steps begin."""
+    """Starts of windows of so many steps."""
     about = Provenance(plant.robot.digest, source="recording", dataset="recording")
     reckoning = Reckoning(plant.robot, plant.dt, plant.plant.terms)
     stride = max(1, round(training.spacing / plant.dt))
@@ -326,7 +331,9 @@ def _presents(
 
 
 def _predictable(lookout: Lookout, presents: Sequence[_Present], steps: int) -> list[Windows]:
-    """Windows as the plant predicts them, without those in which it diverges or a point is out of sight."""
+    """Windows with the plant's predictions, without those in which it diverges or a point is out of
+    sight.
+    """
     try:
         return [_predicted(lookout, presents, steps)]
     except ModelError:
@@ -383,7 +390,7 @@ class _Fitting:
         self._rng = generator(training.seed, 0, _ORDER)
 
     def run(self, say: Say) -> None:
-        """Train until the budget is spent, or nothing gets better."""
+        """Train until the budget is spent, or nothing improves."""
         training, network = self._training, self._network
         optimiser = torch.optim.AdamW(network.parameters(), weight_decay=training.weight_decay)
         best, since = math.inf, 0
@@ -408,12 +415,12 @@ class _Fitting:
                 best, self.best_step = float(errors.min()), self.step
                 self.best = copy.deepcopy(self._mean)
             gain = 1.0 - best / float(errors[0])
-            say(self.step / training.steps, f"step {self.step}, {gain:.0%} of the error gone")
+            say(self.step / training.steps, f"step {self.step}, {gain:.0%} of the error removed")
             if since >= training.patience:
                 return
 
     def _rate(self) -> float:
-        """Learning rate now, over the highest."""
+        """Present learning rate relative to the highest."""
         training = self._training
         rise = min(1.0, self.step / max(1, training.warmup_steps))
         fall = 0.5 * (1.0 + math.cos(math.pi * self.step / training.steps))
@@ -442,7 +449,7 @@ class _Fitting:
 
     @torch.no_grad()
     def errors(self, network: ResidualNetwork, windows: Windows) -> Floats:
-        """(N, shares) mean distance over what is usual, for each of `SHARES` of the correction."""
+        """(N, shares) relative mean distance, for each of `SHARES` of the correction."""
         found = []
         for first in range(0, len(windows), _JUDGED):
             some = windows[first : first + _JUDGED]
@@ -456,7 +463,7 @@ class _Fitting:
 
 
 def correction(network: ResidualNetwork, windows: Windows) -> Tensor:
-    """(N, K, P, 3) by how much a network moves the points at each knot [L]."""
+    """(N, K, P, 3) displacement of the points by a network at each knot [L]."""
     layout, ahead = network.layout, windows.sight.ahead
     shift, turn = network(windows.sight.past, ahead)
     body = layout.point_body
@@ -465,16 +472,18 @@ def correction(network: ResidualNetwork, windows: Windows) -> Tensor:
 
 
 def usual(windows: Windows) -> Tensor:
-    """(K, 1, 1) root mean square of a coordinate that the plant leaves, by lead time; never falls [L]."""
+    """(K, 1, 1) root mean square of a coordinate of the plant's residual, by lead time; never
+    decreases [L].
+    """
     squares = ((windows.left**2).sum(-1) * windows.weight).sum((0, 2))
     by_lead = squares / windows.weight.sum((0, 2)).clamp(min=1e-6) / 3
     return torch.cummax(by_lead, dim=0).values.clamp(min=1e-12).sqrt()[:, None, None]
 
 
 def chosen_share(errors: Floats, training: ResidualTraining) -> int:
-    """Which of `SHARES` has the least error; the first, none of the correction, unless that is sure.
+    """Index in `SHARES` with the least error; the first, no correction, unless the gain is significant.
 
-    Windows that overlap do not count as often as they are many.
+    Overlapping windows count less than their number.
     """
     best = int(errors.mean(axis=0).argmin())
     gain = errors[:, 0] - errors[:, best]

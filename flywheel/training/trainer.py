@@ -52,7 +52,7 @@ WEIGHTS = "weights.npz"
 
 @dataclass
 class _State:
-    """What changes while training; see `Checkpoint` for the fields."""
+    """State of a training in progress; see `Checkpoint` for the fields."""
 
     network: ChunkNetwork
     optimiser: torch.optim.Optimizer
@@ -75,21 +75,21 @@ class _State:
 class Trainer:
     """Trains one network on one data set, in one folder.
 
-    `run` may be killed at any instant and called again: it goes on from the folder's checkpoint
-    and, on the CPU with the same number of threads, ends with the same weights to the bit.
+    `run` may be killed at any instant and called again: it continues from the folder's checkpoint
+    and, on the CPU with the same number of threads, ends with the same weights bit by bit.
 
     Args:
       config: recipe and budget.
       network_config: of the network to be trained.
       robot: of the episodes.
       train, validation: windows of the two splits.
-      folder: for the checkpoint and the weights; made if need be.
-      initial_weights: file of weights to start from, by the fine-tuning schedule; they are given back
-        if what comes of it is worse beyond chance.
+      folder: for the checkpoint and the weights; made if necessary.
+      initial_weights: file of weights to start from, by the fine-tuning schedule; they are returned
+        if the trained ones are significantly worse.
 
     Raises:
-      DataError: a split has no window of the length needed.
-      ConfigError: `mix` names an unknown data set, or the folder holds another training.
+      DataError: a split has no window of the required length.
+      ConfigError: `mix` names an unknown data set, or the folder contains another training.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Trainer:
         self._key = self._fingerprint(validation)
 
     def run(self, on_progress: OnProgress | None = None) -> TrainingResult:
-        """Train, or go on training, to the end of the budget.
+        """Train, or continue training, to the end of the budget.
 
         Args:
           on_progress: called with every new point of the curve.
@@ -161,7 +161,7 @@ class Trainer:
         return self._result(state)
 
     def _start(self) -> _State:
-        """State to begin with: the folder's checkpoint, else the initial weights, else random ones."""
+        """Initial state: the folder's checkpoint, else the initial weights, else random ones."""
         config = self._config
         network = self._first_network().to(config.device)
         optimiser = torch.optim.AdamW(
@@ -290,7 +290,7 @@ class Trainer:
         )
 
     def _fingerprint(self, validation: WindowCache) -> str:
-        """Digest of all that decides the final weights."""
+        """Digest of everything that determines the final weights."""
         first = self._initial_weights
         parts = {
             "training": self._config.model_dump(mode="json"),

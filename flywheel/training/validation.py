@@ -1,4 +1,4 @@
-"""Validation: rolling the network out from fixed windows of episodes it is not trained on.
+"""Validation: rollouts of the network from fixed windows of held-out episodes.
 
 Weights are selected by this, never by the training loss: over one chunk the loss falls while
 rollouts get worse.
@@ -21,7 +21,7 @@ from flywheel.records import Floats
 from flywheel.robots import Robot
 from flywheel.training.batches import generator, to_batch
 
-SELECTION = "e_rot [deg] + a window's RMSE/L in the mean [%]"
+SELECTION = "e_rot [deg] + mean RMSE/L of a window [%]"
 _BLOCK = 64  # windows rolled out at a time, so that a block's activations stay in the cache
 _FAR = 1e3  # [m] where a rollout that is not finite is taken to have gone
 _PURPOSE = 3
@@ -33,7 +33,7 @@ class ValidationErrors:
 
     Attributes:
       table: over all of them.
-      by_window: (windows,) what weights are selected by, see `selection_error`, of each window.
+      by_window: (windows,) selection criterion of each window, see `selection_error`.
     """
 
     table: ErrorTable
@@ -41,20 +41,20 @@ class ValidationErrors:
 
 
 def selection_error(errors: ValidationErrors) -> float:
-    """What the best weights have least of: rotation error [deg] plus a window's RMSE/L in the mean [%].
+    """Selection criterion: rotation error [deg] plus the mean RMSE/L of a window [%].
 
-    Of a robot whose bodies have one tracked point each it is the latter alone.
+    For a robot with one tracked point per body it is the latter alone.
 
-    Both are of the same size for a good model, and neither can be bought with the other. The root
-    over all windows together will not do: the few in which a robot tips over the other way decide it.
-    Infinite where an error is not a number.
+    Both have the same size for a good model, and neither can be traded for the other. The root over
+    all windows together is unsuitable: it is dominated by the few in which a robot tips over the
+    other way. Infinite if an error is not a number.
     """
     error = float(np.nanmean(errors.by_window))
     return error if math.isfinite(error) else math.inf
 
 
 def clearly_worse(after: ValidationErrors, before: ValidationErrors) -> bool:
-    """Whether weights do worse than others on the same windows, by more than two standard errors."""
+    """True if weights are worse than others on the same windows by more than two standard errors."""
     if not math.isfinite(selection_error(after)):
         return True
     more = after.by_window - before.by_window
@@ -71,7 +71,7 @@ class Validation:
       history, chunk: of the network [steps].
       dt: control step [s].
       seconds: predicted per window [s].
-      windows: how many.
+      windows: their number.
       seed: of the draw.
 
     Raises:
@@ -111,7 +111,7 @@ class Validation:
     def __call__(
         self, simulator: Simulator, network: ChunkNetwork, device: str
     ) -> ValidationErrors:
-        """Errors of the network's rollouts; a rollout that is not finite counts as far off."""
+        """Errors of the network's rollouts; a non-finite rollout counts as far off."""
         table, by_window = ErrorTable.empty(self._robot, self._dt), []
         for i in range(0, len(self._batch.points), _BLOCK):
             truth, predicted = self._block(simulator, network, device, slice(i, i + _BLOCK))
@@ -122,7 +122,7 @@ class Validation:
         return ValidationErrors(table, np.concatenate(by_window))
 
     def _turn(self, truth: Floats, predicted: Floats) -> Floats | float:
-        """(B,) rotation errors in the mean [deg]; 0 for a robot whose points tell of none."""
+        """(B,) mean rotation errors [deg]; 0 for a robot whose points show none."""
         if not any(shows_turn(self._robot, body) for body in self._robot.bodies):
             return 0.0
         return np.asarray(np.nanmean(rotation_error(self._robot, truth, predicted), axis=(1, 2)))

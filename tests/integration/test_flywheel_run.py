@@ -159,7 +159,7 @@ def test_a_tormented_run_comes_to_the_same_outcome(peaceful, killed):
     assert wait_for(driver, "MPPI worker", LONG), "the killed trainer is replaced"
     os.killpg(driver.pid, signal.SIGINT)  # what a terminal does
     assert driver.wait(60) == 130, words_of(folder)
-    assert "what is finished is kept" in words_of(folder)
+    assert "finished work is kept" in words_of(folder)
 
     with pytest.raises(ConfigError, match="mppi.samples: 8 -> 9"):
         run(load_config(CONFIG, ["mppi.samples=9"]), folder, resume=True, tracker=None)

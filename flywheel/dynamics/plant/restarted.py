@@ -118,7 +118,9 @@ class RestartedPlant:
         points, speeds = causal_polynomial(recent, self.dt, self.degree)
         points = np.where(np.isfinite(points), points, _last_seen(past.observations.points))
         if not np.isfinite(points).all():
-            raise ModelError("A tracked point was not seen in the whole past; cannot restart there.")
+            raise ModelError(
+                "A tracked point was not seen in the whole past; cannot restart there."
+            )
         poses = self._poses(points, past.winch[:, -1])
         velocities = [
             self._velocity(

@@ -1,8 +1,8 @@
-"""The memory and disk space that work needs, estimated before anything starts.
+"""Estimates of memory and disk space, before anything starts.
 
-The bounds of single settings are in `flywheel.quantities`; here the product of several is bounded. The
-estimates are right to a factor of about three on the shipped robots. Work that is refused would fill the
-memory or the disk long before its end.
+The bounds of single settings are in `flywheel.quantities`; here the product of several is bounded.
+The estimates are right to a factor of about three on the shipped robots. Rejected work would fill
+the memory or the disk long before its end.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ PREDICTED = 2e3  # for each step of a prediction [bytes]; measured on prism3 and
 
 @dataclass(frozen=True)
 class Demand:
-    """The memory or disk space that one purpose needs.
+    """Memory or disk space needed for one purpose.
 
     Attributes:
-      what: name of the purpose in the plural, with the settings that decide it.
-      bytes: that are needed.
-      most: bytes that are allowed.
+      what: name of the purpose in the plural, with the settings that determine it.
+      bytes: needed.
+      most: allowed.
     """
 
     what: str
@@ -39,13 +39,13 @@ class Demand:
 
 
 def check_predictions(number: int, seconds: float, dt: float, options: str) -> None:
-    """Refuse more predictions at a time than fit into the memory.
+    """Check that simultaneous predictions fit into the memory.
 
     Args:
       number: of predictions.
       seconds: length of each [s].
       dt: control step [s].
-      options: of the command that decide this, e.g. "--draws, --horizon and --dt".
+      options: of the command that determine these numbers, e.g. "--draws, --horizon and --dt".
 
     Raises:
       ConfigError: they do not fit.

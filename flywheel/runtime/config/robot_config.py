@@ -1,4 +1,4 @@
-"""The robot of a run: how it is reached, what is recorded on it, and what a stand-in for one is."""
+"""The robot of a run: its link, the recordings made on it, and the stand-in."""
 
 from __future__ import annotations
 
@@ -23,40 +23,43 @@ STAND_IN_FILE = "stand_in.yaml"
 
 
 def write_stand_in(config: StandInConfig, folder: Path) -> None:
-    """Write down what a stand-in is, for the one that drives it and for nobody else."""
+    """Write the stand-in's description into a file for its own process only."""
     folder.mkdir(parents=True, exist_ok=True)
     write_output(folder / STAND_IN_FILE, yaml_of(config))
 
 
 def read_stand_in(folder: Path) -> StandInConfig | None:
-    """What a stand-in is; None if nothing says so.
+    """The stand-in's description; None without one.
 
     Raises:
-      ConfigError: the file was changed so that it is none.
+      ConfigError: the file was changed and is invalid.
     """
     path = folder / STAND_IN_FILE
     return read_config(StandInConfig, path) if path.exists() else None
 
 
 class RobotConfig(StandInConfig):
-    """A robot that is driven through a link, and what is recorded on it.
+    """A robot behind a link, and the recordings made on it.
 
-    What a stand-in is (`StandInConfig`) is told to nobody else: it is in no dump of this and in no digest.
+    The stand-in's description (`StandInConfig`) is secret: it is in no dump of this and in no
+    digest.
 
     Attributes:
-      link: "simulated" for a stand-in in a process of its own, "tcp://HOST:PORT", "ros://HOST:PORT",
-        "MODULE:CLASS", or
-        "transcripts:FOLDER" for what went over the link of an earlier run (its folder `robot/`).
-      links: how many are driven at once; only stand-ins are as many as one wants.
-      arguments: of a class of one's own.
-      first: episodes that are recorded in iteration 0, half of them with gaits where the robot has some,
-        the others with random controls.
+      link: "simulated" for a stand-in in its own process, "tcp://HOST:PORT", "ros://HOST:PORT",
+        "MODULE:CLASS", or "transcripts:FOLDER" for the messages on the link of an earlier run (its
+        folder `robot/`).
+      links: number of robots driven at once; more than one for stand-ins only.
+      arguments: of a user's class.
+      first: episodes recorded in iteration 0, half of them with gaits if the robot has any, the
+        others with random controls.
       first_seconds: their duration [s].
-      drives: episodes to goals that each planner drives in every iteration, with the task and the MPPI of
+      drives: episodes to goals for each planner in every iteration, with the task and the MPPI of
         the run.
-      planners: models that MPPI drives the robot with: "network"; "given", the MJCF as it is; "plant",
-        the MJCF with the effects that were adopted; "residual", that plant with a network that corrects it.
-      validation, test: shares of the episodes of each kind that are kept for validation and for tests.
+      planners: models with which MPPI drives the robot: "network"; "given", the unchanged MJCF;
+        "plant", the MJCF with the adopted effects; "residual", that plant with a correcting
+        network.
+      validation, test: fractions of the episodes of each kind that are kept for validation and for
+        tests.
     """
 
     link: Place = SIMULATED
@@ -71,12 +74,12 @@ class RobotConfig(StandInConfig):
 
     @property
     def stand_in(self) -> StandInConfig:
-        """What the stand-in is."""
+        """Description of the stand-in."""
         return StandInConfig(**{name: getattr(self, name) for name in STAND_IN})
 
     @property
     def public(self) -> RobotConfig:
-        """The same without what only the stand-in may know."""
+        """The same without the secrets of the stand-in."""
         return RobotConfig.model_validate(self.model_dump())
 
     @model_validator(mode="after")

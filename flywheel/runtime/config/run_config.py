@@ -1,4 +1,4 @@
-"""Everything a run is made from. Each part is owned by the package that it configures."""
+"""The complete configuration of a run. Each part is owned by the package that it configures."""
 
 from __future__ import annotations
 
@@ -74,25 +74,25 @@ Processors = Annotated[float, Bounds(0, 1000)]
 
 
 class Part(BaseModel):
-    """Base of the configuration's parts: frozen, and unknown keys are refused."""
+    """Base of the configuration's parts: frozen, unknown keys are rejected."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class CollectConfig(Part):
-    """Which episodes are recorded for training.
+    """Episodes recorded for training.
 
     Attributes:
       gaits, random, drops: episodes of each kind in iteration 0, spread over the data sets.
       gait_seconds, random_seconds, drop_seconds: their durations [s].
-      gait_variation: largest random change of the cable lengths of a gait's targets, as a share [-]. Each
-        gait starts from where the robot came to rest after a random drop.
-      mppi: episodes that each later iteration adds.
+      gait_variation: largest random change of the cable lengths of a gait's targets, as a fraction
+        [-]. Each gait starts where the robot came to rest after a random drop.
+      mppi: episodes added by each later iteration.
       mppi_seconds: their longest duration [s].
-      mppi_samples: plans that MPPI tries at a time for them; None for `mppi.samples`. Data needs variety,
-        a goal the best plan.
-      validation: share of the episodes of each kind that is kept for validation.
-      test: share of the episodes of each kind of iteration 0 that is kept for tests.
+      mppi_samples: plans that MPPI samples at a time for them; None for `mppi.samples`. Data needs
+        variety, a goal the best plan.
+      validation: fraction of the episodes of each kind that is kept for validation.
+      test: fraction of the episodes of each kind of iteration 0 that is kept for tests.
       recordings: segments already in the store that belong to the data from iteration 0 on.
     """
 
@@ -112,23 +112,24 @@ class CollectConfig(Part):
 
 
 class EvaluateConfig(Part):
-    """How models are judged.
+    """Evaluation of models.
 
     Predictions start from the measurements. Those of a simulated episode are compared with its true states,
     those of a recording with its own measurements.
 
     Attributes:
-      tasks: closed-loop episodes per model, each as long as `task.seconds` at most; the same tasks
-        for every model.
+      tasks: closed-loop episodes per model, each at most `task.seconds` long; the same tasks for
+        every model.
       horizon_seconds: of the short-horizon errors [s].
       starts: predictions per episode, for the short-horizon errors.
       full: also predict whole episodes.
       oracle: also run the tasks with a planner that knows the plant (the ceiling).
       floor: also score the plant restarted from partial observations (the floor).
-      floor_window: past steps from which the floor estimates velocities; more than 1 for noisy points.
+      floor_window: past steps from which the floor estimates velocities; more than 1 for noisy
+        points.
       video: render one episode per iteration, and per unseen course.
-      unseen: courses, as in `task.course`, that the last champion drives through at the end, once for each
-        task. Nothing is learned from them.
+      unseen: courses, as in `task.course`, that the last champion drives through at the end, once
+        for each task. They are not used for training.
     """
 
     tasks: Episodes = 8
@@ -153,19 +154,20 @@ class EvaluateConfig(Part):
 
 
 class DiagnoseConfig(Part):
-    """Whether a run diagnoses its plant with the recordings before it collects again.
+    """Diagnosis of the plant with the recordings, before a run collects again.
 
-    An effect that is found, and confirmed by the recordings that are kept for tests, is added to the plant.
-    The episodes of the first iteration are then simulated again, and those of the old plant are left out.
+    An effect that is found, and confirmed by the recordings that are kept for tests, is added to
+    the plant. The episodes of the first iteration are then simulated again, and those of the old
+    plant are excluded.
 
     Attributes:
       on: diagnose, from iteration 1 on.
-      effects: names of those that may be missing; by default all of the library, and of the run's law files.
-      unsure: effect -> standard deviation of what the MJCF says about it, see
-        `diagnosis.fitting.nuisance`.
-      seconds: of recordings that are used, at most; as many again of those kept for tests [s].
-      episode_seconds: of each recording, from its begin, at most; so many recordings are used, spread over
-        all that there are. None for the first recordings as a whole [s].
+      effects: names of the candidates; by default all of the library, and of the run's law files.
+      unsure: effect -> standard deviation of the MJCF's number, see `diagnosis.fitting.nuisance`.
+      seconds: largest total duration of the recordings used; the same again of those kept for tests
+        [s].
+      episode_seconds: longest part of each recording, from its beginning; enough recordings are
+        used, spread over all of them. None for the first recordings as a whole [s].
       window_seconds: length of the windows [s]; None for a length that suits the robot.
     """
 
@@ -177,10 +179,10 @@ class DiagnoseConfig(Part):
     window_seconds: HorizonSeconds | None = None
 
     def check_names(self, library: Mapping[str, Effect]) -> None:
-        """Refuse effects that are in no library, or that one cannot be unsure of.
+        """Check the names of effects, and those given as uncertain.
 
         Raises:
-          UnknownNameError, DataError: the message says which, and what there is.
+          UnknownNameError, DataError: the message says which, and lists the known ones.
         """
         for name in self.effects:
             lookup(library, name, "effect")
@@ -188,12 +190,12 @@ class DiagnoseConfig(Part):
 
 
 class ResidualModelConfig(Part):
-    """Whether a small network also learns what the plant leaves of the recordings (`flywheel correct`).
+    """Training of a small network on the plant's residual in the recordings (`flywheel correct`).
 
     Attributes:
       on: train one in every iteration, on the plant with the effects adopted so far.
       network: its shape.
-      training: how; its seed is derived from that of the run.
+      training: its settings; its seed is derived from that of the run.
     """
 
     on: bool = False
@@ -202,7 +204,7 @@ class ResidualModelConfig(Part):
 
 
 class GateConfig(Part):
-    """When a new model replaces the champion.
+    """Conditions for a new champion.
 
     Attributes:
       error_ratio: the new model's validation error may be at most this times the champion's on the same
@@ -215,7 +217,7 @@ class GateConfig(Part):
 
 
 class WorkersConfig(Part):
-    """The workers that compute. Nothing here changes a result.
+    """The worker processes. These settings do not affect results.
 
     Attributes:
       sim: workers that record episodes and score models.
@@ -223,11 +225,11 @@ class WorkersConfig(Part):
       trainer_cpus: cores that a trainer books; 0 if it takes turns with the other workers.
       trainer_gpus: GPUs that a trainer books.
       cores: threads that may compute at once; None for all cores of this machine or of the cluster.
-      start_seconds: longest time that a worker may take to start [s].
+      start_seconds: longest start of a worker [s].
       stall_seconds: longest time without progress before a busy worker is replaced [s].
-      drain_seconds: time that running episodes have to end when the run is asked to stop [s].
-      least_episodes: share of a stage's episodes that must be recorded for the run to go on.
-      least_free_gb: free disk space that a run needs to begin [GB].
+      drain_seconds: time for running episodes to end when the run is asked to stop [s].
+      least_episodes: fraction of a stage's episodes that must be recorded for the run to continue.
+      least_free_gb: free disk space required at the start of a run [GB].
     """
 
     sim: Workers = 2
@@ -263,11 +265,11 @@ def _with_preset(network: Any) -> Any:
 
 
 class DataSet(Part):
-    """A variation of the plant. Its place in the list is its place in the network's one-hot.
+    """A variation of the plant. Its index in the list is its index in the network's one-hot.
 
     Attributes:
       name: in an episode's provenance.
-      plant: what differs from the MJCF, as factors.
+      plant: differences from the MJCF, as factors.
     """
 
     name: Name = "nominal"
@@ -279,22 +281,23 @@ class RunConfig(Part):
 
     Attributes:
       name: for people.
-      model: name of a shipped robot, or path of an MJCF: the robot as far as it is known.
-      robot: that is driven and measured; None where the model itself is simulated in its place.
-      seed: that every other seed is derived from.
+      model: name of a shipped robot, or path of an MJCF: the model of the robot.
+      robot: driven and measured; None to simulate the model in its place.
+      seed: source of every other seed.
       iterations: after iteration 0.
-      control_arm: beside MPPI's, train a model on as many episodes with random controls.
-      effects: of every plant, beyond its MJCF. A file may give the path of an adopted plant instead, whose
-        effects are then taken over.
-      effects_from: law files, with effects of one's own: Python that is run. A configuration's file gives
-        their paths relative to itself; on the command line they are relative to where one is.
-      datasets: variations of the plant; MPPI collects and is judged on the first.
+      control_arm: in addition to MPPI's, train a model on as many episodes with random controls.
+      effects: of every plant, beyond its MJCF. A file may give the path of an adopted plant
+        instead, whose effects are then used.
+      effects_from: law files with the user's own effects: Python that is run. A configuration's
+        file gives their paths relative to itself; on the command line they are relative to the
+        working directory.
+      datasets: variations of the plant; MPPI collects and is evaluated on the first.
       measurement: between the plant and everything that learns or plans.
-      terrain: that episodes are recorded on.
-      collect, task, mppi, network, training, evaluate, diagnose, residual, gate: described in their own
-        classes.
+      terrain: ground of the episodes.
+      collect, task, mppi, network, training, evaluate, diagnose, residual, gate: described in their
+        own classes.
       sim_threads: threads of each simulation worker.
-      workers, tracking: described in their own classes; they change no result.
+      workers, tracking: described in their own classes; they do not affect results.
       store: URL of the trajectory store; "" for `store/` in the run folder.
     """
 
@@ -372,7 +375,7 @@ class RunConfig(Part):
 
     @classmethod
     def _given(cls, files: Any) -> list[LawFile]:
-        """Law files as they are given: one, or a list."""
+        """The value of a setting for law files: one, or a list."""
         return [LawFile.model_validate(each) for each in cls._one_or_several(files)]
 
     @model_validator(mode="after")
@@ -416,8 +419,8 @@ class RunConfig(Part):
     def _a_diagnosis_has_recordings(self) -> Self:
         if self.diagnose.on and not self.collect.recordings and self.robot is None:
             raise ValueError(
-                "diagnose.on needs recordings: name those in the store in collect.recordings, or a robot "
-                "that records some (robot.link)"
+                "diagnose.on needs recordings: name those in the store in collect.recordings, or "
+                "a robot that records some (robot.link)"
             )
         return self
 
@@ -464,9 +467,9 @@ def load_stored_config(path: str | Path, overrides: Sequence[str] = ()) -> RunCo
 
 
 def decisive(config: RunConfig) -> dict[str, Any]:
-    """The part of a configuration that decides the results, as plain values.
+    """The part of a configuration that determines the results, as plain values.
 
-    What the robot is does so, too, but nobody knows it: only how it is used is among them.
+    The stand-in's physics does so, too, but is secret: only its use is included.
     """
     values = config.model_dump(mode="json")
     if config.robot is not None:
@@ -477,18 +480,20 @@ def decisive(config: RunConfig) -> dict[str, Any]:
 
 
 def config_digest(config: RunConfig) -> str:
-    """sha256 of the part of a configuration that decides the results."""
+    """sha256 of the part of a configuration that determines the results."""
     return hashlib.sha256(json.dumps(decisive(config), sort_keys=True).encode()).hexdigest()
 
 
 def _not_doable(config: RunConfig) -> list[str]:
-    """Why no machine could do the run, as sentences; empty if one could."""
+    """Reasons why no machine could do the run, as sentences; empty if one could."""
     too_large = [str(demand) for demand in _demands(config) if demand.bytes > demand.most]
     return [*_too_short(config), *_too_many(config), *too_large]
 
 
 def _episodes(config: RunConfig) -> dict[str, tuple[int, float]]:
-    """For each setting of a duration: how many such episodes the whole run has, and their length [s]."""
+    """For each setting of a duration: the number of such episodes in the whole run, and their
+    length [s].
+    """
     collect, evaluate = config.collect, config.evaluate
     trained = config.iterations * (1 + config.control_arm)
     driven = 1 + trained + evaluate.oracle + (1 + evaluate.oracle) * len(evaluate.unseen)

@@ -1,6 +1,7 @@
-"""The configurations that come with flywheel, by name: `prism3`, `smoke`, `paper/s_course`.
+"""The shipped configurations, by name: `prism3`, `smoke`, `paper/s_course`.
 
-In a checkout they are the files in its `configs/`; a wheel holds the same files within the package.
+In a checkout they are the files in its `configs/`; a wheel contains the same files within the
+package.
 """
 
 from __future__ import annotations
@@ -38,9 +39,9 @@ def config_file(config: str | Path) -> Path:
 
 
 def copied_text(name: str) -> str:
-    """A shipped configuration as the text of a file that may lie anywhere.
+    """A shipped configuration as the text of a file for any folder.
 
-    What it extends is named, as the other files do not lie beside the copy.
+    Its base files are named, because they are not next to the copy.
 
     Raises:
       UnknownNameError: there is none of this name.

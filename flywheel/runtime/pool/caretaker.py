@@ -1,9 +1,9 @@
-"""Tidies up after a process, however it ends: not even a killed one leaves processes or folders behind.
+"""Cleans up after a process, however it ends: even a killed one leaves no processes or folders behind.
 
-A `Caretaker` is a small process that runs this file. It waits for the end of a pipe, which the kernel closes
-when the process at the other end is gone; then it ends what that process started. This file imports only the
-standard library and is run without site packages, so that a caretaker costs about 20 ms and 9 MB. Hence it
-is a module of its own.
+A `Caretaker` is a small process that runs this file. It waits for the end of a pipe, which the
+kernel closes when the process at the other end is gone; then it ends the processes started by that
+one. This file imports only the standard library and is run without site packages, so that a
+caretaker costs about 20 ms and 9 MB. Hence it is a module of its own.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TICK = 0.05  # between two looks at them [s]
 
 
 class Caretaker:
-    """Tidies up when this process, or the `with` block, has ended.
+    """Cleans up when this process, or the `with` block, has ended.
 
     Args:
       folder: to remove, after its processes (those with `MARK` set to it) have ended.
@@ -44,7 +44,7 @@ class Caretaker:
         )
 
     def close(self) -> None:
-        """Tidy up now, and wait until that is done."""
+        """Clean up now, and wait until that is done."""
         assert self._process.stdin is not None
         self._process.stdin.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -67,7 +67,7 @@ def remove(folder: Path, grace: float = GRACE) -> None:
 
     Args:
       folder: to remove.
-      grace: time that the processes have to end by themselves [s].
+      grace: time for the processes to end by themselves [s].
     """
     _wait_until(lambda: not any(marked(folder)), grace)
     for process in marked(folder):
@@ -85,7 +85,7 @@ def marked(folder: Path) -> Iterator[int]:
 
 
 def _belongs(process: Path, folder: Path) -> bool:
-    """Whether a process is marked, or is one of Ray's with files there: a title may hide the mark."""
+    """True if a process is marked, or is one of Ray's with files there: a title may hide the mark."""
     if f"{MARK}={folder}".encode() in (process / "environ").read_bytes().split(b"\0"):
         return True
     if not (process / "comm").read_text().startswith("ray"):

@@ -1,4 +1,4 @@
-"""The signs of progress that a worker gives from inside a job, for the pool that waits for it."""
+"""Progress signals of a worker from inside a job, for the waiting pool."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from flywheel.runtime.pool.jobs import Beat
 
 
 class Heartbeat:
-    """Holds a worker's latest sign of progress, which another thread reads."""
+    """Stores a worker's latest progress signal, which another thread reads."""
 
     def __init__(self) -> None:
         self.beat = Beat()
 
     def start(self, note: str = "") -> None:
-        """Say that a job begins."""
+        """Report the beginning of a job."""
         self.beat = Beat(note=note, count=self.beat.count + 1)
 
     def progress(self, done: float, note: str = "") -> None:
-        """Say that the share `done` (0 to 1) of the job is done."""
+        """Report the completed fraction `done` (0 to 1) of the job."""
         self.beat = Beat(done, self.beat.count + 1, note)

@@ -25,7 +25,7 @@ ONE_WISH = (
 
 
 class Interrupted(FlywheelError):
-    """The run stopped because it was asked to; `--resume` goes on from there."""
+    """The run stopped on request; `--resume` continues it."""
 
 
 @contextmanager
@@ -57,13 +57,14 @@ def caught(act: Callable[[], None]) -> Iterator[None]:
 
 
 class StopRequest:
-    """Is called to learn whether the user asked to stop. As a context manager it catches the signals.
+    """A callable that returns True once the user asked to stop. As a context manager it catches the
+    signals.
 
     The second wish to end is a KeyboardInterrupt, wherever the process is. In a thread other than the main
     one no signal can be caught; there `ask` is the only way.
 
     Args:
-      seconds: after which it is as if the user had asked [s]; counted from here.
+      seconds: after which the user counts as having asked, from now on [s].
     """
 
     def __init__(self, seconds: float = math.inf) -> None:

@@ -1,4 +1,4 @@
-"""The jobs of a worker pool and their answers. Nothing here knows about Ray."""
+"""The jobs of a worker pool and their answers, independent of Ray."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flywheel.errors import FlywheelError
 
 
 class WorkerDied(FlywheelError):
-    """The worker was gone before it could answer; the job may be done again."""
+    """The worker was gone before it could answer; the job may be repeated."""
 
 
 class JobFailed(FlywheelError):
@@ -30,12 +30,12 @@ class Group:
     """Workers of one kind.
 
     Attributes:
-      name: that jobs ask for, e.g. "sim" or "trainer".
+      name: requested by jobs, e.g. "sim" or "trainer".
       factory: makes the worker inside its process.
       arguments: of the factory.
       count: number of workers.
-      cpus: that each worker books from the cluster; 0 if groups take turns on the same cores.
-      gpus: that each worker books.
+      cpus: booked by each worker from the cluster; 0 if groups take turns on the same cores.
+      gpus: booked by each worker.
       threads: of each worker; a running job takes as many of the pool's cores.
     """
 
@@ -50,7 +50,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Job:
-    """One piece of work. It can be done again with the same result if its worker dies.
+    """One piece of work. It can be repeated with the same result if its worker dies.
 
     Attributes:
       id: unique within the run; the same work has the same id in a resumed run.
@@ -69,11 +69,11 @@ class Job:
 
 @dataclass(frozen=True)
 class Beat:
-    """A sign of progress of a busy worker.
+    """A progress signal of a busy worker.
 
     Attributes:
-      done: share of the job that is done, 0 to 1.
-      count: grows with every sign of progress, also where the share does not.
+      done: completed fraction of the job, 0 to 1.
+      count: grows with every signal, also if the fraction does not.
       note: for people ("step 400, loss 0.12").
     """
 
@@ -87,8 +87,8 @@ class Answer:
     """The answer of a worker to a job.
 
     Attributes:
-      value: that the job's method returned.
-      cpu_seconds: that the worker's process spent on it, in all threads [s].
+      value: return value of the job's method.
+      cpu_seconds: used by the worker's process for it, in all threads [s].
     """
 
     value: Any = None
@@ -97,7 +97,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A job set aside because it took several workers down with it."""
+    """A job set aside because it killed several workers."""
 
     id: str
     deaths: tuple[str, ...]
@@ -111,7 +111,7 @@ class PoolReport:
       results: by job id.
       quarantined: jobs without a result.
       restarts: workers started in place of one that died or hung.
-      cpu_seconds: spent on the jobs that have results [s].
+      cpu_seconds: used for the jobs that have results [s].
     """
 
     results: dict[str, Any] = field(default_factory=dict)
@@ -121,10 +121,10 @@ class PoolReport:
 
 
 class Backend(Protocol):
-    """Starts, asks and ends workers: `ray_backend.RayBackend`, or a fake in tests."""
+    """Starts, queries and ends workers: `ray_backend.RayBackend`, or a fake in tests."""
 
     def start(self, group: Group) -> Any:
-        """Begin to start a worker and return its handle, without waiting."""
+        """Start a worker and return its handle, without waiting."""
         ...
 
     def ready(self, worker: Any) -> Hashable:
@@ -149,7 +149,7 @@ class Backend(Protocol):
         ...
 
     def beat(self, worker: Any) -> Beat | None:
-        """The worker's last known sign of progress, without waiting; None if none is known."""
+        """The worker's last known progress signal, without waiting; None if none is known."""
         ...
 
     def kill(self, worker: Any) -> None:
@@ -157,5 +157,5 @@ class Backend(Protocol):
         ...
 
     def share(self, value: Any) -> Any:
-        """Put a large value where every worker can read it; pass the result as an argument."""
+        """Put a large value into shared storage; pass the result as an argument."""
         ...

@@ -20,13 +20,13 @@ LOCK_FILE = "run.lock"
 def hold(path: Path, what: str, wait_seconds: float = 0.0) -> Iterator[None]:
     """Hold the lock file `path` for as long as the block runs.
 
-    The kernel releases the lock when its process ends, however it ends, so that no lock is stale. It works
-    between the processes of one machine, and over NFS v4.
+    The kernel releases the lock when its process ends, however it ends, so no lock is stale. It
+    works between the processes of one machine, and over NFS v4.
 
     Args:
       path: of the lock file; made if it is missing, and kept afterwards.
-      what: name of what it guards, for the message, e.g. "The run in runs/a".
-      wait_seconds: how long to wait for another holder [s].
+      what: name of the guarded thing, for the message, e.g. "The run in runs/a".
+      wait_seconds: longest wait for another holder [s].
 
     Raises:
       ConfigError: another process holds it; the message names its pid and host.

@@ -2,9 +2,9 @@
 
 * Workers start when there is work for them. At most one job per worker, and at most as many threads
   as there are cores, are busy at once.
-* A worker that dies, or shows no sign of progress for too long, is replaced, and its job is done
-  again by whoever is free. Jobs carry their own seeds, so the result is the same.
-* A job that takes `DEATHS_ALLOWED` workers down with it is set aside; the others go on.
+* A worker that dies, or gives no progress signal for too long, is replaced, and its job is repeated
+  by a free worker. Jobs carry their own seeds, so the result is the same.
+* A job that kills `DEATHS_ALLOWED` workers is set aside; the others continue.
 * If workers do not start, the pool stops with a message instead of waiting for ever.
 """
 
@@ -36,13 +36,13 @@ STARTS_ALLOWED = 3
 
 @dataclass(frozen=True)
 class Patience:
-    """How long the pool waits, in seconds.
+    """Time limits of the pool, in seconds.
 
     Attributes:
       start: for a worker to start.
-      stall: for a busy worker's next sign of progress.
+      stall: for a busy worker's next progress signal.
       drain: for running jobs, when the run is asked to stop.
-      tick: between two looks at the workers.
+      tick: between two checks of the workers.
     """
 
     start: float = 120.0
@@ -66,11 +66,11 @@ class WorkerPool:
     """Runs jobs on groups of workers.
 
     Args:
-      backend: starts and asks the workers.
+      backend: starts and queries the workers.
       groups: of workers.
       cores: threads that may compute at the same time.
-      patience: how long to wait.
-      stop: returns true when the run is to end.
+      patience: time limits.
+      stop: returns True when the run is to end.
       clock: gives the time [s]; tests replace it.
     """
 
@@ -94,7 +94,7 @@ class WorkerPool:
         self._workers: list[_Worker] = []
 
     def share(self, value: Any) -> Any:
-        """Put a large argument where every worker can read it."""
+        """Put a large argument into shared storage."""
         return self._backend.share(value)
 
     def run(
@@ -107,10 +107,10 @@ class WorkerPool:
         """Do every job and return the outcome.
 
         Args:
-          jobs: in order of preference. A later job overtakes one whose workers are all busy, but not one
-            whose worker is just starting.
-          on_result: is called in this process as soon as a job is done.
-          progress: shows how far the jobs are.
+          jobs: in order of preference. A later job overtakes one whose workers are all busy, but
+            not one whose worker is just starting.
+          on_result: called in this process as soon as a job is done.
+          progress: display for people.
           title: of the work, for people.
 
         Raises:
@@ -129,7 +129,7 @@ class WorkerPool:
                 while turn.queue or self._busy():
                     if self._stop():
                         self._drain(turn)
-                        raise Interrupted(f"Stopped during {title!r}; what is finished is kept.")
+                        raise Interrupted(f"Stopped during {title!r}; finished work is kept.")
                     self._dispatch(turn)
                     self._collect(turn, self._patience.tick)
                     self._look_after(turn)
@@ -195,15 +195,15 @@ class WorkerPool:
             late = now - max((w.since for w in own), default=now) > self._patience.start
             if late and not any(w.ready for w in own):
                 raise RunError(
-                    f"No {name} worker has started for {self._patience.start:.0f} s; "
-                    f"{len(own)} wanted, 0 there. Has the cluster lost a node, or is it busy? "
-                    "What is finished is kept: continue with --resume."
+                    f"No {name} worker has started for {self._patience.start:.0f} s; {len(own)} "
+                    "requested, 0 running. Has the cluster lost a node, or is it busy? Finished "
+                    "work is kept: continue with --resume."
                 )
 
     # --- steps of these ---------------------------------------------------------------------
 
     def _staff(self, jobs: Sequence[Job]) -> None:
-        """Start the workers that these jobs need and that do not run yet."""
+        """Start the workers that these jobs need and that are not running."""
         for group in self._groups.values():
             there = sum(worker.group.name == group.name for worker in self._workers)
             useful = min(group.count, sum(job.group == group.name for job in jobs))

@@ -1,4 +1,4 @@
-"""Shows how far the work is: live bars on a terminal, plain lines elsewhere."""
+"""Progress display: live bars on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from flywheel.outputs import printable
 
 
 class Stage(Protocol):
-    """One piece of work whose progress is shown."""
+    """One piece of work with a progress display."""
 
     def update(self, done: float, note: str = "") -> None:
-        """Say that `done` of the stage's total is done."""
+        """Report that `done` of the stage's total is done."""
         ...
 
 
 class Progress(Protocol):
-    """Shows people how far the work is."""
+    """Progress display for people."""
 
     def say(self, text: str) -> None:
-        """Show one line about what has happened."""
+        """Show one line about an event."""
         ...
 
     def stage(self, title: str, total: float) -> AbstractContextManager[Stage]:
@@ -50,14 +50,14 @@ class PieceOfStage:
 
     Attributes:
       whole: the longer one.
-      before: what of it is done when the piece begins.
+      before: amount of it done at the beginning of the piece.
     """
 
     whole: Stage
     before: float
 
     def update(self, done: float, note: str = "") -> None:
-        """Say that `done` of the piece is done."""
+        """Report that `done` of the piece is done."""
         self.whole.update(self.before + done, note)
 
 
@@ -65,10 +65,10 @@ TYPICAL_NOTES = 20  # of a piece of work whose number of steps is not known befo
 
 
 def notes_of(update: Callable[[float, str], None]) -> Callable[[str], None]:
-    """Takes notes of work whose number of steps nobody knows: each brings its share nearer to one.
+    """Progress of work with an unknown number of steps: each note moves the fraction closer to one.
 
     Args:
-      update: told the share that is done, and the note.
+      update: receives the completed fraction, and the note.
     """
     taken = 0
 
@@ -120,7 +120,7 @@ class Lines:
 
     @contextmanager
     def stage(self, title: str, total: float) -> Iterator[Stage]:
-        """Write a line when the stage begins, every now and then, and when it ends."""
+        """Write a line at the beginning of the stage, at intervals, and at its end."""
         shown = _StageLines(title, total, self._write, self._every, self._clock)
         yield shown
         shown.end()
@@ -167,7 +167,7 @@ class Bars:
 
     @contextmanager
     def stage(self, title: str, total: float) -> Iterator[Stage]:
-        """Show a bar for as long as the stage lasts."""
+        """Show a bar until the stage ends."""
         columns = (
             SpinnerColumn(),
             TextColumn("{task.description:<22}", markup=False),
@@ -190,7 +190,7 @@ class _StageBar:
 
 
 def console_progress(console: Console | None = None) -> Progress:
-    """Bars where there is a terminal, plain lines where there is none."""
+    """Bars on a terminal, plain lines elsewhere."""
     console = console or Console(stderr=True)
     if console.is_terminal:
         return Bars(console)

@@ -1,9 +1,9 @@
 """Workers on a Ray cluster. This is the only module that imports ray.
 
-A worker is a plain class. Here it becomes an actor with a second thread that reports progress while a job
-runs. Ray's own restarts and retries are off: the pool counts and reports them instead.
+A worker is a plain class. Here it becomes an actor with a second thread that reports progress while
+a job runs. Ray's own restarts and retries are off: the pool counts and reports them instead.
 
-A local cluster has a temporary folder of its own, with a short path, which is removed afterwards.
+A local cluster has its own temporary folder with a short path, which is removed afterwards.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ClusterConfig:
 class Cluster:
     """A connection to Ray for as long as a `with` block lasts.
 
-    A Ray that is already initialised in this process is used as it is and left running.
+    A Ray that is already initialised in this process is used unchanged and left running.
     """
 
     def __init__(self, config: ClusterConfig) -> None:
@@ -139,7 +139,7 @@ class Cluster:
         return int(ray.cluster_resources().get("CPU", 1))
 
     def check_fits(self, groups: Iterable[Group]) -> None:
-        """Refuse groups that book more than the cluster has; Ray would wait for ever without a word.
+        """Reject groups that book more than the cluster has; Ray would wait for ever without a message.
 
         Raises:
           ConfigError: the cluster is too small.
@@ -168,7 +168,7 @@ def _no_connection(error: Exception, address: str | None) -> RunError:
         return RunError(f"No Ray could be started here: {first}")
     token = "auth" in f"{type(error).__name__} {error}".lower()
     advice = (
-        "It wants a token: set RAY_AUTH_MODE=token and RAY_AUTH_TOKEN (or ~/.ray/auth_token) "
+        "It requires a token: set RAY_AUTH_MODE=token and RAY_AUTH_TOKEN (or ~/.ray/auth_token) "
         "as on its head node."
         if token
         else "Is it running, is the address host:port as seen from here, and the Ray version "
@@ -189,10 +189,10 @@ def _log_death_messages() -> None:
 
 @contextmanager
 def _loopback_only() -> Iterator[None]:
-    """Have Ray listen only to this machine: whoever reaches its ports can run programs.
+    """Make Ray listen on this machine only: everyone with access to its ports can run programs.
 
-    Ray's switch for this is named after Windows and macOS. It is read when Ray is imported, so it is set both
-    in this process and in the environment of those that it starts.
+    Ray's switch for this is named after Windows and macOS. It is read when Ray is imported, so it
+    is set both in this process and in the environment of its child processes.
     """
     from ray._private import (
         ray_constants,
@@ -231,7 +231,7 @@ class _Actor:
 
 
 def _name_thread(name: str) -> None:
-    """Name this thread after its job, for `top -H` and /proc; Ray's own process titles do not last."""
+    """Name this thread after its job, for `top -H` and /proc; Ray resets its own process titles."""
     with contextlib.suppress(OSError):
         Path(f"/proc/self/task/{threading.get_native_id()}/comm").write_text(name[:15])
 
@@ -243,7 +243,7 @@ class RayBackend:
         self._beats: dict[Any, tuple[Any, Beat | None]] = {}
 
     def start(self, group: Group) -> Any:
-        """Begin to start an actor; it lives until it is killed or the driver ends."""
+        """Start an actor without waiting; it lives until it is killed or the driver ends."""
         threads = str(group.threads)
         names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "FLYWHEEL_THREADS")
         actor = ray.remote(
@@ -312,7 +312,7 @@ class RayBackend:
 
 
 def _death_message(error: BaseException) -> str:
-    """The one line about a dead actor that matters in Ray's paragraph."""
+    """The relevant line of Ray's message about a dead actor."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if lines and "creation task" in lines[0]:
         return f"it could not be made: {lines[-1][:300]}"
@@ -322,10 +322,10 @@ def _death_message(error: BaseException) -> str:
 
 
 def check_fits(groups: Iterable[Group], there: dict[str, float]) -> None:
-    """Refuse groups that book more than the resources `there`, e.g. {"CPU": 2.0}.
+    """Reject groups that book more than the resources `there`, e.g. {"CPU": 2.0}.
 
     Raises:
-      ConfigError: too little of anything; the message holds a table.
+      ConfigError: too little of a resource; the message contains a table.
     """
     groups = list(groups)
     rows = [
@@ -348,17 +348,17 @@ def check_fits(groups: Iterable[Group], there: dict[str, float]) -> None:
         for a, b, c, d in [("workers", "count", "CPUs", "GPUs"), *rows]
     )
     raise ConfigError(
-        "The cluster is too small for the workers that the configuration asks for:\n"
-        f"{table}\nAsk for fewer (workers.sim=...), or give the cluster more."
+        "The cluster is too small for the workers that the configuration "
+        f"requests:\n{table}\nRequest fewer (workers.sim=...), or give the cluster more."
     )
 
 
 def check_reachable(address: str, seconds: float = 5.0) -> None:
-    """Refuse an address at which nobody listens; Ray itself would try for minutes.
+    """Check that an address has a listener; Ray itself would try for minutes.
 
     Raises:
       ConfigError: the address has another form.
-      ConnectionError: nobody listens there.
+      ConnectionError: there is no listener.
     """
     if address in ("auto", "local"):
         return

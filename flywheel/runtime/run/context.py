@@ -1,4 +1,6 @@
-"""A run that is under way: what every stage needs, and what the run's files say about earlier iterations."""
+"""A run in progress: common objects of all stages, and the results of earlier iterations from the
+run's files.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ class Model:
     """A trained model.
 
     Attributes:
-      arm, iteration: in which it was trained.
+      arm, iteration: of its training.
       digest: of the weights.
       path: of the weights' file.
     """
@@ -53,7 +55,7 @@ class Model:
 
 @dataclass
 class Run:
-    """A run that is under way.
+    """A run in progress.
 
     Attributes:
       config: resolved.
@@ -62,7 +64,7 @@ class Run:
       store: of its episodes.
       pool: of its workers.
       tracker: None if the run is not tracked.
-      progress: shows people how far the run is.
+      progress: display for people.
     """
 
     config: RunConfig
@@ -75,11 +77,11 @@ class Run:
     _shared: dict[str, Any] = field(default_factory=dict)
 
     def arms(self, iteration: int) -> list[Arm]:
-        """Arms that have an iteration of their own; iteration 0 is common to both."""
+        """Arms with their own results in an iteration; iteration 0 is common to both."""
         return ["mppi", "control"] if iteration and self.config.control_arm else ["mppi"]
 
     def arm_of(self, iteration: int, arm: Arm) -> Arm:
-        """The arm whose iteration an arm builds on: in iteration 0 all build on "mppi"."""
+        """The arm on which an arm's iteration is based: in iteration 0 always "mppi"."""
         return arm if arm in self.arms(iteration) else "mppi"
 
     def finished(self, arm: Arm) -> list[IterationResult]:
@@ -89,20 +91,21 @@ class Run:
         return [result for result in results if result is not None]
 
     def latest(self, arm: Arm) -> IterationResult | None:
-        """The iteration whose model an arm goes on from; None before the first.
+        """The iteration whose model an arm continues from; None before the first.
 
-        It is the champion's iteration. The control arm has no gate and goes on from its last usable model.
+        It is the champion's iteration. The control arm has no gate and continues from its last
+        usable model.
         """
         chosen = [r for r in self.finished(arm) if r.gate is None or r.gate.promoted]
         return next((r for r in reversed(chosen) if usable(r.validation)), None)
 
     def latest_model(self, arm: Arm) -> Model | None:
-        """The model that an arm plans with and trains on from; None before the first."""
+        """The model that an arm plans with and trains further; None before the first."""
         result = self.latest(arm)
         return None if result is None else self.model_of(result)
 
     def model_of(self, result: IterationResult) -> Model:
-        """The model that an iteration produced."""
+        """The model of an iteration."""
         path = self.folder.weights(result.iteration, result.arm)
         return Model(result.arm, result.iteration, result.model, path)
 
@@ -135,19 +138,20 @@ class Run:
         return self.config.effects if note is None else note.effects
 
     def plant_since(self, iteration: int) -> int:
-        """The first iteration with the plant that this iteration has."""
+        """The first iteration with the same plant as this one."""
         changed = (i for i in range(iteration, 0, -1) if self.changes_plant(i))
         return next(changed, 0)
 
     def changes_plant(self, iteration: int) -> bool:
-        """Whether a diagnosis before this iteration changed the plant."""
+        """True if a diagnosis before this iteration changed the plant."""
         note = self.folder.diagnosis(iteration)
         return note is not None and note.adopted
 
     def test_episodes(self, iteration: int) -> list[str]:
         """Ids of the simulated test episodes on an iteration's plant.
 
-        These are those of the first collection on the plant, and the closed-loop ones up to the iteration.
+        These are those of the first collection on the plant, and the closed-loop ones up to the
+        iteration.
         """
         begun = self.plant_since(iteration)
         first = self.store.snapshot(name_of(begun, "mppi"))
@@ -158,7 +162,7 @@ class Run:
         return own + [p for p in plans if p in there]
 
     def robot_episodes(self, iteration: int) -> list[str]:
-        """Ids of what was recorded on the robot before an iteration's own drives, as planned."""
+        """Ids of the planned episodes on the robot before an iteration's own drives."""
         if self.config.robot is None:
             return []
         plans = first_recordings(self.config)
@@ -176,7 +180,7 @@ class Run:
         return [summary.id for summary in summaries if summary.split == split]
 
     def robot_minutes(self, iteration: int) -> float:
-        """Minutes that were recorded on the robot before an iteration's own drives."""
+        """Minutes recorded on the robot before an iteration's own drives."""
         there, dt = self.store.committed(), self.config.network.dt
         names = self.robot_episodes(iteration)
         return sum(s.steps for name in names for s in there[name].summaries) * dt / 60
@@ -185,7 +189,7 @@ class Run:
         """Run jobs on the pool.
 
         Raises:
-          RunError: the operating system refused something, e.g. because the disk is full.
+          RunError: the operating system reported an error, e.g. because the disk is full.
           JobFailed: a job raised an error.
         """
         if not jobs:
@@ -201,11 +205,11 @@ class Run:
             raise
 
     def episode_jobs(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
-        """Jobs that record episodes. For an episode that is in the store already, the job only reports it.
+        """Jobs that record episodes. An episode that is already in the store is only reported.
 
         Args:
           plans: of the episodes.
-          model: that MPPI plans with.
+          model: for MPPI.
 
         Raises:
           RunError: MPPI plans an episode, and there is no model.
@@ -222,11 +226,11 @@ class Run:
         ]
 
     def robot_jobs(self, plans: Sequence[EpisodePlan], model: Model | None = None) -> list[Job]:
-        """Jobs that record episodes on the robot; what is in the store already is only reported.
+        """Jobs that record episodes on the robot; episodes already in the store are only reported.
 
         Args:
           plans: of the episodes.
-          model: that MPPI plans with; None for the plant with the effects of each plan.
+          model: for MPPI; None for the plant with the effects of each plan.
         """
         weights = () if model is None else (self.shared_weights(model),)
         size = SIMULATING if plans and plans[0].task_seed is None else PLANNING
@@ -236,14 +240,14 @@ class Run:
         ]
 
     def _planner(self, model: Model | None) -> Any:
-        """Shared weights of the model that MPPI plans with."""
+        """Shared weights of the model for MPPI."""
         if model is None:
-            raise RunError("MPPI wants to collect, but there is no model yet.")
+            raise RunError("MPPI cannot collect: there is no model yet.")
         return self.shared_weights(model)
 
 
 def usable(errors: Errors | None) -> bool:
-    """Whether there are errors and they are finite."""
+    """True if there are errors and they are finite."""
     return errors is not None and math.isfinite(errors.short.e_pos_rmse)
 
 

@@ -1,4 +1,4 @@
-"""The weights that a run's first training begins with, if it does not begin with random ones."""
+"""The initial weights of a run's first training, unless they are random."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def initial_weights(config: RunConfig, robot: Robot) -> Path | None:
 
     Raises:
       ModelError: there are no such weights, or they are of another robot.
-      ConfigError: they are of another network than the run's; the message says how to make it theirs.
+      ConfigError: they are of another network than the run's; the message lists the settings to
+        change.
     """
     source = config.training.start_from
     if not source:
@@ -35,7 +36,7 @@ def initial_weights(config: RunConfig, robot: Robot) -> Path | None:
 
 
 def _overrides(own: NetworkConfig, theirs: NetworkConfig) -> list[str]:
-    """What one types to turn one network into the other."""
+    """Command-line settings that turn one network into the other."""
     before, after = own.model_dump(mode="json"), theirs.model_dump(mode="json")
     changed = {key: value for key, value in after.items() if value != before[key]}
     return [f"network.{key}={json.dumps(value)}" for key, value in changed.items()]

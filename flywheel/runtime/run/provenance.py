@@ -43,7 +43,7 @@ def _beside(result: IterationResult) -> list[str]:
 
 
 def rests_on(run: Run, result: IterationResult) -> dict[str, str]:
-    """Name -> digest of what an iteration left beside its result: snapshot, files, episodes."""
+    """Name -> digest of an iteration's other files: snapshot, files, episodes."""
     iteration, arm = result.iteration, result.arm
     others = tuple(f"{name_of(iteration, other)}-" for other in ARMS if other != arm)
     recorded = {n: d for n, d in _recorded(run, iteration).items() if not n.startswith(others)}
@@ -54,7 +54,7 @@ def rests_on(run: Run, result: IterationResult) -> dict[str, str]:
 
 
 def end_rests_on(run: Run, result: RunResult) -> dict[str, str]:
-    """Name -> digest of what the end of a run left beside its result: episodes and videos."""
+    """Name -> digest of the other files at the end of a run: episodes and videos."""
     videos = [run.folder.path / each.video for each in result.unseen if each.video]
     pooled = {f"{SNAPSHOT}{POOLED}": run.store.snapshot(POOLED).digest}
     recorded = _recorded(run, -1)
@@ -63,7 +63,7 @@ def end_rests_on(run: Run, result: RunResult) -> dict[str, str]:
 
 
 def _recorded(run: Run, iteration: int) -> dict[str, str]:
-    """Segment -> digest of the episodes that an iteration recorded; -1 is the end of the run."""
+    """Segment -> digest of the episodes recorded by an iteration; -1 is the end of the run."""
     return {
         name: receipt.sha256
         for name, receipt in run.store.committed().items()
@@ -78,7 +78,7 @@ def _digests(run: Run, paths: Sequence[Path]) -> dict[str, str]:
 
 
 def result_so_far(run: Run, identity: Identity, notes: list[str]) -> RunResult:
-    """The result of the run without what is known only at the end."""
+    """The result of the run without its final part."""
     done = [
         run.folder.finished(iteration, arm)
         for iteration in range(run.config.iterations + 1)

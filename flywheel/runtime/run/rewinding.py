@@ -1,4 +1,4 @@
-"""Goes back to before an iteration: all that came after is set aside, and nothing is deleted."""
+"""Returns to the state before an iteration: everything later is set aside, nothing is deleted."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _OF_THE_END = re.compile(r"unseen-.*")
 
 
 def rewind(folder: RunFolder, store: TrajectoryStore, iteration: int) -> list[str]:
-    """Set aside what a run did from an iteration on, so that `--resume` does it again.
+    """Set aside a run's work from an iteration on, so that `--resume` repeats it.
 
-    An episode stays if it is sound, and was driven by no model or by one that stays.
+    An episode stays if it is undamaged, and was driven without a model or by one that stays.
 
     Args:
       folder: of the run.
       store: of its episodes.
-      iteration: the first to be done again; one more than the last for the end of the run alone.
+      iteration: the first to be repeated; one more than the last for the end of the run alone.
 
     Returns:
-      Names of what was set aside.
+      Names of the files set aside.
 
     Raises:
-      ConfigError: the run is under way.
-      RunError: a file that would stay is not sound, or there is no such iteration.
+      ConfigError: the run is in progress.
+      RunError: a file that would stay is damaged, or there is no such iteration.
     """
     with hold(folder.lock, f"The run in {folder.path}"):
         look = Inventory(folder, store)
@@ -66,7 +66,7 @@ def _check(folder: RunFolder, iteration: int, end: int, faults: Iterable[Fault])
     for fault in faults:
         if not fault.idle and (fault.since is None or fault.since < iteration):
             raise RunError(
-                f"Nothing was set aside: what would stay is not sound. {fault.kind}: {fault} "
+                f"Nothing was set aside: a file that would stay is damaged. {fault.kind}: {fault} "
                 + (
                     "Put a copy of it back."
                     if fault.since is None

@@ -1,7 +1,7 @@
-"""Checks, before anything starts, whether a robot can do what a configuration asks for.
+"""Checks, before anything starts, that a robot can do what a configuration requests.
 
-All misfits are found at once, each with the override that leaves it out, so that nobody finds them one by one
-after hours.
+All misfits are found at once, each with the override that disables it, so that nobody finds them
+one by one after hours.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ ENOUGH = 10  # episodes with random controls give training, validation and test 
 
 @dataclass(frozen=True)
 class Misfit:
-    """Something that a run asks of a robot that cannot do it.
+    """A request of a run that its robot cannot fulfil.
 
     Attributes:
-      asked: the setting that asks for it.
-      why: a sentence about why the robot cannot do it.
-      override: `key=value` that leaves it out.
+      asked: the setting that requests it.
+      why: a sentence with the reason.
+      override: `key=value` that disables it.
     """
 
     asked: str
@@ -51,14 +51,14 @@ class Misfit:
 
 
 def check_suits(config: RunConfig, robot: Robot) -> None:
-    """Refuse a run that its robot cannot do.
+    """Reject a run that its robot cannot do.
 
     Raises:
-      ConfigError: it asks for something that the robot cannot do, and the message has the overrides that
-        leave it out; iteration 0 would record too little; or a law file cannot be used.
+      ConfigError: it requests something that the robot cannot do, and the message has the overrides
+        that disable it; iteration 0 would record too little; or a law file cannot be used.
       UnknownNameError: an effect has a place that the robot does not have, or is in no library.
-      DataError: one cannot be unsure of an effect.
-      ModelError: the robot does not even come to rest.
+      DataError: an effect cannot be uncertain.
+      ModelError: the robot does not come to rest.
     """
     if config.effects_from:
         config.diagnose.check_names(config.library())
@@ -68,8 +68,8 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
     if found:
         lines = "\n".join(f"  {misfit.asked}: {misfit.why}" for misfit in found)
         raise ConfigError(
-            f"The run asks for what {robot.name} cannot do:\n{lines}\n"
-            f"Without it: {overrides_without(found)}"
+            f"{robot.name} cannot do this run:\n{lines}\nTo leave these out: "
+            f"{overrides_without(found)}"
         )
     collection(config, 0, "mppi")
     if config.robot is not None:
@@ -77,7 +77,7 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
 
 
 def check_reached(config: RunConfig, robot: Robot) -> None:
-    """Refuse a run whose robot does not answer at its port, before anything is started.
+    """Reject a run whose robot does not answer at its port, before anything is started.
 
     Raises:
       LinkError: it does not, or is another robot.
@@ -88,7 +88,7 @@ def check_reached(config: RunConfig, robot: Robot) -> None:
 
 
 def _check_robot(config: RunConfig, link: RobotConfig, robot: Robot) -> None:
-    """Refuse a robot that records too little, or a stand-in that cannot be.
+    """Reject a robot that records too little, or an impossible stand-in.
 
     Raises:
       ConfigError, UnknownNameError: the message says what is wrong.
@@ -105,7 +105,7 @@ def _check_robot(config: RunConfig, link: RobotConfig, robot: Robot) -> None:
 
 
 def misfits(config: RunConfig, robot: Robot, dt: float | None = None) -> list[Misfit]:
-    """All that a configuration asks for and a robot of this kind cannot do; nothing is simulated for it.
+    """All requests of a configuration that a robot of this kind cannot fulfil; nothing is simulated.
 
     Args:
       config: of a run.
@@ -118,7 +118,7 @@ def misfits(config: RunConfig, robot: Robot, dt: float | None = None) -> list[Mi
 
 
 def overrides_without(found: list[Misfit]) -> str:
-    """The overrides that leave out what a robot cannot do, as one types them in a shell."""
+    """The overrides that disable what a robot cannot do, in shell syntax."""
     return shlex.join(dict.fromkeys(misfit.override for misfit in found))
 
 
@@ -171,15 +171,13 @@ def _kinds(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
 def _times(config: RunConfig, robot: Robot, dt: float) -> Iterator[Misfit]:
     """Misfits of times that must be multiples of a time step, with control steps of `dt` [s]."""
     if dt != config.network.dt:
-        why = (
-            f"Time steps of {robot.name} are {robot.timestep:g} s, of which it is to be a multiple."
-        )
+        why = f"It must be a multiple of the time step of {robot.name}, {robot.timestep:g} s."
         yield Misfit(f"network.dt={config.network.dt:g}", why, f"network.dt={dt:.12g}")
     for name in MppiConfig.TIMES:
         seconds = getattr(config.mppi, name)
         count = max(1, round(seconds / dt))
         if not np.isclose(count * dt, seconds, rtol=1e-6):
-            why = f"It is no multiple of the control step of {dt:.12g} s."
+            why = f"It is not a multiple of the control step of {dt:.12g} s."
             yield Misfit(f"mppi.{name}={seconds:g}", why, f"mppi.{name}={count * dt:.12g}")
 
 
@@ -213,14 +211,14 @@ def _tasks(config: RunConfig, robot: Robot) -> Iterator[Misfit]:
 
 
 def _refuse_gaits(config: RunConfig, robot: Robot) -> None:
-    """Refuse a robot without gaits, or that cannot be dropped: gaits begin with a drop."""
+    """Reject a robot without gaits, or that cannot be dropped: gaits begin with a drop."""
     for gait in GAITS:
         Gait(robot, gait, config.network.dt)
     refuse_fixed(robot)
 
 
 def _refuse_terrain(config: RunConfig, robot: Robot) -> None:
-    """Refuse a robot that cannot stand on the ground a run asks for."""
+    """Reject a robot that cannot stand on the ground of a run."""
     robot.require_free("put on ground that is not level")
     rough = tuple(kind for kind in config.terrain.kinds if kind != "flat")
     terrain = config.terrain.model_copy(update={"kinds": rough})
@@ -229,14 +227,14 @@ def _refuse_terrain(config: RunConfig, robot: Robot) -> None:
 
 
 def _feels_load(config: RunConfig, robot: Robot) -> bool:
-    """Whether the position of an unmeasured winch depends on its load."""
+    """True if the position of an unmeasured winch depends on its load."""
     terms = tuple(effect.term(robot, config.library()) for effect in config.effects)
     reckoning = Reckoning(robot, config.network.dt, terms)
     return reckoning.loaded and not all(winch.measured for winch in robot.winches)
 
 
 def _reason(check: Callable[[], object]) -> str:
-    """Why a check fails; "" if it passes."""
+    """Reason why a check fails; "" if it passes."""
     try:
         check()
     except (RobotError, ConfigError, ModelError) as error:

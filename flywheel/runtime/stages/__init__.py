@@ -1,7 +1,7 @@
-"""The six stages of an iteration, one module each, and the records that they hand on.
+"""The six stages of an iteration, one module each, and the records passed between them.
 
-`record` puts what they did together, as an `IterationResult`.
-Every stage first looks at what is already there, so that a killed run goes on where it was.
+`record` combines their outcomes as an `IterationResult`. Every stage first checks for existing
+results, so that a killed run continues where it stopped.
 """
 
 from flywheel.runtime.stages.collect import collect

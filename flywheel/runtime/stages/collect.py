@@ -1,4 +1,4 @@
-"""Collect: record the episodes that an iteration adds to the data."""
+"""Collect: record the new episodes of an iteration."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def collect(run: Run, iteration: int, arms: list[Arm], tally: Tally) -> list[Col
 def valid_notes(
     report: PoolReport, plans: Sequence[EpisodePlan], tally: Tally
 ) -> list[EpisodeNote]:
-    """The reports about episodes that are stored; the others become sentences in the tally."""
+    """The reports about stored episodes; the others become sentences in the tally."""
     done = episode_notes(report, plans)
-    tally.problems += [f"{n.id} was thrown away: {n.invalid}" for n in done if n.invalid]
+    tally.problems += [f"{n.id} was discarded: {n.invalid}" for n in done if n.invalid]
     return [note for note in done if not note.invalid]
 
 
@@ -57,5 +57,5 @@ def _check_enough(config: RunConfig, wanted: int, valid: int, what: str) -> None
     if valid < config.workers.least_episodes * wanted:
         raise RunError(
             f"Only {valid} of {wanted} episodes of {what} could be recorded; at least "
-            f"{config.workers.least_episodes:.0%} are wanted (workers.least_episodes)."
+            f"{config.workers.least_episodes:.0%} are required (workers.least_episodes)."
         )

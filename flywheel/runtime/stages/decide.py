@@ -1,4 +1,4 @@
-"""Decide: whether the new model becomes the champion."""
+"""Decide: promote the new model to champion, or keep the old one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flywheel.runtime.stages.outcomes import ArmOutcome
 
 
 def decide(run: Run, outcomes: list[ArmOutcome]) -> list[ArmOutcome]:
-    """Ask the gate. Only the MPPI arm has a champion and a gate."""
+    """Apply the gate. Only the MPPI arm has a champion and a gate."""
     return [
         replace(outcome, gate=_gate(run, outcome)) if outcome.arm == "mppi" else outcome
         for outcome in outcomes

@@ -1,4 +1,4 @@
-"""Diagnose: which effects the plant lacks to explain the recordings, before episodes are collected."""
+"""Diagnose: identify effects missing from the plant with the recordings, before episodes are collected."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ EXPECTED_SECONDS = 60.0  # of one diagnosis; for the remaining time that is show
 
 
 def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
-    """Diagnose the plant and write down the answer.
+    """Diagnose the plant and write the answer.
 
     Returns:
-      The answer; None if the diagnosis took several workers down and was set aside.
+      The answer; None if the diagnosis killed several workers and was set aside.
     """
     if (done := run.folder.diagnosis(iteration)) is not None:
         return done
@@ -47,13 +47,13 @@ def diagnose(run: Run, iteration: int, tally: Tally) -> DiagnosisNote | None:
 
 
 def _off(run: Run, iteration: int, tally: Tally, plants: Sequence[Effects]) -> list[float]:
-    """How far predictions of the held-out recordings by plants are off [% of the length]; NaN without any."""
+    """Prediction errors of plants on the held-out recordings [% of the length]; NaN without any."""
     episodes = run.recordings("test", iteration)
     jobs = [
         score_jobs(run, f"i{iteration:04d}-plant-{i}", KnownPlant(each), episodes, each, full=False)
         for i, each in enumerate(plants)
     ]
-    title = f"{iteration}: predict what was held out"
+    title = f"{iteration}: predict the held-out recordings"
     report = tally.add(run.do([job for each in jobs for job in each], title))
     errors = [scored(report, each) for each in jobs]
     return [math.nan if each is None else each.short.e_pos_rmse for each in errors]
@@ -62,30 +62,30 @@ def _off(run: Run, iteration: int, tally: Tally, plants: Sequence[Effects]) -> l
 def unless_worse(
     note: DiagnosisNote, before: Effects, off_before: float, off_after: float
 ) -> DiagnosisNote:
-    """A diagnosis of which nothing is adopted where the plant would then predict worse.
+    """A diagnosis without adoption if the plant would predict worse with it.
 
-    With fitted starts an effect may gain, and yet mislead predictions from what was measured: one that only
-    imitates what is missing does.
+    With fitted starts an effect may gain, and yet make predictions from measurements worse: an
+    imitation of the missing effect does.
 
     Args:
       note: adopts something.
       before: effects of the plant without it.
-      off_before, off_after: errors of predictions of held-out recordings without and with it [% of the
-        length]; NaN where a plant cannot predict them. Where the old one cannot, nothing speaks against
-        the new one.
+      off_before, off_after: errors of predictions of held-out recordings without and with it [% of
+        the length]; NaN if a plant cannot predict them. If the old one cannot, the new one is
+        accepted.
     """
     if math.isnan(off_before) or off_after <= off_before:
         return note
     found = ", ".join(effect.label for effect in note.effects)
     reason = (
-        f"{note.verdict}: the plant stays as it is. Its predictions of what was held out are "
-        f"{off_before:.2f} % off; with {found} they would be {off_after:.2f} %."
+        f"{note.verdict}: the plant is unchanged. Its prediction error on held-out recordings is "
+        f"{off_before:.2f} %; with {found} it would be {off_after:.2f} %."
     )
     return note.model_copy(update={"effects": before, "adopted": False, "reason": reason})
 
 
 def _used(run: Run, recordings: list[str]) -> list[str]:
-    """The recordings that a diagnosis uses: all, or some that are spread over all (`episode_seconds`)."""
+    """The recordings for a diagnosis: all, or some that are spread over all (`episode_seconds`)."""
     config = run.config.diagnose
     if config.episode_seconds is None:
         return recordings
@@ -94,7 +94,7 @@ def _used(run: Run, recordings: list[str]) -> list[str]:
 
 
 def _note(found: Diagnosis, before: Effects) -> DiagnosisNote:
-    """A diagnosis as it is kept with the run."""
+    """A diagnosis in the form stored with the run."""
     answer, held_out = found.summary(), found.held_out
     after, reason = _next_effects(answer, before)
     return DiagnosisNote(
@@ -118,7 +118,11 @@ def _next_effects(answer: Mapping[str, Any], before: Effects) -> tuple[Effects, 
     except DataError as error:
         return before, str(error)
     labels, said = ", ".join(effect.label for effect in after), Answer.of(answer)
-    share = "" if said.held_out is None else f"{said.held_out.explained:.0%} of what was held out, "
+    share = (
+        ""
+        if said.held_out is None
+        else (f"{said.held_out.explained:.0%} of the held-out error removed, ")
+    )
     unexplained = said.verdict in (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
     beside = f" ({share}something else is left)" if unexplained else ""
     return after, f"{said.verdict}: the plant now has {labels}{beside}."

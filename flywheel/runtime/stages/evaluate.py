@@ -1,4 +1,4 @@
-"""Evaluate: how well each arm's model predicts, and how well a planner drives with it."""
+"""Evaluate: errors of each arm's model, and success of a planner with it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from flywheel.runtime.workers.episode_plan import Effects, evaluation
 def evaluate(
     run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
 ) -> list[ArmOutcome]:
-    """Judge every arm's model on validation data, then in closed loop, then on test data.
+    """Evaluate every arm's model on validation data, then in closed loop, then on test data.
 
     The closed loop is on the robot if the run has one.
 
-    A model whose predictions are not finite drives no robot.
+    A model with predictions that are not finite drives no robot.
     """
     outcomes = _on_validation(run, iteration, outcomes, tally)
     closed_loop = _in_closed_loop if run.config.robot is None else drive_robot
@@ -48,7 +48,7 @@ def _on_validation(
 def _validation_jobs(
     run: Run, outcome: ArmOutcome, effects: Effects
 ) -> tuple[Sequence[Job], Sequence[Job]]:
-    """Jobs for the new model, and for the one that the arm had before."""
+    """Jobs for the new model, and for the arm's previous one."""
     if outcome.model is None:
         return (), ()
     arm, episodes = outcome.arm, by_split(outcome.snapshot.episodes)["validation"]
@@ -85,7 +85,7 @@ class _TestJobs:
 def _on_tests(
     run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally
 ) -> list[ArmOutcome]:
-    """Errors on simulated test episodes up to now and, apart from them, on recordings."""
+    """Errors on simulated test episodes up to now and, separately, on recordings."""
     episodes, recordings = run.test_episodes(iteration), run.recordings("test", iteration + 1)
     effects = run.effects(iteration)
     by_arm = [_test_jobs(run, outcome, episodes, recordings, effects) for outcome in outcomes]

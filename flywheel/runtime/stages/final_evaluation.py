@@ -26,10 +26,10 @@ ON_RECORDINGS = f"{Baseline.PERSISTENCE}-recordings"
 def evaluate_finally(run: Run, so_far: RunResult) -> RunResult:
     """Score every model, the floors and persistence on the test episodes of all iterations.
 
-    The test episodes are sealed as a snapshot of their own, so that the numbers name their data.
+    The test episodes are sealed as a separate snapshot, so that the numbers name their data.
 
     Args:
-      run: all of whose iterations are done.
+      run: with all iterations complete.
       so_far: its result without the final numbers.
 
     Returns:

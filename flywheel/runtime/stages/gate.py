@@ -1,4 +1,4 @@
-"""Whether a new model may take the champion's place."""
+"""Acceptance of a new model as champion."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ def decide_champion(
 ) -> GateDecision:
     """Compare a candidate with the champion, on the same validation episodes and the same tasks.
 
-    The candidate has learned from more data. It is refused only if its error is higher by more than chance
-    explains with so few validation episodes, or if it reaches fewer goals.
+    The candidate was trained on more data. It is rejected only if its error is higher by more than
+    chance explains with so few validation episodes, or if it reaches fewer goals.
 
     Args:
       config: of the gate.
-      horizon_seconds: of the short-horizon errors, for the words [s].
-      candidate: errors of the new model; None if it predicts no finite numbers.
+      horizon_seconds: of the short-horizon errors, for the message [s].
+      candidate: errors of the new model; None if its predictions are not finite.
       champion: errors of the champion, None for the first model.
       navigation: closed-loop episodes of the candidate, if there were any.
       champion_navigation: those of the champion.
-      same: whether the candidate has the champion's weights.
+      same: True if the candidate has the champion's weights.
     """
     measure = f"validation e_pos_rmse at {horizon_seconds:g} s [%]"
     number = math.nan if candidate is None else candidate.short.e_pos_rmse
@@ -72,11 +72,11 @@ def decide_champion(
 
 
 def _verb(number: float, reference: float, ratio: Interval | None) -> str:
-    """How a promoted model's error compares with the champion's, in words."""
+    """A promoted model's error relative to the champion's, in words."""
     if number >= reference:
         return "is not clearly above the champion's"
     sure = ratio is None or ratio.high < 1.0
-    return "beats the champion's" if sure else "is below, if not clearly, the champion's"
+    return "beats the champion's" if sure else "is below the champion's, but not clearly"
 
 
 def _ratio(candidate: Errors | None, champion: Errors | None) -> Interval | None:

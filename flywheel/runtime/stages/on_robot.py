@@ -1,4 +1,4 @@
-"""Drive the robot with each planner, and score models on what it measured and nobody learned from."""
+"""Drive the robot with each planner, and score models on held-out measurements."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GIVEN, PLANT, RESIDUAL, NETWORK, NOISE = "given", "plant", "residual", "network"
 
 
 def drive_robot(run: Run, iteration: int, outcome: ArmOutcome, tally: Tally) -> ArmOutcome:
-    """Let every planner drive the robot to the goals; a model that cannot be used drives nowhere."""
+    """Let every planner drive the robot to the goals; an unusable model does not drive."""
     robot = run.config.robot
     assert robot is not None, "only a run with a robot drives one"
     trained = {NETWORK: outcome.usable_model, RESIDUAL: run.residual(iteration)}
@@ -58,7 +58,7 @@ def robot_score_jobs(run: Run, iteration: int, prefix: str = "robot") -> dict[st
     """Jobs that score all models but the network on the robot's held-out recordings.
 
     Args:
-      run: under way.
+      run: in progress.
       iteration: with its drives.
       prefix: of the jobs' ids.
     """
@@ -87,7 +87,7 @@ def robot_score_jobs(run: Run, iteration: int, prefix: str = "robot") -> dict[st
 def with_errors(
     outcome: ArmOutcome, report: PoolReport, jobs: Mapping[str, list[Job]]
 ) -> ArmOutcome:
-    """The outcome with the errors on the robot's recordings; the network's are there already."""
+    """The outcome with the errors on the robot's recordings; the network's are known already."""
     robot = outcome.evaluated.robot
     if robot is None:
         return outcome

@@ -1,4 +1,4 @@
-"""The records that the stages of an iteration hand on to each other."""
+"""The records passed between the stages of an iteration."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Tally:
 
     Attributes:
       seconds: wall time of each stage [s].
-      cpu_seconds: processor time that the workers spent on jobs [s].
-      restarts: number of workers that were replaced.
-      problems: sentences about episodes that are missing.
+      cpu_seconds: processor time of the workers for jobs [s].
+      restarts: number of replaced workers.
+      problems: sentences about missing episodes.
     """
 
     seconds: dict[str, float] = field(default_factory=dict)
@@ -54,11 +54,11 @@ class Collected:
     """The episodes that one arm collected in an iteration.
 
     Attributes:
-      arm: that collected them.
+      arm: of the episodes.
       segments: names of the valid ones, in the order of the plan.
       steps: control steps in them.
-      invalid: number of episodes thrown away because something diverged.
-      quarantined: number of episodes set aside because they took workers down.
+      invalid: number of episodes discarded because something diverged.
+      quarantined: number of episodes set aside because they killed workers.
     """
 
     arm: Arm
@@ -70,11 +70,11 @@ class Collected:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """How good one model is. A field is None where it was not measured.
+    """Evaluation of one model. A field is None if it was not measured.
 
     Attributes:
-      validation, champion_validation: errors of the model, and of the arm's model before it, on the same
-        episodes.
+      validation, champion_validation: errors of the model, and of the arm's previous model, on the
+        same episodes.
       test: errors on the simulated test episodes so far.
       recordings: errors on the recordings that are kept for tests.
       navigation, champion_navigation: closed-loop episodes.
@@ -98,11 +98,11 @@ class ArmOutcome:
 
     Attributes:
       collected: the arm's new episodes.
-      snapshot: the data that the arm learns from.
-      model: the new model; None before the training, and where that diverged.
+      snapshot: training data of the arm.
+      model: the new model; None before the training, and if that diverged.
       training: the trainer's report.
       evaluated: the model's errors and closed-loop episodes.
-      gate: whether the model becomes the champion; None before that is decided, and in an arm without.
+      gate: decision about the champion; None before it, and in an arm without a gate.
     """
 
     collected: Collected

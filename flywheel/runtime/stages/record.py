@@ -1,4 +1,4 @@
-"""The record of an iteration: what its stages did, and what that cost."""
+"""The record of an iteration: outcomes and costs of its stages."""
 
 from __future__ import annotations
 

@@ -39,11 +39,11 @@ def score_jobs(
     """Jobs that score one dynamics model.
 
     Args:
-      run: under way.
-      name: of what is scored, for the jobs' ids.
+      run: in progress.
+      name: of the scored model, for the jobs' ids.
       dynamics: a trained model of the run, a baseline, or the plant.
       episodes: ids.
-      effects: adopted so far, with which unmeasured winches are reckoned.
+      effects: adopted so far, for the reckoning of unmeasured winches.
       full: also predict whole episodes; by default as configured (`evaluate.full`).
     """
     full = run.config.evaluate.full if full is None else full
@@ -74,7 +74,7 @@ def _method(run: Run, dynamics: Model | Baseline | KnownPlant) -> tuple[str, Any
 
 
 def scored(report: PoolReport, jobs: Sequence[Job]) -> Errors | None:
-    """The errors that `score_jobs` found; NaN if a rollout was not finite, None without episodes."""
+    """The errors from the jobs of `score_jobs`; NaN if a rollout was not finite, None without episodes."""
     shares: list[Scores] = [report.results[job.id] for job in jobs if job.id in report.results]
     if not shares:
         return None
@@ -90,7 +90,7 @@ def navigation(
     """The results of closed-loop episodes; None without one.
 
     Args:
-      run: under way.
+      run: in progress.
       controller: its name, e.g. "mppi on the plant".
       report: of the pool that recorded the episodes.
       plans: of the episodes.

@@ -1,4 +1,4 @@
-"""Snapshot: freeze the data that each arm learns from."""
+"""Snapshot: freeze the training data of each arm."""
 
 from __future__ import annotations
 

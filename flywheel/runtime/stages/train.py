@@ -19,11 +19,11 @@ SECONDS_PER_STEP = 0.15  # of the optimiser, roughly; for the remaining time tha
 def train(run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally) -> list[ArmOutcome]:
     """Train each arm from its latest weights, else from those of `training.from`, else from random ones.
 
-    While the very first model trains, idle cores record the ceiling's episodes, if the plant for these is
-    known already.
+    While the first model trains, idle cores record the ceiling's episodes, if the plant for these
+    is known already.
 
     Raises:
-      RunError: a training took three trainers down with it, or the very first one diverged.
+      RunError: a training killed three trainers, or the first one diverged.
     """
     jobs = [_job(run, iteration, outcome) for outcome in outcomes]
     plant_stays = iteration == 0 and not run.config.diagnose.on
@@ -46,7 +46,7 @@ def train(run: Run, iteration: int, outcomes: list[ArmOutcome], tally: Tally) ->
 
 
 def _kept(run: Run, iteration: int, outcome: ArmOutcome, note: TrainingNote) -> Model:
-    """Write the trained weights into a folder that holds all that the model needs."""
+    """Write the trained weights into a self-contained folder."""
     path = run.folder.weights(iteration, outcome.arm)
     network = load_weights(note.weights, run.robot)
     write_model(path.parent, run.robot, network, outcome.snapshot.digest)
@@ -54,7 +54,7 @@ def _kept(run: Run, iteration: int, outcome: ArmOutcome, note: TrainingNote) -> 
 
 
 def _residual_jobs(run: Run, iteration: int) -> list[Job]:
-    """The training of the residual model, beside the network's."""
+    """The training of the residual model, in parallel with the network's."""
     if not run.config.residual.on:
         return []
     learned = (*run.recordings("train", iteration), *run.recordings("validation", iteration))

@@ -1,4 +1,4 @@
-"""Videos of episodes, sped up: from their stored states, or from what was measured on a robot."""
+"""Videos of episodes, sped up: from their stored states, or from measurements on a robot."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def filmed(run: Run, result: IterationResult) -> IterationResult:
 def film(run: Run, plans: Sequence[EpisodePlan], name: str) -> str:
     """Make a video of the first of these episodes that is in the store.
 
-    A machine that cannot render makes no video, and the run goes on.
+    A machine that cannot render makes no video, and the run continues.
 
     Returns:
       Path in the run folder; "" without a video.
@@ -71,7 +71,7 @@ def film(run: Run, plans: Sequence[EpisodePlan], name: str) -> str:
 def _film_robot(
     run: Run, result: IterationResult, robot: RobotResult, name: str
 ) -> tuple[str, str]:
-    """Make a video of a drive with the planner that reached most goals, from what was measured.
+    """Make a video of a measured drive with the planner that reached most goals.
 
     It is the first that reached its goal, if one did.
 

@@ -1,4 +1,4 @@
-"""The charts of a run in MLflow's pages: their URL, and how to serve them from the run's SQLite file."""
+"""The charts of a run in MLflow's pages: their URL, and the server for the run's SQLite file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SETTINGS = {  # environment variables of MLflow's client and server; those the u
 
 
 def ui_command(folder: str | Path, port: int = PORT) -> tuple[list[str], dict[str, str], str]:
-    """How to serve the charts of a run that is tracked in its own folder.
+    """Command that serves the charts of a run tracked in its own folder.
 
     Returns:
       The command, the environment variables to add, and the URL to open.
@@ -39,19 +39,19 @@ def database_uri(database: Path) -> str:
     """The URI of an SQLite file, as MLflow takes it.
 
     Raises:
-      ConfigError: its path holds a character that has another meaning in a URI.
+      ConfigError: its path contains a character with another meaning in a URI.
     """
     path = str(database.absolute())
     if odd := [character for character in "?%" if character in path]:
         raise ConfigError(
-            f"MLflow can have no database in {database.parent}: its path holds a {odd[0]!r}. Name another "
-            "folder, or track on a server (tracking.uri)."
+            f"MLflow can have no database in {database.parent}: its path contains a {odd[0]!r}. "
+            "Use another folder, or track on a server (tracking.uri)."
         )
     return f"sqlite:///{path}"
 
 
 def damage(database: Path) -> str:
-    """What is wrong with MLflow's SQLite file and what to do; "" if it is whole or missing."""
+    """The fault of MLflow's SQLite file and its remedy; "" if it is undamaged or missing."""
     if not database.exists():
         return ""
     if not database.is_file():

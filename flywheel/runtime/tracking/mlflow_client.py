@@ -1,8 +1,9 @@
 """The only module that imports mlflow, and only once a record is delivered: the import takes seconds.
 
-`MlflowReceiver` does what one record says, through a client with explicit run ids. Every action looks first
-at what MLflow already has, or is idempotent there: a number sent again with its own time stamp is the same
-row. So a record that is delivered twice leaves no doubles. Runs are found by their tag `flywheel.run_key`.
+`MlflowReceiver` executes one record, through a client with explicit run ids. Every action first
+checks MLflow's state, or is idempotent there: a number sent again with its own time stamp is the
+same row. A record that is delivered twice therefore leaves no duplicates. Runs are found by their
+tag `flywheel.run_key`.
 """
 
 from __future__ import annotations
@@ -39,17 +40,17 @@ def open_tracker(
     config: TrackingConfig | None = None,
     retry_seconds: tuple[float, float] = (1.0, 60.0),
 ) -> Tracker:
-    """The tracker of a run. It also delivers what an earlier tracker of the folder left behind.
+    """The tracker of a run. It also delivers the records left by an earlier tracker of the folder.
 
     Args:
-      folder: of the run; without a server it also holds MLflow's SQLite file and artifacts.
+      folder: of the run; without a server it also contains MLflow's SQLite file and artifacts.
       key: unique name of the run, [A-Za-z0-9._-]+.
       robot: its name, for the model registry.
-      config: where to track.
+      config: of the tracking.
       retry_seconds: first and longest pause after a failed delivery [s].
 
     Raises:
-      ConfigError: MLflow can have no database in a folder of this name.
+      ConfigError: MLflow cannot have a database in a folder of this name.
     """
     config, database = config or TrackingConfig(), Path(folder) / DATABASE
     if not config.uri:
@@ -61,11 +62,11 @@ def open_tracker(
 
 
 class MlflowReceiver:
-    """Does at MLflow what a record says; doing it again changes nothing.
+    """Executes a record at MLflow; repetition changes nothing.
 
     Args:
       folder: of the run, absolute.
-      config: where to track.
+      config: of the tracking.
       robot: its name, for the model registry.
     """
 
@@ -89,11 +90,11 @@ class MlflowReceiver:
         }
 
     def deliver(self, record: Record) -> None:
-        """Do what one record says."""
+        """Execute one record."""
         self._actions[record["kind"]](self._connected(), record)
 
     def is_permanent(self, error: Exception) -> bool:
-        """Whether MLflow will always refuse the record, or what it names is gone."""
+        """True if MLflow will always reject the record, or a file that it names is gone."""
         refused = getattr(error, "error_code", "") == "INVALID_PARAMETER_VALUE"
         return refused or isinstance(error, (FileNotFoundError, LookupError))
 
@@ -184,7 +185,7 @@ class MlflowReceiver:
     def _artifact(self, client: MlflowClient, record: Record) -> None:
         path = self._folder / record["path"]
         if not path.exists():
-            raise FileNotFoundError(f"{path} was to be logged, but is gone")
+            raise FileNotFoundError(f"{path} was to be logged, but is missing")
         client.log_artifact(self._id(client, record["run"]), str(path))
 
     def _model(self, client: MlflowClient, record: Record) -> None:
@@ -262,8 +263,8 @@ def _configure(request_seconds: int) -> None:
 def _database(path: Path) -> Path:
     """The SQLite file, made with its tables in one atomic step.
 
-    A process killed while MLflow makes the tables, or two doing so at once, would leave a file that
-    MLflow can never open again.
+    If a process is killed while MLflow makes the tables, or two processes do so at once, the file
+    can never be opened again.
 
     Raises:
       DataError: there is a damaged one.
@@ -283,7 +284,7 @@ def _database(path: Path) -> Path:
 
 
 def _missing(path: Path) -> bool:
-    """Whether there is no file, or one that a full disk left empty."""
+    """True if the file is missing, or was left empty by a full disk."""
     return not path.exists() or (path.is_file() and path.stat().st_size == 0)
 
 

@@ -1,13 +1,13 @@
-"""What is logged of a run at MLflow: which number becomes which metric, which fact which tag.
+"""Logging of a run at MLflow: mapping of numbers to metrics, and of facts to tags.
 
-One parent run stands for the whole run. Its step is the iteration, and its lines are those of the MPPI arm.
-Each iteration has a child run with its training curve, errors by lead time, data, model and files. Each line
-to compare with (the control arm, the floors, the oracle) is a run beside the parent. Its numbers have the
-parent's names, so that they meet in one chart; it is no child, because MLflow draws a child only once
-someone has unfolded it.
+One parent run stands for the whole run. Its step is the iteration, and its lines are those of the
+MPPI arm. Each iteration has a child run with its training curve, errors by lead time, data, model
+and files. Each line for comparison (the control arm, the floors, the oracle) is a separate run. Its
+numbers have the parent's names, so that they appear in one chart; it is not a child, because MLflow
+draws a child only once it has been unfolded.
 
-The part of a metric's name before the slash is a section of MLflow's page; sections are in alphabetical
-order, and named so that the most wanted come first.
+The part of a metric's name before the slash is a section of MLflow's page; sections are in
+alphabetical order, and named so that the most important come first.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Values = dict[str, float]
 def publish_start(
     tracker: Tracker, config: Mapping[str, Any], tags: Mapping[str, str], name: str = ""
 ) -> None:
-    """Open the run, or open it again.
+    """Open the run, or reopen it.
 
     Args:
       tracker: of the run.
@@ -54,7 +54,7 @@ def publish_start(
 
 
 def publish_iteration_start(tracker: Tracker, iteration: int, arm: Arm = "mppi") -> None:
-    """Open the run of an iteration, or open it again."""
+    """Open the run of an iteration, or reopen it."""
     name = f"iteration {iteration}" + ("" if arm == "mppi" else f" ({arm} arm)")
     tags = {"kind": "iteration", "iteration": str(iteration), "arm": arm}
     prefixed = {f"flywheel.{key}": value for key, value in tags.items()}
@@ -69,7 +69,8 @@ def publish_iteration(
     model_folder: str | Path | None = None,
     model_shape: tuple[int, int] = (0, 0),
 ) -> None:
-    """Log all of an iteration, end its run, and make its model champion if the gate said so.
+    """Log everything about an iteration, end its run, and make its model champion if the gate
+    decided so.
 
     Args:
       tracker: of the run.
@@ -102,7 +103,7 @@ def publish_iteration(
 
 
 def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path] = ()) -> None:
-    """Log what is known only at the end, and end the run.
+    """Log the final numbers, and end the run.
 
     These are the pooled test errors, and the lines of the floors, the oracle and the control arm.
 
@@ -135,7 +136,7 @@ def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path]
 
 
 def _log_robot(tracker: Tracker, result: RunResult, last: int) -> None:
-    """Log every model's errors on all of the robot's held-out recordings, and the robot time it took."""
+    """Log every model's errors on all of the robot's held-out recordings, and the robot time before it."""
     for score in result.on_robot:
         values = robot_errors({score.model: score.errors}, "robot_pooled")
         tracker.log(tracker.key, values, score.iteration)
@@ -159,7 +160,7 @@ def _tags(result: IterationResult) -> dict[str, str]:
 
 
 def _log_line(tracker: Tracker, name: str, values: Mapping[str, float], steps: list[int]) -> None:
-    """Log numbers that are the same in every iteration, as lines to compare with."""
+    """Log numbers that are equal in every iteration, as lines for comparison."""
     tracker.log_rows(_line_run(tracker, name), [(step, values) for step in steps])
 
 
@@ -179,7 +180,7 @@ def _iteration_run(tracker: Tracker, iteration: int, arm: Arm) -> str:
 
 
 def iteration_values(result: IterationResult) -> Values:
-    """The numbers of an iteration that make lines over iterations."""
+    """The numbers of an iteration, as lines over iterations."""
     values: Values = {
         "store/episodes": result.episodes,
         "store/steps": result.steps,

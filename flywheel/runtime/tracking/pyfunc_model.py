@@ -1,4 +1,4 @@
-"""A learned dynamics model as a self-contained folder, and as a "pyfunc" that MLflow can load and serve.
+"""A learned dynamics model as a self-contained folder, and as a "pyfunc" for MLflow.
 
 MLflow calls `_load_pyfunc` with the folder, and `predict` with arrays. Nothing is pickled, and mlflow is not
 imported here.
@@ -40,7 +40,7 @@ def signature(points: int, winches: int) -> tuple[Shapes, Shapes]:
 
 
 class PyfuncDynamics:
-    """A dynamics model that takes and gives plain arrays.
+    """A dynamics model with plain arrays as input and output.
 
     Args:
       dynamics: the model.
@@ -56,8 +56,8 @@ class PyfuncDynamics:
 
         Args:
           model_input: "points" (B, h + 1, P, 3) measured, oldest first [m]; "winch" (B, h + 1, W),
-            best knowledge of the winch positions [m]; "past_controls" (B, h, W), the commands
-            between them; "controls" (B, H, W), those to come.
+            best estimate of the winch positions [m]; "past_controls" (B, h, W), the commands
+            between them; "controls" (B, H, W), future ones.
           params: MLflow's parameters; not used.
 
         Returns:
@@ -80,13 +80,13 @@ class PyfuncDynamics:
 
 
 def write_model(folder: Path, robot: Robot, network: ChunkNetwork, snapshot: str = "") -> str:
-    """Write all that the model needs into a folder; return the digest of the weights.
+    """Write a self-contained model into a folder; return the digest of the weights.
 
     Args:
       folder: made if it is missing.
-      robot: that the network was trained on.
+      robot: of the network.
       network: with its weights.
-      snapshot: digest of the data that it was trained on.
+      snapshot: digest of the training data.
     """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / ROBOT).write_text(robot.xml)
@@ -94,7 +94,7 @@ def write_model(folder: Path, robot: Robot, network: ChunkNetwork, snapshot: str
 
 
 def read_model(folder: Path) -> LearnedDynamics:
-    """The dynamics model that `write_model` wrote.
+    """The dynamics model from a folder of `write_model`.
 
     Raises:
       ModelError: the weights are missing, damaged, or for another robot.

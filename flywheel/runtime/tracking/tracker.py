@@ -1,9 +1,9 @@
-"""The driver's side of tracking: what happened is written to disk first, and delivered to MLflow later.
+"""The driver's side of tracking: events are written to disk first, and delivered to MLflow later.
 
-`Tracker` turns what happened into records and appends them to the `Outbox`, a file; `Delivery`, a thread,
-hands them to MLflow. So the loop never waits, and nothing is lost while the server is down. Each record has
-its own time stamp and can be delivered twice without harm, because a process may be killed between a delivery
-and the note of it. Which record an iteration becomes is decided in `publish`.
+`Tracker` turns events into records and appends them to the `Outbox`, a file; `Delivery`, a thread,
+hands them to MLflow. So the loop never waits, and nothing is lost while the server is down. Each
+record has its own time stamp and can be delivered twice without harm, because a process may be
+killed between a delivery and the note of it. `publish` decides which records an iteration becomes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Status = Literal["FINISHED", "FAILED", "KILLED"]
 
 
 class TrackingConfig(BaseModel):
-    """Where a run is tracked.
+    """Settings of tracking.
 
     Attributes:
       uri: "" for an SQLite file in the run folder, "http://host:port" of a tracking server, or any
@@ -45,7 +45,7 @@ class TrackingConfig(BaseModel):
       experiment: name of MLflow's experiment.
       registered_model: name in the model registry; "" for "flywheel-<robot>".
       request_seconds: after which a silent server counts as down [s].
-      close_seconds: that the end of a run waits for what is not yet delivered [s].
+      close_seconds: longest wait for undelivered records at the end of a run [s].
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -61,24 +61,24 @@ class Receiver(Protocol):
     """Takes the records: `mlflow_client.MlflowReceiver`, or a list in tests."""
 
     def deliver(self, record: Record) -> None:
-        """Do what the record says. The same record again changes nothing. Raises if it failed."""
+        """Execute the record. Repetition changes nothing. Raises if it failed."""
         ...
 
     def is_permanent(self, error: Exception) -> bool:
-        """Whether `deliver` would raise this error every time."""
+        """True if `deliver` would raise this error every time."""
         ...
 
 
 class Tracker:
-    """Tells MLflow what the driver saw. No call waits for MLflow; its record is on disk when it returns.
+    """Records events for MLflow. No call waits for MLflow; its record is on disk when it returns.
 
     Made by `mlflow_client.open_tracker`.
 
     Args:
-      folder: of the run; holds the outbox and every file that is logged.
+      folder: of the run; contains the outbox and every logged file.
       key: unique name of the run, and of its parent run at MLflow; a resumed run has the same one.
       receiver: takes the records.
-      close_seconds: that `close` waits for what is not yet delivered [s].
+      close_seconds: longest wait of `close` for undelivered records [s].
       retry_seconds: first and longest pause after a failed delivery [s].
     """
 
@@ -91,7 +91,7 @@ class Tracker:
         retry_seconds: tuple[float, float] = (1.0, 60.0),
     ) -> None:
         if not re.fullmatch(r"[A-Za-z0-9._-]+", key):
-            raise ConfigError(f"A run's key is made of letters, digits and . _ -, got {key!r}.")
+            raise ConfigError(f"A run's key consists of letters, digits and . _ -, got {key!r}.")
         self.key = key
         self._folder = Path(folder).absolute()
         self._outbox = Outbox(self._folder)
@@ -103,7 +103,7 @@ class Tracker:
         )
 
     def open(self, run: str, name: str, tags: Mapping[str, str], parent: str = "") -> None:
-        """Open a run under its key, or open it again."""
+        """Open a run under its key, or reopen it."""
         if run not in self._open:
             self._open.add(run)
             self._put("open", run, name=name, parent=parent, tags=dict(tags))
@@ -115,8 +115,8 @@ class Tracker:
     def log_rows(self, run: str, rows: Iterable[tuple[int, Mapping[str, float]]]) -> None:
         """Log numbers at several steps, each only once per run, name and step.
 
-        A number that is not finite would spoil its chart. It becomes a tag `nonfinite/<name>`, and the
-        number health/nonfinite becomes 1.
+        A number that is not finite would spoil its chart. It becomes a tag `nonfinite/<name>`, and
+        the number health/nonfinite becomes 1.
         """
         finite: dict[tuple[str, int], float] = {}
         odd: dict[str, str] = {}
@@ -137,11 +137,11 @@ class Tracker:
     def describe(
         self, run: str, params: Mapping[str, str] = {}, tags: Mapping[str, str] = {}
     ) -> None:
-        """Add parameters, which never change again, and tags, which may, to a run."""
+        """Add constant parameters, and changeable tags, to a run."""
         self._put("describe", run, params=dict(params), tags=dict(tags))
 
     def dataset(self, run: str, name: str, digest: str, profile: Mapping[str, float]) -> None:
-        """Name the snapshot that a run's model was trained on.
+        """Name the snapshot of a run's training data.
 
         Args:
           run: key of the run.
@@ -184,7 +184,7 @@ class Tracker:
 
         Args:
           digest: of the model's weights.
-          decision: of the gate, with the number that it rests on.
+          decision: of the gate, with its number.
 
         Raises:
           ConfigError: the gate did not promote the model, or its number is not finite.
@@ -198,7 +198,7 @@ class Tracker:
         self._put("promote", self.key, digest=digest, decision=words)
 
     def end(self, run: str, status: Status = "FINISHED") -> None:
-        """Log how a run ended. The end of the parent run ends every run that is still open."""
+        """Log the outcome of a run. The end of the parent run ends every run that is still open."""
         runs = [*sorted(self._open - {run}), run] if run == self.key else [run]
         for each in runs:
             self._open.discard(each)
@@ -206,22 +206,22 @@ class Tracker:
 
     @property
     def problem(self) -> str:
-        """Why delivery does not work at present; "" where it works."""
+        """Reason why delivery fails at present; "" if it works."""
         return self._delivery.problem
 
     def pending(self) -> int:
-        """The number of records that are not delivered yet."""
+        """The number of undelivered records."""
         return self._outbox.pending()
 
     def flush(self, seconds: float) -> bool:
-        """Wait at most `seconds` until all is delivered; returns whether it is."""
+        """Wait at most `seconds` for the delivery of all records; returns True if it is complete."""
         return self._delivery.flush(seconds)
 
     def close(self, seconds: float | None = None) -> bool:
         """Deliver for at most `seconds` (by default `close_seconds`), then stop.
 
         Returns:
-          Whether all is delivered. The next `Tracker` of this folder delivers what is left.
+          True if all records are delivered. The next `Tracker` of this folder delivers the rest.
         """
         return self._delivery.close(self._close_seconds if seconds is None else seconds)
 
@@ -245,7 +245,8 @@ def _points(record: Record) -> Iterator[tuple[str, str, int]]:
 
 
 class Outbox:
-    """A file of records, one JSON object a line, and beside it the offset of the last delivered record.
+    """A file of records, one JSON object per line, and next to it the offset of the last delivered
+    record.
 
     Args:
       folder: of `outbox.jsonl`, `outbox.offset` and, if records were refused, `outbox.rejected.jsonl`.
@@ -264,7 +265,7 @@ class Outbox:
         """Append a record; it is on disk when this returns.
 
         Raises:
-          OSError: the disk is full, say; nothing was appended.
+          OSError: e.g. the disk is full; nothing was appended.
         """
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
         with self._lock:
@@ -279,7 +280,7 @@ class Outbox:
 
     @property
     def empty(self) -> bool:
-        """Everything has been delivered."""
+        """Mark everything as delivered."""
         return self._delivered >= self._end
 
     def head(self) -> tuple[Record, int] | None:
@@ -293,7 +294,7 @@ class Outbox:
         return json.loads(line), self._delivered + len(line)
 
     def advance(self, offset: int) -> None:
-        """Note that everything before `offset` has been delivered."""
+        """Mark everything before `offset` as delivered."""
         temporary = self._offset_path.with_suffix(".offset.tmp")
         with temporary.open("w") as file:
             file.write(str(offset))
@@ -303,12 +304,12 @@ class Outbox:
         self._delivered = offset
 
     def reject(self, record: Record, reason: str) -> None:
-        """Set a record aside that MLflow will never take, with the reason."""
+        """Set a record aside that MLflow always rejects, with the reason."""
         line = json.dumps({"reason": reason, "record": record}).encode() + b"\n"
         _append_durably(self._rejected_path, line)
 
     def pending(self) -> int:
-        """The number of records that are not delivered yet."""
+        """The number of undelivered records."""
         return sum(1 for _ in self.records(self._delivered))
 
     def records(self, offset: int = 0) -> Iterator[Record]:
@@ -324,11 +325,11 @@ class Outbox:
                     try:
                         yield json.loads(line)
                     except ValueError:
-                        text = f"{self.path} has a line that is no record: {line[:80]!r}."
+                        text = f"{self.path} has a line that is not a record: {line[:80]!r}."
                         raise DataError(text) from None
 
     def _drop_torn_line(self) -> int:
-        """Cut off a line that a killed process left half written; returns the file's length [bytes]."""
+        """Remove an incomplete line of a killed process; returns the file's length [bytes]."""
         if not self.path.exists():
             return 0
         with self.path.open("r+b") as file:
@@ -345,7 +346,7 @@ class Outbox:
 
 
 def forget_delivery(folder: Path) -> None:
-    """Have every record of a folder's outbox delivered again."""
+    """Mark every record of a folder's outbox as undelivered."""
     (folder / OFFSET_FILE).unlink(missing_ok=True)
 
 
@@ -357,7 +358,7 @@ def _append_durably(path: Path, line: bytes) -> None:
 
 
 def _first_cause(error: BaseException) -> str:
-    """The first error of a chain, in one line: clients wrap what the operating system says."""
+    """The first error of a chain, in one line: clients wrap the operating system's message."""
     while deeper := error.__cause__ or (None if error.__suppress_context__ else error.__context__):
         error = deeper
     words = str(error).splitlines()[0] if str(error) else ""
@@ -365,12 +366,13 @@ def _first_cause(error: BaseException) -> str:
 
 
 class Delivery:
-    """Delivers an outbox, one record at a time and in order, from a thread of its own.
+    """Delivers an outbox, one record at a time and in order, from a separate thread.
 
     Args:
       outbox: of the records.
       deliver: takes one record; raises if it could not be delivered.
-      is_permanent: whether an error means that a record will never be taken; it is then set aside.
+      is_permanent: True for an error after which a record will never be accepted; it is then set
+        aside.
       retry_seconds: first and longest pause after a failure [s]; the pause doubles in between.
     """
 
@@ -399,7 +401,7 @@ class Delivery:
         self._wake.set()
 
     def flush(self, seconds: float) -> bool:
-        """Wait at most `seconds` until all is delivered; returns whether it is."""
+        """Wait at most `seconds` for the delivery of all records; returns True if it is complete."""
         self.wake()
         deadline = time.monotonic() + seconds
         with self._idle:
@@ -411,7 +413,7 @@ class Delivery:
         return self._outbox.empty
 
     def close(self, seconds: float) -> bool:
-        """Deliver for at most `seconds`, then stop. What is left stays on disk."""
+        """Deliver for at most `seconds`, then stop. The rest stays on disk."""
         done = self.flush(seconds)
         self._stopping = True
         self.wake()
@@ -445,7 +447,7 @@ class Delivery:
                 if not self._is_permanent(error):
                     self._note(error)
                     return False
-                log.warning("tracking: set aside a record that was refused: %s", error)
+                log.warning("tracking: set aside a record that was rejected: %s", error)
                 self._outbox.reject(record, f"{type(error).__name__}: {error}")
             self._outbox.advance(offset)
             self._recovered()

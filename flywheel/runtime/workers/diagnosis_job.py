@@ -1,4 +1,4 @@
-"""The diagnosis inside a run: which effects the plant lacks to explain the recordings in the store."""
+"""The diagnosis inside a run: identification of missing effects from the recordings in the store."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def diagnose_plant(
     heartbeat: Heartbeat,
     library: Mapping[str, Effect],
 ) -> Diagnosis:
-    """Find the effects that a plant lacks to explain recordings.
+    """Identify the effects missing from a plant, with recordings.
 
     Args:
-      config: what is not known exactly, and how much of the recordings is used.
+      config: uncertain numbers, and amount of recordings.
       plant: with the effects adopted so far.
       effects: those effects.
       fit, held_out: recordings.
-      heartbeat: is told about every step of the search.
-      library: effects that may be missing.
+      heartbeat: receives every step of the search.
+      library: candidate effects.
 
     Raises:
       DataError: the recordings cannot be used.
@@ -55,8 +55,8 @@ def excerpt(
 
     Args:
       episodes: recordings.
-      seconds: of all together [s].
-      each: of each of them, at most [s]; None for as long as they are.
+      seconds: largest total duration [s].
+      each: longest part of each of them [s]; None for all of it.
     """
     taken, left = [], seconds
     for episode in episodes:

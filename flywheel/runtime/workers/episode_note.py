@@ -16,10 +16,10 @@ class EpisodeNote:
 
     Attributes:
       id: of the episode.
-      steps: control steps; 0 where invalid.
+      steps: control steps; 0 if invalid.
       walk: seen from above, for tasks.
       plan_seconds: wall time of its plans [s].
-      invalid: why it was thrown away, or "".
+      invalid: reason for discarding it, or "".
     """
 
     id: str

@@ -1,6 +1,6 @@
 """The plan of a run's episodes: names, seeds and splits, from the configuration alone.
 
-The plan never depends on what has happened so far, so that a resumed run knows what is missing.
+The plan depends on the configuration alone, so that a resumed run knows the missing episodes.
 """
 
 from __future__ import annotations
@@ -39,12 +39,13 @@ class EpisodePlan:
       dataset: index of its plant in the configuration's data sets.
       seconds: longest duration [s].
       seed: of start, controls, noise and planner.
-      task_seed: of the task; None without a task. Evaluation uses the same seeds in every iteration.
+      task_seed: of the task; None without a task. Evaluation uses the same seeds in every
+        iteration.
       effects: of the plant, beyond its MJCF.
-      samples: plans that MPPI tries at a time; None for the configured number.
+      samples: plans that MPPI samples at a time; None for the configured number.
       course: of its task; "" for the configured task.
-      hidden: effects that the plant really has, if it stands in for a real robot. All that learns, plans and
-        reckons is told `effects` instead. None where nothing is hidden.
+      hidden: true effects of the plant, if it stands in for a real robot. Learning, planning and
+        reckoning receive `effects` instead. None without hidden effects.
     """
 
     id: str
@@ -62,15 +63,15 @@ class EpisodePlan:
 
     @property
     def plant_effects(self) -> Effects:
-        """The effects that the plant really has."""
+        """The true effects of the plant."""
         return self.effects if self.hidden is None else self.hidden
 
     @property
     def fineness(self) -> int:
-        """How many times shorter the plant's MuJoCo steps are than its MJCF's.
+        """Ratio of the MJCF's time step to the plant's.
 
-        A stand-in for a real robot must not share the time steps of the model that it is compared with,
-        because their influence on contacts is in no real recording.
+        A stand-in for a real robot must not share the time steps of the model, because their
+        influence on contacts is absent from real recordings.
         """
         return 1 if self.hidden is None else STAND_IN_FINENESS
 
@@ -78,14 +79,14 @@ class EpisodePlan:
 def collection(
     config: RunConfig, iteration: int, arm: Arm, effects: Effects = (), anew: bool = False
 ) -> list[EpisodePlan]:
-    """The episodes that an iteration of an arm adds to the data.
+    """The new episodes of an iteration of an arm.
 
     Args:
       config: of the run.
-      iteration, arm: which iteration of which arm.
+      iteration, arm: of the episodes.
       effects: of the plant.
-      anew: whether the plant has changed, so that the gaits, random controls and drops of iteration 0 are
-        recorded again, once for all arms.
+      anew: True after a change of the plant: the gaits, random controls and drops of iteration 0
+        are recorded again, once for all arms.
     """
     if iteration == 0:
         return _first_collection(config, effects)
@@ -120,7 +121,9 @@ def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> l
 def evaluation(
     config: RunConfig, iteration: int, arm: Arm, effects: Effects = ()
 ) -> list[EpisodePlan]:
-    """The closed-loop episodes that judge a model, and are test data; every iteration has the same tasks."""
+    """The closed-loop episodes for the evaluation of a model, which are test data; every iteration
+    has the same tasks.
+    """
     return _navigation(config, f"i{iteration:04d}-{arm}-evaluate", "mppi", iteration, effects)
 
 
@@ -132,7 +135,7 @@ def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
 
 
 def unseen(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
-    """Closed-loop episodes of the last champion on a course that is not the run's."""
+    """Closed-loop episodes of the last champion on another course than the run's."""
     return _elsewhere(_navigation(config, unseen_name(course), "mppi", -1, effects), course)
 
 
@@ -173,20 +176,20 @@ def _navigation(
 
 
 def robot_prefix(iteration: int) -> str:
-    """How the ids of an iteration's episodes on the robot begin."""
+    """Common prefix of the ids of an iteration's episodes on the robot."""
     return f"i{iteration:04d}-robot-"
 
 
 def first_recordings(config: RunConfig) -> list[EpisodePlan]:
-    """The episodes that iteration 0 records on the robot: gaits where it has some, and random controls."""
+    """The episodes of iteration 0 on the robot: gaits if it has any, and random controls."""
     robot = _robot(config)
     kinds = ("gait", "random") if config.collect.gaits else ("random",)
     shares = assigned_splits(config, robot.first, robot.validation, robot.test, "robot", FIRST)
     if missing := {"train", "test"} - set(shares):
         raise ConfigError(
-            f"The robot would have no {' and no '.join(sorted(missing))} recording in iteration 0. Raise "
-            f"robot.first (now {robot.first}), or change robot.validation and robot.test (now "
-            f"{robot.validation} and {robot.test})."
+            f"Iteration 0 would have no {' and no '.join(sorted(missing))} recording of the "
+            f"robot. Raise robot.first (now {robot.first}), or change robot.validation and "
+            f"robot.test (now {robot.validation} and {robot.test})."
         )
     return [
         EpisodePlan(
@@ -205,13 +208,13 @@ def first_recordings(config: RunConfig) -> list[EpisodePlan]:
 def robot_drives(
     config: RunConfig, iteration: int, planner: str, effects: Effects = ()
 ) -> list[EpisodePlan]:
-    """The episodes to goals that a planner drives in an iteration; every planner has the same goals.
+    """A planner's episodes to goals in an iteration; every planner has the same goals.
 
     Args:
       config: of the run.
-      iteration: of which the planner's model is.
+      iteration: of the planner's model.
       planner: its name.
-      effects: that the plant is known to have.
+      effects: known effects of the plant.
     """
     robot = _robot(config)
     shares = assigned_splits(config, robot.drives, robot.validation, robot.test, "robot", iteration)
@@ -277,7 +280,9 @@ def _robot(config: RunConfig) -> RobotConfig:
 def assigned_splits(
     config: RunConfig, count: int, validation: float, test: float, *what: str | int
 ) -> list[Split]:
-    """The split of each of `count` episodes. Shares go by count, so that few episodes give every split."""
+    """The split of each of `count` episodes. Fractions are applied to the count, so that few
+    episodes give every split.
+    """
     splits: list[Split] = ["train"] * count
     order = np.random.default_rng(derive_seed(config.seed, "split", *what)).permutation(count)
     wanted_validation = round(count * validation)

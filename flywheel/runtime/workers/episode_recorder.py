@@ -41,13 +41,13 @@ GROUND = 1  # added to a seed, so that the ground has random numbers of its own
 def controller_of(
     plan: EpisodePlan, config: RunConfig, robot: Robot, dynamics: Dynamics | None, model: str
 ) -> Controller:
-    """What chooses the commands of a planned episode, on a plant or on a robot.
+    """Controller of a planned episode, on a plant or on a robot.
 
     Args:
       plan: of the episode.
       config: of the run.
       robot: of the run.
-      dynamics: that MPPI plans with; None if nothing is planned.
+      dynamics: for MPPI; None without planning.
       model: digest of its weights, or "".
     """
     kind, _, gait = plan.controller.partition(":")
@@ -80,7 +80,7 @@ class EpisodeRecorder:
         self._settled: dict[tuple[int, Effects], State] = {}
 
     def terrain(self, plan: EpisodePlan) -> Terrain | None:
-        """The ground of a planned episode; tasks have one of their own, so that all models meet the same."""
+        """The ground of a planned episode; each task has its own, so that all models meet the same."""
         seed = plan.seed if plan.task_seed is None else plan.task_seed
         rng = np.random.default_rng([seed, GROUND])
         return draw_terrain(self.config.terrain, self.robot.length, rng)
@@ -101,8 +101,8 @@ class EpisodeRecorder:
           effects: to add to the plant.
           task: whose obstacles are added.
           terrain: ground; None for a level one.
-          fineness: how many times shorter MuJoCo's steps are than in the MJCF.
-          threads: of the plant; None for `sim_threads`. They change no number.
+          fineness: ratio of the MJCF's time step to the plant's.
+          threads: of the plant; None for `sim_threads`. They do not affect results.
         """
         plant = Plant(
             self.robot,
@@ -142,10 +142,10 @@ class EpisodeRecorder:
 
         Args:
           plan: of the episode.
-          dynamics: that MPPI plans with; None if nothing is planned.
+          dynamics: for MPPI; None without planning.
           model: digest of its weights, or "".
-          heartbeat: is told how far the episode is.
-          on_piece: is called with every piece of the episode, as it happens.
+          heartbeat: receives the progress.
+          on_piece: called with every piece of the episode.
 
         Raises:
           ModelError: the plant diverged, or the model did.
@@ -183,7 +183,7 @@ class EpisodeRecorder:
         )
 
     def check_own(self, episode: Episode) -> None:
-        """Refuse an episode that another run recorded under the same name.
+        """Reject an episode of the same name from another run.
 
         Raises:
           DataError: its configuration is not this run's.
@@ -191,8 +191,9 @@ class EpisodeRecorder:
         if episode.provenance.config != self._digest:
             raise DataError(
                 f"The store has an episode {episode.id} of another run (configuration "
-                f"{episode.provenance.config[:12] or 'unknown'}, this one's is {self._digest[:12]}). "
-                "Give this run a store of its own; recordings can be imported into that, too."
+                f"{episode.provenance.config[:12] or 'unknown'}, this one's is "
+                f"{self._digest[:12]}). Give this run its own store; recordings can be imported "
+                "into that, too."
             )
 
     def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
@@ -245,13 +246,13 @@ class EpisodeRecorder:
 
 
 class RobotRecorder:
-    """Records planned episodes on a robot, by what is measured alone.
+    """Records planned episodes on a robot, based on measurements alone.
 
     Args:
       config: of the run.
       robot: of its MJCF.
-      dataset: index of the data set that a network takes the robot for; by default that of recordings, if the
-        run has any.
+      dataset: index of the data set assumed by a network; by default that of recordings, if the run
+        has any.
     """
 
     def __init__(self, config: RunConfig, robot: Robot, dataset: int | None = None) -> None:
@@ -269,18 +270,18 @@ class RobotRecorder:
         model: str,
         on_step: OnStep | None = None,
     ) -> Drive:
-        """Record an episode; however it ends, what was measured is in the result.
+        """Record an episode; however it ends, the measurements are in the result.
 
         Args:
           link: to the robot.
           plan: of the episode.
-          dynamics: that MPPI plans with; None if nothing is planned.
+          dynamics: for MPPI; None without planning.
           model: digest of its weights, or "".
-          on_step: is told of every control step.
+          on_step: called at every control step.
 
         Raises:
           LinkError: the robot is another one, or is lost before the first step.
-          ModelError: the same of the controller.
+          ModelError: likewise for the controller.
         """
         config, dt = self.config, self.config.network.dt
         ahead = dynamics is not None and link.info.real_time

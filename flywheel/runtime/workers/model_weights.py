@@ -1,4 +1,4 @@
-"""A trained model on its way to the workers: its weights as numpy arrays, through shared memory."""
+"""A trained model in transit to the workers: its weights as numpy arrays, through shared memory."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Weights:
 
     @classmethod
     def read(cls, path: Path, robot: Robot, digest: str = "") -> Weights:
-        """Read a file that `save_weights` wrote.
+        """Read a file of `save_weights`.
 
         Args:
           path: of the file.
           robot: of the weights.
-          digest: that the weights have to have; "" for any.
+          digest: required one; "" for any.
 
         Raises:
           ModelError: the file is missing, damaged, for another robot, or has other weights.
@@ -53,8 +53,8 @@ class Weights:
         found = weights_digest(network)
         if digest not in ("", found):
             raise ModelError(
-                f"The weights {path} are not those that were trained here: their digest is {found[:12]}, "
-                f"not {digest[:12]}. `flywheel data verify RUN` says which they are."
+                f"The weights {path} are not those that were trained here: their digest is "
+                f"{found[:12]}, not {digest[:12]}. `flywheel data verify RUN` says which they are."
             )
         return cls(found, network.config, weights_arrays(network))
 
@@ -65,7 +65,7 @@ class Weights:
 
 
 AnyWeights = Weights | ResidualWeights
-"""Weights of a network, or of a plant that a network corrects."""
+"""Weights of a network, or of a corrected plant."""
 
 
 def read_weights(path: Path, robot: Robot) -> AnyWeights:
@@ -86,10 +86,10 @@ def dynamics_of(
     """The dynamics model of either kind of weights.
 
     Args:
-      weights: of a network, or of a plant with the network that corrects it.
+      weights: of a network, or of a corrected plant.
       robot: of the weights.
       threads: of the model.
-      library: that the plant's effects are from.
+      library: of the plant's effects.
     """
     if isinstance(weights, Weights):
         return weights.dynamics(robot, threads)
@@ -98,14 +98,14 @@ def dynamics_of(
 
 @dataclass(frozen=True)
 class TrainedModel:
-    """A trained model that a diagnosis or comparison examines.
+    """A trained model under test in a diagnosis or comparison.
 
     Attributes:
       name: for people.
-      weights: of the network, or of the plant that it corrects.
-      dataset: index of the data set that recordings count as.
-      effects: that the robot was known to have when the model was trained.
-      library: that these are from.
+      weights: of the network, or of the corrected plant.
+      dataset: index of the data set for recordings.
+      effects: known effects of the robot during training.
+      library: of these.
     """
 
     name: str

@@ -27,15 +27,16 @@ from flywheel.runtime.workers.stored_episodes import committed
 
 
 class RobotWorker:
-    """Drives the robot, one episode at a time, and commits what it measures.
+    """Drives the robot, one episode at a time, and commits the measurements.
 
-    What went over the link is kept as a transcript, from which the run can be made again without the robot.
+    The messages on the link are kept as a transcript, from which the run can be repeated without
+    the robot.
 
     Args:
       config: of the run.
       store: URL of the trajectory store.
       robot: of its MJCF.
-      folder: for transcripts, with the file that says what a stand-in is.
+      folder: for transcripts, with the stand-in's description.
     """
 
     def __init__(self, config: RunConfig, store: str, robot: Robot, folder: Path) -> None:
@@ -51,7 +52,7 @@ class RobotWorker:
 
     @property
     def beat(self) -> Beat:
-        """The latest sign of progress."""
+        """The latest progress signal."""
         return self._heartbeat.beat
 
     def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
@@ -59,10 +60,11 @@ class RobotWorker:
 
         Args:
           plan: of the episode.
-          weights: of what MPPI plans with; None for the plant with the plan's effects.
+          weights: for MPPI; None for the plant with the plan's effects.
 
         Raises:
-          RunError: the link was lost. What was measured until then is in a log beside the transcripts.
+          RunError: the link was lost. The measurements until then are in a log next to the
+            transcripts.
           LinkError: the robot cannot be reached.
         """
         self._heartbeat.start(plan.id)
@@ -101,7 +103,7 @@ class RobotWorker:
         return on_step
 
     def _transcribed(self, plan: EpisodePlan) -> RobotLink:
-        """The link of an episode, which writes down what goes over it; or one of an earlier run."""
+        """The link of an episode with its transcript; or the replayed one of an earlier run."""
         name = f"{plan.id}.jsonl"
         if self._where.link.startswith(TRANSCRIPTS):
             return ReplayedLink(Path(self._where.link.removeprefix(TRANSCRIPTS)) / name)
@@ -118,7 +120,7 @@ class RobotWorker:
             self.close()
 
     def close(self) -> None:
-        """Leave the robot; the next episode reaches it again."""
+        """Disconnect from the robot; the next episode connects again."""
         if self._link is not None:
             self._link.close()
             self._link = None
@@ -128,8 +130,8 @@ class RobotWorker:
         write_recording(episode, path, self._robot)
         self.close()
         return (
-            f"The robot was lost during {episode.id}: {why} What was measured until then is in {path}. "
-            "--resume drives this episode again, and goes on."
+            f"The robot was lost during {episode.id}: {why} The measurements until then are in "
+            f"{path}. --resume drives this episode again, and continues."
         )
 
     def _note(self, plan: EpisodePlan, episode: Episode) -> EpisodeNote:

@@ -53,11 +53,11 @@ MODELS_KEPT = 4
 
 
 class Baseline(StrEnum):
-    """Predictions that need no training; trained models are compared with them.
+    """Predictions without training; trained models are compared with them.
 
-    The floors are MuJoCo restarted from the same partial observations. They differ in the roll of each
-    rod, which is not observed: drawn at random, or computed from the cables. "noise" is what a perfect
-    prediction of recordings would have: their own measurements, with noise as large as theirs.
+    The floors are MuJoCo restarted from the same partial observations. They differ in the roll of
+    each rod, which is not observed: drawn at random, or computed from the cables. "noise" is the
+    error of a perfect prediction of recordings: their own measurements, with noise of equal size.
     """
 
     PERSISTENCE = "persistence"
@@ -74,12 +74,12 @@ ROLLS: dict[Baseline, Literal["random", "relaxed"]] = {
 
 @dataclass(frozen=True)
 class Scores:
-    """The errors over a share of the episodes; the shares add up exactly (`added`).
+    """The errors over a part of the episodes; the parts add up exactly (`added`).
 
     Attributes:
       by_episode: episode id -> errors from random starts in it.
       full: over whole episodes.
-      problem: why there are none, or "".
+      problem: reason for missing errors, or "".
     """
 
     by_episode: Mapping[str, ErrorTable] = field(default_factory=dict)
@@ -111,17 +111,17 @@ class SimWorker:
 
     @property
     def beat(self) -> Beat:
-        """The latest sign of progress."""
+        """The latest progress signal."""
         return self._heartbeat.beat
 
     def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
         """Record and commit an episode, unless the store has it already.
 
-        An episode in which the plant or the model diverges is not stored; its note says why.
+        A diverged episode is not stored; its note says why.
 
         Args:
           plan: of the episode.
-          weights: of the model that MPPI plans with.
+          weights: of the model for MPPI.
         """
         self._heartbeat.start(plan.id)
         if (there := committed(self._store, plan.id)) is not None:
@@ -187,9 +187,9 @@ class SimWorker:
         return self._scores([(plant, found)], seed, full, effects)
 
     def diagnose(self, effects: Effects, fit: Sequence[str], held_out: Sequence[str]) -> Diagnosis:
-        """Find what the plant with these effects lacks to explain recordings.
+        """Identify effects missing from the plant with these effects, with recordings.
 
-        Nothing else of a run computes meanwhile, so that it takes all cores of its machine.
+        Nothing else of a run computes meanwhile, so it uses all cores of its machine.
 
         Args:
           effects: of the plant.
@@ -211,7 +211,7 @@ class SimWorker:
         )
 
     def overlay(self, weights: AnyWeights, episode: str, effects: Effects = ()) -> Overlay | None:
-        """One window of an episode, measured and predicted; None where the model cannot predict it.
+        """One window of an episode, measured and predicted; None if the model cannot predict it.
 
         Args:
           weights: of the model.
@@ -233,9 +233,9 @@ class SimWorker:
     def _baselines(
         self, baseline: Baseline, episodes: list[Episode]
     ) -> list[tuple[Dynamics, list[Episode]]]:
-        """The dynamics of a baseline, each with the episodes that it predicts.
+        """The dynamics of a baseline, each with its episodes.
 
-        A floor restarts the plant that the episode was simulated on; recordings have no floor.
+        A floor restarts the plant of the episode; recordings have no floor.
         """
         if baseline is Baseline.PERSISTENCE:
             dt = episodes[0].trajectory.dt if episodes else 0.01
@@ -298,7 +298,9 @@ class SimWorker:
         return Scores(score_by(lambda episode: episode.id, long, short), whole)
 
     def _truth(self, episode: Episode) -> Floats:
-        """The true points of a simulated episode, else the measured ones: noise is no error of the model."""
+        """The true points of a simulated episode, else the measured ones: noise is not an error of
+        the model.
+        """
         states = episode.trajectory.states
         if states is None:
             return episode.trajectory.observations.points
@@ -315,15 +317,15 @@ class SimWorker:
 
 
 def noise_scores(robot: Robot, recordings: Sequence[Episode], seed: int) -> Scores:
-    """The errors that a perfect prediction of recordings would have, by the noise that they have.
+    """The errors of a perfect prediction of recordings, due to their noise.
 
     Args:
       robot: of the recordings.
       recordings: any.
-      seed: of the noise that is drawn.
+      seed: of the drawn noise.
 
     Raises:
-      DataError: the recordings are too short to tell noise from motion.
+      DataError: the recordings are too short to separate noise from motion.
     """
     points = [episode.trajectory.observations.points for episode in recordings]
     sigma, by_episode = noise_floor(points), {}

@@ -32,7 +32,7 @@ class EpisodeWinches:
     Attributes:
       robot: of the episodes.
       effects: adopted so far.
-      library: that effects are from.
+      library: of the effects.
     """
 
     robot: Robot
@@ -65,10 +65,10 @@ class EpisodeWinches:
 
 
 def committed(store: TrajectoryStore, name: str) -> Episode | None:
-    """The episode if the store has it; a damaged one that no snapshot lists is set aside.
+    """The episode if the store has it; a damaged one that is in no snapshot is set aside.
 
     Raises:
-      DataError: it is damaged, and a snapshot lists it.
+      DataError: it is damaged, and in a snapshot.
     """
     if name not in (*store.committed(), *store.unreadable()):
         return None
@@ -91,10 +91,10 @@ def overlay(
     datasets: Mapping[str, int],
     winches: KnownWinch | None = None,
 ) -> Overlay | None:
-    """Predict the window in the middle of an episode; None where the episode is too short.
+    """Predict the window in the middle of an episode; None if the episode is too short.
 
     Args:
-      dynamics: the model that predicts.
+      dynamics: the model.
       episode: with at least `seconds` of measurements.
       seconds: length of the window [s].
       datasets: index of each data set in the network's one-hot.
@@ -128,6 +128,6 @@ def _places(points: np.ndarray) -> tuple[tuple[tuple[float, float, float], ...],
 
 
 def effects_of(episode: Episode) -> Effects:
-    """The effects of the plant that an episode was recorded on, beyond its MJCF."""
+    """The effects of an episode's plant, beyond the MJCF."""
     there = episode.provenance.effects
     return tuple(WrittenTerm.labelled(label, values) for label, values in there.items())

@@ -33,7 +33,7 @@ class TrainingOrder:
       snapshot: name of the data.
       folder: for checkpoints and weights.
       cache: folder for the training windows.
-      initial: file of the weights to start from, or None.
+      initial: file of the initial weights, or None.
       seed: of the training.
       effects: adopted so far.
     """
@@ -54,7 +54,7 @@ class TrainingNote:
       weights: file of the trained weights.
       digest: of the weights.
       curve: of the training.
-      problem: why there are no weights, or "".
+      problem: reason for missing weights, or "".
     """
 
     weights: Path = Path()
@@ -68,10 +68,10 @@ class ResidualOrder:
     """One training of a residual model.
 
     Attributes:
-      recordings: ids of the robot's, to learn from.
+      recordings: ids of the robot's training recordings.
       path: for the weights.
       seed: of the training.
-      effects: of the plant that is corrected.
+      effects: of the corrected plant.
     """
 
     recordings: tuple[str, ...]
@@ -96,13 +96,13 @@ class TrainerWorker:
 
     @property
     def beat(self) -> Beat:
-        """The latest sign of progress."""
+        """The latest progress signal."""
         return self._heartbeat.beat
 
     def train(self, order: TrainingOrder) -> TrainingNote:
         """Train from the last checkpoint in the order's folder, or from the beginning.
 
-        A training that diverges has no weights; its note says why.
+        A diverged training has no weights; its note says why.
         """
         self._heartbeat.start("reading the snapshot")
         # A trainer whose driver was killed lives on for some seconds.
@@ -144,10 +144,10 @@ class TrainerWorker:
         return TrainingNote(result.weights, result.digest, points)
 
     def train_residual(self, order: ResidualOrder) -> str:
-        """Train a residual model, unless its weights are there.
+        """Train a residual model, unless its weights exist.
 
         Returns:
-          Why there is none, or "".
+          Reason for a missing model, or "".
         """
         self._heartbeat.start("reading the recordings")
         with hold(order.path.parent / "trainer.lock", f"The model in {order.path.parent}", 60.0):

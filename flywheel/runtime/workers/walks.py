@@ -12,7 +12,7 @@ WALK_SECONDS = 0.5  # between two points of a path [s]
 
 
 def walk_of(task: Task, episode: Episode, points: Floats, seed: int) -> Walk:
-    """The path of an episode, and how it ended.
+    """The path of an episode, and its outcome.
 
     Args:
       task: of the episode.

@@ -175,7 +175,7 @@ def test_a_folder_that_mlflow_would_take_for_another_is_refused(tmp_path, name):
             (folder / DATABASE).touch()
         done = CliRunner().invoke(app, [*command.split(), str(folder)])
         assert done.exit_code == 2
-        assert f"its path holds a '{name[1]}'" in done.stderr
+        assert f"its path contains a '{name[1]}'" in done.stderr
         assert [p.name for p in tmp_path.iterdir()] == ([name] if command == "ui" else [])
 
 

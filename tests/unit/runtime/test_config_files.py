@@ -142,7 +142,7 @@ def test_a_chain_of_more_files_than_a_configuration_is_made_of_is_refused(write)
     for number in range(60):
         write(f"w{number}.yaml", "name: a\n")
     for name in ("c0.yaml", "wide.yaml"):
-        with pytest.raises(ConfigError, match="made of at most 50 files"):
+        with pytest.raises(ConfigError, match="consists of at most 50 files"):
             read_config(Whole, write("a.yaml", f"extends: {name}\n"))
 
 
@@ -203,10 +203,10 @@ def test_a_reference_stands_for_the_single_value_at_a_key(write):
             "name: ${training}\ntraining: {steps: 5}",
             "refers to {'steps': 5}, not to a single value",
         ),
-        ("name: ${nowhere.at.all}", "refers to nothing that is given"),
+        ("name: ${nowhere.at.all}", "refers to a missing value"),
         ("name: ${oc.env:HOME}", "nothing else, such as the environment"),
         ("name: '${oc.create:{a: 1}}'", "nothing else"),
-        ("name: ${..name}", "refers to nothing"),
+        ("name: ${..name}", "refers to a missing value"),
         ("name: 'a${'", "nothing else"),
         ("name: '\\${a}'", "nothing else"),
         ("name: ${training.${name}}", "nothing else"),

@@ -218,7 +218,7 @@ def test_an_episode_of_another_run_is_not_taken_for_its_own() -> None:
         collection(mine, 0, "mppi")[0], None, "", NobodyWatches()
     )
     EpisodeRecorder(mine, load_robot(mine.model)).check_own(episode)
-    with pytest.raises(DataError, match="store of its own"):
+    with pytest.raises(DataError, match="its own store"):
         EpisodeRecorder(other, load_robot(other.model)).check_own(episode)
 
 

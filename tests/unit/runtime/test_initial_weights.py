@@ -73,7 +73,7 @@ def test_the_weights_of_another_network_are_refused_with_what_would_make_it_the_
     with pytest.raises(ConfigError) as caught:
         check_suits(config, ROBOT)
     said = str(caught.value)
-    assert said.endswith("Without it: training.from=")
+    assert said.endswith("To leave these out: training.from=")
     overrides = [word for word in said.split() if word.startswith("network.")]
     assert {word.partition("=")[0] for word in overrides} == {
         f"network.{k}" for k in TINY["network"]

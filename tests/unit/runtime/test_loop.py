@@ -84,8 +84,8 @@ def test_an_episode_whose_plant_diverges_is_not_stored_but_counted_and_told(benc
     assert result.iterations[1].invalid == 1
     assert result.iterations[1].new_episodes == 1
     assert "i0001-mppi-collect-0000" not in bench.store.committed()
-    assert any("thrown away" in note and "diverged at 0.4 s" in note for note in result.notes)
-    assert any("thrown away" in line for line in bench.said)
+    assert any("discarded" in note and "diverged at 0.4 s" in note for note in result.notes)
+    assert any("discarded" in line for line in bench.said)
 
 
 def test_too_few_valid_episodes_end_the_run_with_the_numbers(bench, monkeypatch):

@@ -95,7 +95,7 @@ def test_what_makes_predictions_worse_is_not_adopted():
     )
     note = stage.unless_worse(adopting, (gain,), 4.0, 5.0)
     assert (note.verdict, note.adopted, note.effects) == ("EFFECT", False, (gain,))
-    assert "4.00 % off; with slope they would be 5.00 %" in note.reason
+    assert "error on held-out recordings is 4.00 %; with slope it would be 5.00 %" in note.reason
 
 
 @pytest.mark.parametrize(

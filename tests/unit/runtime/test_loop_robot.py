@@ -110,7 +110,7 @@ def test_a_run_goes_on_with_the_robot_that_it_was_begun_with(tmp_path: Path) -> 
     bench.files.begin(bench.config, resume=True)
     bench.files.begin(bench.files.config(), resume=True)  # which does not say what the robot is
     other = Bench(tmp_path, robot={**HERE, "hidden": ["payload"]})
-    with pytest.raises(ConfigError, match="begun on another robot: what is hidden"):
+    with pytest.raises(ConfigError, match="started on another robot: its hidden effects"):
         bench.files.begin(other.config, resume=True)
 
 
@@ -135,7 +135,7 @@ def test_a_lost_robot_ends_the_run_and_what_it_measured_is_kept(
         return link
 
     monkeypatch.setattr(robot_worker, "open_link", fragile)
-    with pytest.raises(RunError, match="The cable was pulled. What was measured until then is in"):
+    with pytest.raises(RunError, match="The cable was pulled. The measurements until then are in"):
         bench.turn()
     (log,) = bench.files.robot_folder.glob("*-lost.csv")
     assert 20 < len(log.read_text().splitlines()) < 40
@@ -160,7 +160,7 @@ def test_a_robot_that_cannot_be_is_refused(robot: object, words: str) -> None:
 
 def test_a_robot_without_a_recording_for_tests_is_refused() -> None:
     config = RunConfig.model_validate({"robot": {"first": 1}})
-    with pytest.raises(ConfigError, match="no test recording in iteration 0. Raise robot.first"):
+    with pytest.raises(ConfigError, match="no test recording of the robot. Raise robot.first"):
         first_recordings(config)
 
 

@@ -83,7 +83,7 @@ def test_an_error_of_the_job_itself_is_not_tried_again():
 
 def test_workers_that_never_start_end_the_run_with_a_message():
     backend = FakeBackend(starts=False)
-    with pytest.raises(RunError, match="No sim worker has started for 30 s; 1 wanted"):
+    with pytest.raises(RunError, match="No sim worker has started for 30 s; 1 requested"):
         pool_of(backend).run(jobs("a"))
 
 
@@ -126,7 +126,7 @@ def test_a_request_to_stop_finishes_running_jobs_and_starts_no_new_ones():
         done.append(job.id)
         stop.ask()
 
-    with pytest.raises(Interrupted, match="what is finished is kept"):
+    with pytest.raises(Interrupted, match="finished work is kept"):
         pool_of(backend, stop=stop).run(jobs(*"abcdef"), on_result)
     assert done == ["a", "b"]
 

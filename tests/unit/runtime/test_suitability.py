@@ -27,9 +27,9 @@ HINGED = (
 
 def refused(config: RunConfig, robot: Robot) -> list[str]:
     """The overrides that a refusal gives."""
-    with pytest.raises(ConfigError, match=f"asks for what {robot.name} cannot do") as refusal:
+    with pytest.raises(ConfigError, match=f"{robot.name} cannot do this run") as refusal:
         check_suits(config, robot)
-    return shlex.split(str(refusal.value).splitlines()[-1].removeprefix("Without it: "))
+    return shlex.split(str(refusal.value).splitlines()[-1].removeprefix("To leave these out: "))
 
 
 @pytest.mark.parametrize("name", CONFIGS)
@@ -100,6 +100,8 @@ def test_too_few_episodes_are_found_before_the_run() -> None:
 
 def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
     config = load_config(ROOT / "configs" / "smoke.yaml", ["model=platform4"])
-    with pytest.raises(ConfigError, match=r"platform4 cannot do:\n  collect.gaits=1: The gaits"):
+    with pytest.raises(
+        ConfigError, match=r"platform4 cannot do this run:\n  collect.gaits=1: The gaits"
+    ):
         run(config, tmp_path / "run", tracker=None)
     assert list(tmp_path.iterdir()) == []
