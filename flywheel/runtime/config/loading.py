@@ -1,8 +1,8 @@
 """Reads a configuration: YAML files, `key=value` overrides and `${a.b}` references become a validated model.
 
-OmegaConf can do much more with `${...}`: read the environment, run functions, refer to references. None of
-that is let through. So a run is made only from what stands in its files, and a few lines cannot become
-gigabytes.
+OmegaConf can do much more with `${...}`: read the environment, run functions, refer to references.
+All of that is rejected, so a run depends only on the content of its files, and a few lines cannot
+become gigabytes.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def read_config(
     beside: Iterable[str] = (),
     only_beside: bool = False,
 ) -> M:
-    """Read a YAML file, put the overrides on top, and validate.
+    """Read a YAML file, apply the overrides, and validate.
 
-    A file may begin with `extends: other.yaml`, relative to itself, or `extends: prism3`, a configuration
-    that comes with flywheel, and hold only what differs; or with a list of others, of which later ones win.
-    `${a.b}` stands for the single value at that key.
+    A file may begin with `extends: other.yaml`, relative to itself, or `extends: prism3`, a shipped
+    configuration, and contain only the differences; or with a list of others, of which later ones
+    win. `${a.b}` stands for the single value at that key.
 
     Args:
       schema: what the result must be.
@@ -54,7 +54,7 @@ def read_config(
 
     Raises:
       ConfigError: no such file, not YAML, an unknown key or a wrong value; the message lists the
-        problems with their paths, what was got and what is allowed.
+        problems with their paths, the values and the allowed values.
     """
     values = _with_parents(Path(path), {}, (), Beside(tuple(beside), only_beside))
     defaults = schema.model_construct().model_dump(mode="json")
@@ -73,7 +73,7 @@ class Beside:
     """Files that a configuration names relative to itself.
 
     Attributes:
-      keys: that name them, at the top of the file.
+      keys: their keys, at the top of the file.
       only: they must be in the folder of the configuration itself.
     """
 
@@ -104,13 +104,13 @@ class Beside:
 def _with_parents(
     path: Path, read: dict[str, dict[Any, Any]], children: tuple[str, ...], beside: Beside
 ) -> dict[Any, Any]:
-    """The values of a file on top of those of the files that it extends.
+    """The values of a file, merged into those of the files that it extends.
 
     Args:
       path: of the file.
-      read: values of the files that were already read, so that none is read twice.
+      read: cached values of files.
       children: the chain of files that extend this one.
-      beside: which values are files.
+      beside: keys whose values are files.
     """
     own = _identity(path)
     if own in children:
@@ -118,7 +118,7 @@ def _with_parents(
     if own in read:
         return read[own]
     if len(read) + len(children) >= MOST_FILES:
-        raise ConfigError(f"{path}: a configuration is made of at most {MOST_FILES} files.")
+        raise ConfigError(f"{path}: a configuration consists of at most {MOST_FILES} files.")
     values = beside.placed(_values(path), path)
     below: dict[Any, Any] = {}
     for name in _names(path, values.pop(EXTENDS, [])):
@@ -129,7 +129,7 @@ def _with_parents(
 
 
 def _identity(path: Path) -> str:
-    """A name that is the same for the same file, however its path is written."""
+    """A key that is the same for the same file, however its path is written."""
     try:
         return os.path.realpath(path)
     except ValueError:  # a NUL in it; no such file
@@ -137,7 +137,7 @@ def _identity(path: Path) -> str:
 
 
 def _values(path: Path) -> dict[Any, Any]:
-    """The values of one file by itself."""
+    """The values of one file alone."""
     what = f"The configuration {path}"
     try:
         text = read_text(path, "configuration", ConfigError, LARGEST_YAML)
@@ -166,7 +166,7 @@ def _names(path: Path, extended: Any) -> list[str]:
 
 
 def _near(path: Path) -> str:
-    """A sentence with the configurations beside a missing one; "" if it is not missing."""
+    """A sentence with the configurations next to a missing one; "" if it is not missing."""
     with suppress(OSError):
         if not path.exists():
             folder = path.parent if path.parent.is_dir() else Path()
@@ -182,7 +182,7 @@ _KEY = re.compile(r"[^.\[\]]+(\.[^.\[\]]+){0,20}")
 
 
 def merged(old: Any, new: Any) -> Any:
-    """The new value on top of the old one: mappings are merged, anything else is replaced."""
+    """The new value merged into the old one: mappings are merged, anything else is replaced."""
     if isinstance(old, dict) and isinstance(new, dict):
         return {**old, **{key: merged(old.get(key), value) for key, value in new.items()}}
     return new
@@ -191,15 +191,16 @@ def merged(old: Any, new: Any) -> Any:
 def overridden(
     values: dict[Any, Any], overrides: Sequence[str], defaults: dict[str, Any]
 ) -> dict[Any, Any]:
-    """The values with the overrides put on top; later overrides win.
+    """The values with the overrides applied; later overrides win.
 
     Args:
       values: of a file.
-      overrides: "a.b=value", the value in YAML; "a.0.b" or "a[0].b" is in the first entry of a list.
-      defaults: used where an override changes an entry of a list that the values do not have.
+      overrides: "a.b=value", the value in YAML; "a.0.b" or "a[0].b" is in the first entry of a
+        list.
+      defaults: used if an override changes an entry of a list that is missing in the values.
 
     Raises:
-      ConfigError: an override is not of this form or not YAML, or a list does not have the entry.
+      ConfigError: an override is not of this form or not YAML, or a list has no such entry.
     """
     if len(overrides) > MOST_OVERRIDES:
         raise ConfigError(
@@ -269,7 +270,7 @@ _REFERENCE = re.compile(r"(?<!\\)\$\{([^${}:\[\]]+)\}")
 
 
 def check_texts(values: Any, what: str) -> None:
-    """Refuse long texts, and `${...}` that is not the key of a value.
+    """Reject long texts, and any `${...}` that is not the key of a value.
 
     Args:
       values: plain values: mappings, lists, texts, numbers.
@@ -295,11 +296,11 @@ def check_texts(values: Any, what: str) -> None:
 
 
 def resolved(values: dict[Any, Any], what: str) -> Any:
-    """The values with each reference replaced by the single value that it refers to.
+    """The values with each reference replaced by its single value.
 
     Raises:
-      ConfigError: a reference to nothing, to several values, or to a reference; a value that is still
-        to be given ("???").
+      ConfigError: a reference to nothing, to several values, or to a reference; or a missing value
+        ("???").
     """
     check_texts(values, what)
     for text in _texts(values):
@@ -310,7 +311,7 @@ def resolved(values: dict[Any, Any], what: str) -> Any:
                     f"{what}: ${{{key}}} refers to {shown(found)}, not to a single value."
                 )
             if found is None:
-                raise ConfigError(f"{what}: ${{{key}}} refers to nothing that is given there.")
+                raise ConfigError(f"{what}: ${{{key}}} refers to a missing value.")
     try:
         return OmegaConf.to_container(OmegaConf.create(values), resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:

@@ -1,4 +1,4 @@
-"""The files of a run's folder, and whether a run may be begun or continued there.
+"""The files of a run's folder, and the checks before a run is started or continued there.
 
     config.yaml               resolved configuration
     run.json                  identity of the run
@@ -13,7 +13,7 @@
     iterations/i0001-diagnosis.json  diagnosis of the plant before the iteration, with a page
     result.json               the run so far, for reports
 
-No file says how far a run is: the files that are there do.
+The progress of a run is not stored: it follows from the existing files.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class RunFolder:
 
     @property
     def there(self) -> bool:
-        """Whether a run was begun here, whatever is left of it."""
+        """True if a run was started here, whatever is left of it."""
         return self.config_file.exists() or os.path.lexists(self.path / RUN_FILE)
 
     @property
@@ -89,14 +89,14 @@ class RunFolder:
 
     @property
     def robot_file(self) -> Path:
-        """The copy of the MJCF that the run was begun with."""
+        """The copy of the MJCF at the start of the run."""
         return self.path / "robot.xml"
 
     def config(self) -> RunConfig:
-        """The configuration that the run was begun with.
+        """The configuration at the start of the run.
 
         Raises:
-          Unsound: the file, a copy of what it names or run.json was changed since then.
+          Unsound: the file, a copy of a named file or run.json was changed since then.
           ConfigError: it is not a configuration.
         """
         begun = read_begun(self.path)
@@ -105,17 +105,17 @@ class RunFolder:
         return load_stored_config(self.config_file)
 
     def copies(self, begun: Begun) -> list[str]:
-        """Names of the copies of what the configuration names: law files, weights to begin with."""
+        """Names of the copies of files named in the configuration: law files, initial weights."""
         return sorted(begun.files.keys() - {self.config_file.name, self.robot_file.name})
 
     @property
     def initial_weights(self) -> Path | None:
-        """The copy of the weights that the first training begins with; None for random ones."""
+        """The copy of the initial weights of the first training; None for random ones."""
         path = (self.path / INITIAL_WEIGHTS).absolute()
         return path if path.exists() else None
 
     def robot(self, config: RunConfig) -> Robot:
-        """The robot that the run was begun with, wherever its MJCF is now.
+        """The robot at the start of the run, wherever its MJCF is now.
 
         Raises:
           Unsound: the copy of its MJCF was changed since then.
@@ -128,12 +128,12 @@ class RunFolder:
 
     @property
     def robot_folder(self) -> Path:
-        """What went over the link to the robot, and what a stand-in is."""
+        """Transcripts of the robot's link, and the stand-in's description."""
         return (self.path / "robot").absolute()
 
     @property
     def cache(self) -> Path:
-        """The folder of the training windows, which are made again where they are missing."""
+        """The folder of the training windows, which are rebuilt if missing."""
         return self.path / "cache"
 
     def store_url(self, config: RunConfig) -> str:
@@ -145,7 +145,7 @@ class RunFolder:
         return (self.path / "models" / name_of(iteration, arm)).absolute()
 
     def model_files(self, iteration: int, arm: Arm) -> list[Path]:
-        """The files in that folder, without those that are being written."""
+        """The files in that folder, without unfinished ones."""
         found = sorted(self.model(iteration, arm).rglob("*"))
         return [path for path in found if not path.is_dir() and not UNFINISHED.fullmatch(path.name)]
 
@@ -158,7 +158,7 @@ class RunFolder:
         return self.model(iteration, "mppi") / "residual" / "residual.npz"
 
     def finished(self, iteration: int, arm: Arm) -> IterationResult | None:
-        """The result of an iteration; None if it is not done.
+        """The result of an iteration; None if it is not complete.
 
         Raises:
           Unsound: its file was altered, or belongs to another run.
@@ -167,18 +167,20 @@ class RunFolder:
         return None if found is None else found[0]
 
     def kept(self, iteration: int, arm: Arm) -> tuple[IterationResult, Seal] | None:
-        """The result of an iteration with its seal, which names all that it needs; None if it is not done."""
+        """The result of an iteration with its seal, which names all its dependencies; None if it is
+        not complete.
+        """
         path = self._result(iteration, arm)
         if not os.path.lexists(path):
             return None
         return read(IterationResult, path, Seal(ITERATION, path.stem, self.begun().identity.key))
 
     def finish(self, result: IterationResult, rests_on: Mapping[str, str] = NOTHING) -> None:
-        """Write the result of an iteration in one atomic step; with it, the iteration is done.
+        """Write the result of an iteration in one atomic step, which completes the iteration.
 
         Args:
           result: of the iteration.
-          rests_on: name -> digest of what else the iteration left, for the seal.
+          rests_on: name -> digest of the iteration's other files, for the seal.
         """
         path = self._result(result.iteration, result.arm)
         save(result, path, Seal(ITERATION, path.stem, self.begun().identity.key, rests_on))
@@ -204,7 +206,7 @@ class RunFolder:
         return read(DiagnosisNote, path, Seal(DIAGNOSIS, path.stem, self.begun().identity.key))
 
     def keep_diagnosis(self, iteration: int, note: DiagnosisNote, page: str) -> DiagnosisNote:
-        """Write the page, then the note; with the note, the diagnosis is done.
+        """Write the page, then the note, which completes the diagnosis.
 
         Returns:
           The note with the page's path.
@@ -220,7 +222,7 @@ class RunFolder:
         return note
 
     def begun(self) -> Begun:
-        """The identity of the run, and the digests of the files that it was begun with.
+        """The identity of the run, and the digests of its initial files.
 
         Raises:
           Unsound: run.json is missing or was altered.
@@ -228,11 +230,12 @@ class RunFolder:
         return read_begun(self.path)
 
     def begin(self, config: RunConfig, resume: bool) -> Identity:
-        """Begin a run here, or go on with the run that is here.
+        """Start a run here, or continue the run that is here.
 
         Raises:
-          ConfigError: there is a run and `resume` is false, or it has another configuration or MJCF.
-          Unsound: a file that the run was begun with was changed.
+          ConfigError: there is a run and `resume` is false, or it has another configuration or
+            MJCF.
+          Unsound: an initial file of the run was changed.
           RobotError: the MJCF cannot be used.
         """
         if not self.config_file.exists():
@@ -246,15 +249,16 @@ class RunFolder:
         stored = self.config()
         if changes := list(differences(decisive(stored), decisive(config))):
             raise ConfigError(
-                f"The run in {self.path} was begun with another configuration:\n{lines(changes)}\n"
-                "Resume it with the one it has, or begin a new run in another folder."
+                f"The run in {self.path} was started with another "
+                f"configuration:\n{lines(changes)}\nResume it with its own, or start a new run in "
+                "another folder."
             )
         self._check_robot(config)
         self._check_stand_in(config)
         return self.begun().identity
 
     def _check_empty(self) -> None:
-        """Refuse the folder of a run whose configuration is gone."""
+        """Reject the folder of a run whose configuration is gone."""
         left = [
             name for name in (RESULT_FILE, "iterations", "models") if (self.path / name).exists()
         ]
@@ -265,29 +269,35 @@ class RunFolder:
             )
 
     def _check_robot(self, config: RunConfig) -> None:
-        """Refuse an MJCF that was edited since the run was begun; it may be gone, as the run has a copy."""
+        """Reject an MJCF that was edited since the start of the run; it may be gone, because the
+        run has a copy.
+        """
         if config.model.endswith(".xml") and not Path(config.model).exists():
             return
         now, kept = load_robot(config.model), self.robot(config)
         if now.digest != kept.digest:
             raise ConfigError(
-                f"The robot {config.model} has changed since the run in {self.path} was begun (digest "
-                f"{kept.digest[:12]} -> {now.digest[:12]}): its episodes are of the MJCF kept in "
-                f"{self.robot_file.name}. Begin a new run in another folder, or restore that MJCF."
+                f"The robot {config.model} has changed since the run in {self.path} was started "
+                f"(digest {kept.digest[:12]} -> {now.digest[:12]}): its episodes are of the MJCF "
+                f"kept in {self.robot_file.name}. Start a new run in another folder, or restore "
+                "that MJCF."
             )
 
     def _check_stand_in(self, config: RunConfig) -> None:
-        """Refuse another stand-in than the run was begun with; one that is not said is the same."""
+        """Reject another stand-in than at the start of the run; an omitted description counts as
+        the same.
+        """
         if config.robot is None or config.robot.stand_in == StandInConfig():
             return
         if config.robot.stand_in != read_stand_in(self.robot_folder):
             raise ConfigError(
-                f"The run in {self.path} was begun on another robot: what is hidden, or its sensors, differ "
-                f"from {self.robot_folder.name}/{STAND_IN_FILE}. Begin a new run in another folder."
+                f"The run in {self.path} was started on another robot: its hidden effects, or its "
+                f"sensors, differ from {self.robot_folder.name}/{STAND_IN_FILE}. Start a new run "
+                "in another folder."
             )
 
     def check_space(self, least_gb: float) -> None:
-        """Refuse a disk that is almost full.
+        """Reject a disk that is almost full.
 
         Raises:
           RunError: less than `least_gb` is free.
@@ -295,8 +305,8 @@ class RunFolder:
         free = shutil.disk_usage(self.path).free / 1e9
         if free < least_gb:
             raise RunError(
-                f"Only {free:.1f} GB are free where {self.path} lies; a run wants at least "
-                f"{least_gb:g} GB (workers.least_free_gb)."
+                f"Only {free:.1f} GB are free at {self.path}; a run needs at least {least_gb:g} "
+                "GB (workers.least_free_gb)."
             )
 
     def _created(self, config: RunConfig) -> Identity:
@@ -339,7 +349,7 @@ class RunFolder:
 
 
 def _plain(name: str) -> str:
-    """A name in the characters that a run's key may have."""
+    """A name reduced to the characters allowed in a run's key."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", file_name(name)).strip("-") or "run"
 
 

@@ -1,6 +1,7 @@
-"""Checks a run's folder and store: whether everything in them is what the run left there.
+"""Checks that a run's folder and store are unchanged.
 
-Every file that a later step needs has a seal, or is named with its digest on the seal of another file:
+Every file that a later step needs has a seal, or is listed with its digest in the seal of another
+file:
 
     run.json                         config.yaml, robot.xml, copies of law files and of weights to begin with
     iterations/i0001-mppi.json       its snapshot, the episodes it recorded, its model's files, its video
@@ -45,15 +46,15 @@ _DIAGNOSIS = re.compile(r"i(\d{4,})-diagnosis")
 
 @dataclass(frozen=True)
 class Fault:
-    """Something in a run's folder or store that is not what the run left there.
+    """A changed item in a run's folder or store.
 
     Attributes:
       kind: of the fault.
       where: path in the folder or in the store.
       what: the fault, in words.
-      since: the first iteration that needs the file and has to be done again; one more than the last for the
-        end of the run; None if the whole run needs it.
-      idle: whether nothing that the run does needs it.
+      since: the first iteration that needs the file and has to be repeated; one more than the last
+        for the end of the run; None if the whole run needs it.
+      idle: True if no later step needs it.
     """
 
     kind: Kind
@@ -98,13 +99,13 @@ class Inventory:
         return found + stored
 
     def remedy(self, faults: Iterable[Fault]) -> str:
-        """A sentence about what can be done; "" if the run needs none of the faulty files."""
+        """A sentence about remedies; "" if the run needs none of the faulty files."""
         resting = [fault for fault in faults if not fault.idle]
         since = [fault.since for fault in resting if fault.since is not None]
         if any(fault.since is None for fault in resting):
             return (
-                f"{HOW} With store={self.folder.path / 'store'} that takes over the episodes, if it has the "
-                "same configuration."
+                f"{HOW} With store={self.folder.path / 'store'} that reuses the episodes, if it "
+                "has the same configuration."
             )
         if not since:
             return ""
@@ -117,7 +118,7 @@ class Inventory:
         )
 
     def strangers(self) -> list[str]:
-        """Names in the folder that are of no run; they do no harm."""
+        """Foreign names in the folder; they do no harm."""
         names = {path.name for path in self.folder.path.iterdir()}
         with suppress(DataError):
             names -= set(self.folder.copies(self.folder.begun()))
@@ -214,7 +215,7 @@ class Inventory:
                 yield Fault("altered", RESULT_FILE, what, self.end)
 
     def _missing(self) -> Iterator[Fault]:
-        """Missing files of iterations that later ones follow, or that the result names."""
+        """Missing files of iterations that are followed by later ones, or that the result names."""
         told = self._result[0].iterations if self._result else ()
         wanted = {name_of(each.iteration, each.arm): "result.json tells of it" for each in told}
         arms = ARMS if self._config is None or self._config.control_arm else ARMS[:1]
@@ -235,7 +236,7 @@ class Inventory:
                 yield Fault("foreign", f"models/{path.name}", what, idle=True)
 
     def _seals(self) -> Iterator[tuple[str, str, int]]:
-        """Name and digest of all that a seal names, and the iteration of the seal."""
+        """Name and digest of all entries of a seal, and the iteration of the seal."""
         seals = [(seal, _number(name)) for name, (_, seal) in self._turns.items()]
         seals += [(self._result[1], self.end)] if self._result else []
         for seal, since in seals:
@@ -243,7 +244,7 @@ class Inventory:
                 yield name, digest, since
 
     def _compared(self) -> Iterator[Fault]:
-        """Segments and snapshots that an iteration needs, and that the store lacks or has altered."""
+        """Segments and snapshots that an iteration needs, and that are missing or altered in the store."""
         there = {f"{SEGMENT}{name}": one.sha256 for name, one in self.store.committed().items()}
         there |= {f"{SNAPSHOT}{name}": one.digest for name, one in self._snapshots.items()}
         for name, digest, since in dict.fromkeys(self._seals()):
@@ -258,7 +259,7 @@ class Inventory:
                 yield Fault("missing", where, what, since)
 
     def _named(self) -> Iterator[Fault]:
-        """Faults of the files in the folder that a seal names."""
+        """Faults of the files in the folder that a seal lists."""
         wanted = {n: (d, i) for n, d, i in self._seals() if not n.startswith((SEGMENT, SNAPSHOT))}
         wanted |= self._pages
         names: dict[tuple[str, str], str] = {}
@@ -309,7 +310,7 @@ class Inventory:
             yield Fault(damage.kind, damage.path, what, *self._rests(damage, listed))
 
     def _rests(self, damage: Damage, listed: Mapping[str, int]) -> tuple[int | None, bool]:
-        """The first iteration that needs what is damaged, and whether none does."""
+        """The first iteration that needs a damaged file, and True if none does."""
         kind, _, name = damage.segment.rpartition(" ")
         if kind == "":
             return listed.get(name), name not in listed
@@ -320,10 +321,10 @@ class Inventory:
 
 
 def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
-    """Refuse to go on with a run whose files were changed; faults in files that nothing needs are ignored.
+    """Stop a run whose files were changed; faults in files that are not needed are ignored.
 
     Raises:
-      RunError: the message names the faults, and what can be done.
+      RunError: the message names the faults, and the remedies.
     """
     look = Inventory(folder, store, thorough=False)
     found = [fault for fault in look.faults() if not fault.idle]
@@ -334,15 +335,16 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
         lines.append(f"  and {len(found) - TOLD} more")
     text = "\n".join(lines)
     raise RunError(
-        f"The run in {folder.path} cannot go on, it is not what it was left as:\n{text}\n"
-        f"{look.remedy(found)} `flywheel data verify {folder.path}` looks at every byte."
+        f"The run in {folder.path} cannot continue, because its files were "
+        f"changed:\n{text}\n{look.remedy(found)} `flywheel data verify {folder.path}` checks "
+        "every byte."
     )
 
 
 def _told_apart(
     found: Iterable[Fault], own: Mapping[str, str], name_of: Callable[[str], str]
 ) -> Iterator[Fault]:
-    """The faults; where files were exchanged, the fault says so."""
+    """The faults, with a note for swapped files."""
     how = misplaced(own)
     for fault in found:
         kind, what = how.get(name_of(fault.where), (fault.kind, fault.what))
