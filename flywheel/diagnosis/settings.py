@@ -350,12 +350,12 @@ class ScreeningSettings:
 
     Attributes:
       sizes: that are tried, in typical sizes.
-      believed: of what a fit leaves, what some score must promise for nothing else to be tried.
+      promised: of what a fit leaves, what some score must promise for nothing else to be tried.
       explained: of what the first estimates leave, what a candidate must explain there.
     """
 
     sizes: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
-    believed: float = 0.5
+    promised: float = 0.5
     explained: float = 0.5
 
 

@@ -171,7 +171,7 @@ class Restart:
 
 
 class Fitter(ABC):
-    """Fits one set of windows with one model.
+    """Fits one set of windows with one model; as it is, one without errors, initial states or time steps.
 
     Args:
       windows: to be fitted.
@@ -198,9 +198,9 @@ class Fitter(ABC):
         """Whether initial states are fitted; else the model begins with what was measured."""
 
     @property
-    @abstractmethod
     def own_errors(self) -> Floats:
         """(K, D, n) draws of errors that the model makes anyway, noise included [sigma]; n may be 0."""
+        return np.zeros((len(self.windows), int(np.prod(self.windows.measured.shape[1:])), 0))
 
     @abstractmethod
     def first_estimate(self, terms: Terms = ()) -> Fit:
@@ -218,17 +218,17 @@ class Fitter(ABC):
     def jacobian(self, fit: Fit) -> Jacobian:
         """The Jacobian around a fit."""
 
-    @abstractmethod
     def rough_jacobian(self, fit: Fit) -> Jacobian:
         """The same, good enough to find the way to a fit."""
+        return self.jacobian(fit)
 
     @abstractmethod
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
 
-    @abstractmethod
     def step_error(self, fit: Fit) -> Floats:
         """(K, D, n) how the prediction changes with smaller time steps: numerics, not physics [sigma]."""
+        return np.zeros((*fit.residual.shape, 1))
 
     @abstractmethod
     def stepped(
@@ -243,20 +243,20 @@ class Fitter(ABC):
     def rms(self, fit: Fit) -> float:
         """Root mean square of what a fit is off, per degree of freedom [m]."""
 
-    @abstractmethod
     def finer(self, fit: Fit, tolerated: float) -> Self | None:
         """The same with half the time step in windows that this changes by more than `tolerated` [sigma].
 
         None where there is no such window, or its steps cannot be shorter.
         """
+        return None
 
-    @abstractmethod
     def restarted(self, fit: Fit, restart: Restart) -> Fit:
         """A fit in which windows that are stuck begin elsewhere; the fit itself if none is better."""
+        return fit
 
-    @abstractmethod
     def best_of(self, fit: Fit, other: Fit) -> Fit:
         """The better of two fits of one model, with what is better in the other one."""
+        return min(fit, other, key=lambda each: each.cost)
 
     def free(self, terms: Terms) -> list[FreeParameter]:
         """All values of terms, as parameters of a fit."""

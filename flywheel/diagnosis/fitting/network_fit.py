@@ -19,12 +19,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Self
 
 import numpy as np
 
 from flywheel.diagnosis.fitting.initial_states import nominal_winch
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, JacobianCache, Restart
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian, JacobianCache
 from flywheel.diagnosis.fitting.parameters import prior_cost
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.subject import Subject
@@ -132,30 +131,10 @@ class NetworkFitter(Fitter):
         count, size, _ = self._modes.shape
         return Jacobian(self._modes, np.zeros((count, size, fit.initial.winch.shape[1])))
 
-    def rough_jacobian(self, fit: Fit) -> Jacobian:
-        """The same, which costs nothing."""
-        return self.jacobian(fit)
-
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
         """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
         worlds, _ = self._world.simulator.chained(self._initial, list(terms))
         return self._measured + (self._unseen(worlds) - self._without)
-
-    def step_error(self, fit: Fit) -> Floats:
-        """(K, D, 1) nothing: a network has no time step."""
-        return np.zeros((*self._modes.shape[:2], 1))
-
-    def finer(self, fit: Fit, tolerated: float) -> Self | None:
-        """None: a network has no time step."""
-        return None
-
-    def restarted(self, fit: Fit, restart: Restart) -> Fit:
-        """The fit itself: a network begins with what it saw."""
-        return fit
-
-    def best_of(self, fit: Fit, other: Fit) -> Fit:
-        """The fit that costs less."""
-        return min(fit, other, key=lambda each: each.cost)
 
     def stepped(
         self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms

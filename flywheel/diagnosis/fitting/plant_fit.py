@@ -52,11 +52,6 @@ class PlantFitter(Fitter):
         """They are."""
         return True
 
-    @property
-    def own_errors(self) -> Floats:
-        """None: a plant that is right leaves nothing but noise."""
-        return np.zeros((len(self.windows), int(np.prod(self.windows.measured.shape[1:])), 0))
-
     def first_estimate(self, terms: Terms = ()) -> Fit:
         """The initial states as first estimated, and the winches where they were thought to be."""
         windows = self.windows

@@ -38,11 +38,11 @@ def screened(
       known: what is fitted anyway.
       settings: tuned numbers.
     """
-    believed = max(score.statistic for score in model.scores) > settings.believed * model.left
+    promised = max(score.statistic for score in model.scores) > settings.promised * model.left
     wrong = fitter.starts_are_free and fitter.worthwhile(model.fit) > 0.0
     had = places(model.fit.terms)
     further = [each for each in library if (each.effect.name, each.place) not in had]
-    if believed or not wrong or not further:
+    if promised or not wrong or not further:
         return []
     begun = fitter.first_estimate(as_said(model.fit.terms))  # what was fitted was misled, too
     best = [(*_best(fitter, begun, each, settings.sizes), each) for each in further]
