@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flywheel.demo.assessment import RIGHT, Outcome
+from flywheel.demo.assessment import RIGHT, Naming
 from flywheel.demo.demonstration import (
     NOTHING,
     DemoConfig,
@@ -199,14 +199,14 @@ def table(rows: Sequence[DemoRow]) -> list[str]:
 def _line(what: str, rows: Sequence[DemoRow]) -> str:
     """A row of the table; with nothing hidden, what is right counts as named."""
     count = Counter(row.outcome for row in rows)
-    right = count[Outcome.NAMED] + count[Outcome.NOTHING]
-    wrong = count[Outcome.NOT_NAMED] + count[Outcome.FALSE_ALARM] + count[FAILED]
+    right = count[Naming.NAMED] + count[Naming.NOTHING]
+    wrong = count[Naming.NOT_NAMED] + count[Naming.FALSE_ALARM] + count[FAILED]
     before, after, first, last, cpu = (
         np.nanmedian([getattr(row, name) for row in rows])
         for name in ("before", "after", "held_out_before", "held_out", "cpu_seconds")
     )
     return (
-        f"| {what} | {len(rows)} | {right} | {count[Outcome.AMONG]} | {count[Outcome.BESIDE]} | {wrong} | "
+        f"| {what} | {len(rows)} | {right} | {count[Naming.AMONG]} | {count[Naming.BESIDE]} | {wrong} | "
         f"{before:.2f} | {after:.2f} | {first:.2f} to {last:.2f} | {cpu:.0f} |"
     )
 

@@ -31,7 +31,7 @@ from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.workers.model_weights import TrainedModel
-from flywheel.truth_simulator.as_built import Spread
+from flywheel.truth_simulator.built_robot import Spread
 from flywheel.truth_simulator.cases import GROUPS, MESSY_GROUPS, Case, cases
 from flywheel.truth_simulator.cases import Group as CaseGroup
 from flywheel.validation import validated

@@ -21,7 +21,7 @@ from flywheel.records import Trajectory
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.model_weights import TrainedModel
-from flywheel.truth_simulator.as_built import Spread
+from flywheel.truth_simulator.built_robot import Spread
 from flywheel.truth_simulator.cases import UNSURE, Case, Recorded
 from flywheel.truth_simulator.effect import EffectTruth
 from flywheel.truth_simulator.recording import HiddenRecording

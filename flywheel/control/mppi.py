@@ -89,7 +89,7 @@ class Mppi:
         dynamics = self.dynamics
         return dynamics.robot.wind(past.winch[0, -1], past.pending[0], dynamics.dt)[-1]
 
-    def _paths(self, search: Search) -> Floats:
+    def _paths(self, search: TriedPlans) -> Floats:
         """(SHOWN, M, 2) paths of candidates, best first, one point per knot [m]."""
         assert self._task is not None
         order = np.argsort(search.costs, kind="stable")[: np.isfinite(search.costs).sum()]
@@ -128,7 +128,7 @@ class Mppi:
         begin = first.shape[1]
         return Rollout(whole.points[:, begin:], whole.winch[:, begin:])
 
-    def _try(self, past: Past, winch: Floats, candidates: Floats) -> Search:
+    def _try(self, past: Past, winch: Floats, candidates: Floats) -> TriedPlans:
         assert self._task is not None
         controls = self.knots.controls(winch, candidates)[:, : self._horizon]
         rollout = self._rollout(past, controls)
@@ -139,11 +139,11 @@ class Mppi:
         costs[finite] = self._task.cost(rollout.points[finite])
         costs[np.isnan(costs)] = np.inf
         weights = softmin(costs, self.config.temperature, self.config.relative_temperature)
-        return Search(costs, weights, rollout)
+        return TriedPlans(costs, weights, rollout)
 
 
 @dataclass(frozen=True)
-class Search:
+class TriedPlans:
     """Evaluated candidates: costs (K,), weights (K,), and predicted paths."""
 
     costs: Floats

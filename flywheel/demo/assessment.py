@@ -23,7 +23,7 @@ EQUIVALENT = {
 Named = tuple[str, str]  # an effect, and the cable or point that it is at, or ""
 
 
-class Outcome(StrEnum):
+class Naming(StrEnum):
     """What came of it, in a few words."""
 
     NAMED = "named"
@@ -35,7 +35,7 @@ class Outcome(StrEnum):
     FALSE_ALARM = "nothing hidden, something named"
 
 
-RIGHT = (Outcome.NAMED, Outcome.AMONG, Outcome.OUTSIDE, Outcome.NOTHING)
+RIGHT = (Naming.NAMED, Naming.AMONG, Naming.OUTSIDE, Naming.NOTHING)
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Assessment:
       sentence: what was hidden, and whether it was found.
     """
 
-    outcome: Outcome
+    outcome: Naming
     sentence: str
 
 
@@ -113,11 +113,11 @@ def label_of(effect: str, location: str) -> str:
 def _of_nothing(verdict: Verdict, named: Sequence[Sequence[Named]]) -> Assessment:
     if verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT):
         words = "Nothing was hidden, and nothing was named."
-        return Assessment(Outcome.NOTHING, words)
+        return Assessment(Naming.NOTHING, words)
     words = f"{_either(named)} was named" if named else "something was said to be missing"
     if verdict is Verdict.NOT_CONVERGED:
         words = "no fit was found"
-    return Assessment(Outcome.FALSE_ALARM, f"Nothing was hidden, but {words}: a false alarm.")
+    return Assessment(Naming.FALSE_ALARM, f"Nothing was hidden, but {words}: a false alarm.")
 
 
 def _of_unknown(
@@ -126,12 +126,12 @@ def _of_unknown(
     label = label_of(hidden.name, hidden.place)
     begin = f"Hidden was {label}, which is none of the library's effects"
     if verdict is Verdict.OUTSIDE_LIBRARY:
-        return Assessment(Outcome.OUTSIDE, f"{begin}, and that is what was said.")
+        return Assessment(Naming.OUTSIDE, f"{begin}, and that is what was said.")
     if verdict is Verdict.PARTIAL:
         words = f"that something else is missing was said, but {_either(named)} was named beside it"
-        return Assessment(Outcome.BESIDE, f"{begin}; {words}, which is not there.")
+        return Assessment(Naming.BESIDE, f"{begin}; {words}, which is not there.")
     words = f"it was taken for {_either(named)}" if named else "nothing was found"
-    return Assessment(Outcome.NOT_NAMED, f"{begin}, but this was not said: {words}.")
+    return Assessment(Naming.NOT_NAMED, f"{begin}, but this was not said: {words}.")
 
 
 def _of_known(
@@ -141,27 +141,27 @@ def _of_known(
     found = [[key_of(*each) for each in answer] for answer in named]
     if verdict is Verdict.OUTSIDE_LIBRARY or not named:
         words = _unnamed(verdict, named, smallest)
-        return Assessment(Outcome.NOT_NAMED, f"Hidden was {label}; it was not named: {words}.")
+        return Assessment(Naming.NOT_NAMED, f"Hidden was {label}; it was not named: {words}.")
     if [truth] in found and verdict is Verdict.PARTIAL:
         words = "something else was said to be missing besides, and nothing is"
-        return Assessment(Outcome.BESIDE, f"Hidden was {label}; it was named, but {words}.")
+        return Assessment(Naming.BESIDE, f"Hidden was {label}; it was named, but {words}.")
     if [truth] in found and len(found) > 1:
         words = "it was named among others that these recordings cannot tell apart"
-        return Assessment(Outcome.AMONG, f"Hidden was {label}; {words}: {_either(named)}.")
+        return Assessment(Naming.AMONG, f"Hidden was {label}; {words}: {_either(named)}.")
     if [truth] in found:
         same = named[0][0] == (hidden.name, hidden.place)
         words = (
             "it was named" if same else f"{_either(named)}, which makes the same motion, was named"
         )
-        return Assessment(Outcome.NAMED, f"Hidden was {label}, and {words}.")
+        return Assessment(Naming.NAMED, f"Hidden was {label}, and {words}.")
     if with_truth := [answer for answer in found if truth in answer]:
         wrong = ", ".join(label_of(*each) for each in with_truth[0] if each != truth)
         words = f"it was named, but with {wrong} beside it, which is not there"
-        return Assessment(Outcome.BESIDE, f"Hidden was {label}; {words}.")
+        return Assessment(Naming.BESIDE, f"Hidden was {label}; {words}.")
     elsewhere = any(each[0] == truth[0] for answer in found for each in answer)
     place = ", so that only the place is wrong" if elsewhere else ""
     words = f"it was not named: {_either(named)} was named instead{place}"
-    return Assessment(Outcome.NOT_NAMED, f"Hidden was {label}; {words}.")
+    return Assessment(Naming.NOT_NAMED, f"Hidden was {label}; {words}.")
 
 
 def _unnamed(verdict: Verdict, named: Sequence[Sequence[Named]], smallest: float) -> str:

@@ -45,7 +45,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordingRow:
     """A row of the table of recordings.
 
     Attributes:
@@ -165,10 +165,10 @@ def _compared_step(found: Comparison) -> Step:
     return Step("noise" if noise else "more", "yes" if noise else "no", compared_words(found))
 
 
-def _recordings(story: Demonstration) -> list[Recorded]:
+def _recordings(story: Demonstration) -> list[RecordingRow]:
     purposes = {HELD_OUT: "held out, to judge by"}
     return [
-        Recorded(
+        RecordingRow(
             episode.provenance.controller.partition(":")[2],
             episode.trajectory.steps * episode.trajectory.dt,
             purposes.get(episode.split, "diagnosed"),

@@ -29,9 +29,9 @@ from flywheel.diagnosis.judgement import (
     effects_of,
     judge_in_time,
 )
-from flywheel.diagnosis.results.as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.diagnosis import Diagnosis, TimeSteps
 from flywheel.diagnosis.results.evidence import Evidence
+from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.verdict import (
     Verdict,
     beyond,

@@ -99,7 +99,7 @@ def judge_in_time(searched: Searched, held_out: HeldOut, seed: int, heartbeat: H
     judged = heartbeat.insisted(lambda: judge(searched, searched.models))
     for stage in (
         without_unsure_effects,
-        partial(restarted, seed=seed),
+        partial(with_loud_windows_restarted, seed=seed),
         without_unsure_effects,
         partial(without_unclear_factors, held_out=held_out),
         with_alternatives,
@@ -144,7 +144,7 @@ def _before(models: Sequence[ScoredModel], fit: Fit) -> list[ScoredModel]:
     return [each for each in models[:-1] if places(each.fit.terms) < places(fit.terms)]
 
 
-def restarted(searched: Searched, judged: Judged, seed: int) -> Judged:
+def with_loud_windows_restarted(searched: Searched, judged: Judged, seed: int) -> Judged:
     """Before something is said to be left: other initial states for every window that is loud."""
     search, last = searched.search, judged.models[-1]
     if judged.verdict not in UNEXPLAINED:

@@ -9,10 +9,10 @@ from pathlib import Path
 import yaml
 
 from flywheel.outputs import write_output
+from flywheel.reports.conclusions import conclusions, headline
 from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.html import Shown, data_uri, render
 from flywheel.reports.robot_figures import NAMES
-from flywheel.reports.verdicts import headline, verdicts
 from flywheel.results import Errors, IterationResult, Navigation, RunResult
 
 PAGE_FILE = "report.html"
@@ -75,7 +75,7 @@ def render_page(run: RunResult, folder: Path) -> str:
         "page",
         run=run,
         headline=headline(run),
-        verdicts=verdicts(run),
+        verdicts=conclusions(run),
         rows=result_rows(run),
         robot_rows=robot_rows(run),
         robot_time=robot_time(run),

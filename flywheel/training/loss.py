@@ -33,7 +33,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Scales:
+class LossScales:
     """Standard deviations of the n steps of a prediction chunk from a constant-velocity guess.
 
     Attributes:
@@ -46,9 +46,9 @@ class Scales:
     position: Tensor
     winch: Tensor
 
-    def to(self, device: str) -> Scales:
+    def to(self, device: str) -> LossScales:
         """A copy on another device."""
-        return Scales(self.velocity.to(device), self.position.to(device), self.winch.to(device))
+        return LossScales(self.velocity.to(device), self.position.to(device), self.winch.to(device))
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Losses:
         )
 
 
-def residual_scales(positions: Tensor, winch: Tensor, dt: float) -> Scales:
+def residual_scales(positions: Tensor, winch: Tensor, dt: float) -> LossScales:
     """Measure the scales on windows of measured nodes.
 
     Args:
@@ -96,7 +96,7 @@ def residual_scales(positions: Tensor, winch: Tensor, dt: float) -> Scales:
     lead = dt * torch.arange(1, chunk + 1, dtype=positions.dtype).view(1, -1, 1, 1)
     still = ahead - present - lead * velocity
     steps = winch.diff(dim=1)
-    return Scales(
+    return LossScales(
         velocity=_spread(ahead_velocity - velocity, (0, 2, 3)).clamp(min=1e-6),
         position=_spread(still, (0, 2, 3)).clamp(min=1e-8),
         winch=_spread(steps, (0, 1, 2)).clamp(min=1e-6),
@@ -108,7 +108,7 @@ def window_loss(
     velocities: Tensor,
     winch: Tensor,
     truth: Truth,
-    scales: Scales,
+    scales: LossScales,
     config: TrainingConfig,
 ) -> Losses:
     """Compare a prediction of k chunks with the truth.

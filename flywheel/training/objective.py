@@ -13,7 +13,7 @@ from flywheel.data import WindowCache
 from flywheel.dynamics.gnn import ChunkNetwork, Simulator
 from flywheel.training.batches import Batch, Draw, generator, noisy, to_batch, turned
 from flywheel.training.config import Schedule, TrainingConfig
-from flywheel.training.loss import Losses, Scales, Truth, residual_scales, window_loss
+from flywheel.training.loss import Losses, LossScales, Truth, residual_scales, window_loss
 from flywheel.training.schedules import stage_at
 
 _ORDER, _AUGMENTATION, _MEASURING = 0, 1, 2  # purposes of random numbers
@@ -111,7 +111,7 @@ class Objective:
         starts = self._draws[min(self._draws)](rng, _MEASURED_WINDOWS)
         return to_batch(self._cache.gather(starts, self._history + self._chunk), self._history)
 
-    def _measured_scales(self) -> Scales:
+    def _measured_scales(self) -> LossScales:
         batch = self.measured()
         points = torch.cat([batch.past_points[:, -2:-1], batch.points], dim=1)
         return residual_scales(

@@ -140,7 +140,7 @@ class ResidualResult:
 
 
 @dataclass(frozen=True)
-class Windows:
+class PlantWindows:
     """Windows of recordings with the plant's predictions; lengths in L.
 
     Attributes:
@@ -156,9 +156,9 @@ class Windows:
     def __len__(self) -> int:
         return len(self.left)
 
-    def __getitem__(self, rows: Tensor | slice) -> Windows:
+    def __getitem__(self, rows: Tensor | slice) -> PlantWindows:
         """Some of the windows."""
-        return Windows(self.sight[rows], self.left[rows], self.weight[rows])
+        return PlantWindows(self.sight[rows], self.left[rows], self.weight[rows])
 
 
 def train_residual(
@@ -231,7 +231,7 @@ def check(plant: RestartedPlant, recordings: Sequence[Trajectory]) -> None:
 
 
 @dataclass(frozen=True)
-class Part:
+class Span:
     """A range of steps of a recording for windows; steps before it are used as past only.
 
     Attributes:
@@ -244,21 +244,21 @@ class Part:
     end: int
 
 
-def split(recordings: Sequence[Trajectory], share: float) -> tuple[list[Part], list[Part]]:
+def split(recordings: Sequence[Trajectory], share: float) -> tuple[list[Span], list[Span]]:
     """Training and held-out parts: whole recordings if there are enough, else the end of each."""
     count, period = len(recordings), max(2, round(1 / share))
     if count >= period:
         held = range(period - 1, count, period)
-        whole = [Part(track, 0, track.steps) for track in recordings]
+        whole = [Span(track, 0, track.steps) for track in recordings]
         return [p for i, p in enumerate(whole) if i not in held], [whole[i] for i in held]
     pairs = [(track, round((1 - share) * track.steps)) for track in recordings]
     return (
-        [Part(track, 0, cut) for track, cut in pairs],
-        [Part(track, cut, track.steps) for track, cut in pairs],
+        [Span(track, 0, cut) for track, cut in pairs],
+        [Span(track, cut, track.steps) for track, cut in pairs],
     )
 
 
-def horizon_of(lookout: Lookout, parts: Sequence[Part], training: ResidualTraining) -> int:
+def horizon_of(lookout: Lookout, parts: Sequence[Span], training: ResidualTraining) -> int:
     """Control steps of the longest windows that fit into the parts, up to the horizon."""
     plant, every = lookout.plant, lookout.every
     longest = max(p.end - max(p.begin, plant.history) for p in parts)
@@ -267,11 +267,11 @@ def horizon_of(lookout: Lookout, parts: Sequence[Part], training: ResidualTraini
 
 def windows_of(
     lookout: Lookout,
-    parts: Sequence[Part],
+    parts: Sequence[Span],
     steps: int,
     training: ResidualTraining,
     say: Say = lambda done, note: None,
-) -> Windows:
+) -> PlantWindows:
     """Predict windows of parts of recordings with the plant.
 
     Args:
@@ -292,7 +292,7 @@ def windows_of(
             "The recordings are too short, or points are missing too often: training needs "
             f"{least:g} s with all points in sight, and validation as much."
         )
-    windows: list[Windows] = []
+    windows: list[PlantWindows] = []
     for first in range(0, len(found), _SIMULATED):
         some = found[first : first + _SIMULATED]
         windows += _predictable(lookout, some, steps)
@@ -311,7 +311,7 @@ _Present = tuple[Episode, int, Floats]
 
 def _presents(
     plant: RestartedPlant,
-    parts: Sequence[Part],
+    parts: Sequence[Span],
     steps: int,
     training: ResidualTraining,
 ) -> list[_Present]:
@@ -330,7 +330,7 @@ def _presents(
     return found[:: max(1, math.ceil(len(found) / training.windows))]
 
 
-def _predictable(lookout: Lookout, presents: Sequence[_Present], steps: int) -> list[Windows]:
+def _predictable(lookout: Lookout, presents: Sequence[_Present], steps: int) -> list[PlantWindows]:
     """Windows with the plant's predictions, without those in which it diverges or a point is out of
     sight.
     """
@@ -344,7 +344,7 @@ def _predictable(lookout: Lookout, presents: Sequence[_Present], steps: int) -> 
         return [found for part in parts for found in _predictable(lookout, part, steps)]
 
 
-def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> Windows:
+def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> PlantWindows:
     plant = lookout.plant
     past = stacked([past_at(e, plant.robot, s, lookout.history, w) for e, s, w in presents])
     tracks = [(episode.trajectory, s) for episode, s, _ in presents]
@@ -352,20 +352,22 @@ def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> Wi
     measured = np.stack([t.observations.points[s : s + steps + 1] for t, s in tracks])
     sight, motion = lookout.look(past, controls)
     left, weight = mean_offsets(motion.observations.points, measured, lookout.every)
-    return Windows(
+    return PlantWindows(
         sight,
         torch.as_tensor(left / plant.robot.length).float(),
         torch.as_tensor(weight).float(),
     )
 
 
-def _joined(parts: Sequence[Windows]) -> Windows:
+def _joined(parts: Sequence[PlantWindows]) -> PlantWindows:
     def knots(each: Sequence[Knots]) -> Knots:
         return Knots(*(torch.cat([getattr(k, f.name) for k in each]) for f in fields(Knots)))
 
     pasts = [p.sight.past for p in parts if p.sight.past is not None]
     sight = Sight(knots(pasts) if pasts else None, knots([p.sight.ahead for p in parts]))
-    return Windows(sight, torch.cat([p.left for p in parts]), torch.cat([p.weight for p in parts]))
+    return PlantWindows(
+        sight, torch.cat([p.left for p in parts]), torch.cat([p.weight for p in parts])
+    )
 
 
 class _Fitting:
@@ -374,8 +376,8 @@ class _Fitting:
     def __init__(
         self,
         network: ResidualNetwork,
-        train: Windows,
-        held_out: Windows,
+        train: PlantWindows,
+        held_out: PlantWindows,
         training: ResidualTraining,
     ) -> None:
         self._network, self._train = network, train
@@ -426,14 +428,14 @@ class _Fitting:
         fall = 0.5 * (1.0 + math.cos(math.pi * self.step / training.steps))
         return rise * (_LEAST_RATE + (1.0 - _LEAST_RATE) * fall)
 
-    def _next_batch(self) -> Windows:
+    def _next_batch(self) -> PlantWindows:
         size = min(self._training.batch, len(self._train))
         if len(self._order) < size:
             self._order = self._rng.permutation(len(self._train)).tolist()
         rows, self._order = self._order[:size], self._order[size:]
         return self._train[torch.tensor(rows)]
 
-    def _loss(self, batch: Windows) -> Tensor:
+    def _loss(self, batch: PlantWindows) -> Tensor:
         off = (correction(self._network, batch) - batch.left) / self._scale
         each = nn.functional.huber_loss(
             off, torch.zeros_like(off), reduction="none", delta=self._training.huber
@@ -448,7 +450,7 @@ class _Fitting:
             mean.lerp_(now, 1.0 - decay)
 
     @torch.no_grad()
-    def errors(self, network: ResidualNetwork, windows: Windows) -> Floats:
+    def errors(self, network: ResidualNetwork, windows: PlantWindows) -> Floats:
         """(N, shares) relative mean distance, for each of `SHARES` of the correction."""
         found = []
         for first in range(0, len(windows), _JUDGED):
@@ -462,7 +464,7 @@ class _Fitting:
         return np.asarray(torch.cat(found).double().numpy())
 
 
-def correction(network: ResidualNetwork, windows: Windows) -> Tensor:
+def correction(network: ResidualNetwork, windows: PlantWindows) -> Tensor:
     """(N, K, P, 3) displacement of the points by a network at each knot [L]."""
     layout, ahead = network.layout, windows.sight.ahead
     shift, turn = network(windows.sight.past, ahead)
@@ -471,7 +473,7 @@ def correction(network: ResidualNetwork, windows: Windows) -> Tensor:
     return displaced(arms, shift[:, :, body], turn[:, :, body])
 
 
-def usual(windows: Windows) -> Tensor:
+def usual(windows: PlantWindows) -> Tensor:
     """(K, 1, 1) root mean square of a coordinate of the plant's residual, by lead time; never
     decreases [L].
     """

@@ -10,8 +10,8 @@ whose every number is a little off, as every real one's is.
 """
 
 from flywheel.registry import lookup
-from flywheel.truth_simulator.as_built import AsBuilt, Spread
 from flywheel.truth_simulator.body_effects import AirDrag, Payload
+from flywheel.truth_simulator.built_robot import AsBuilt, Spread
 from flywheel.truth_simulator.cable_effects import (
     CableDamping,
     CableFriction,
@@ -22,13 +22,13 @@ from flywheel.truth_simulator.cable_effects import (
     WeakCable,
 )
 from flywheel.truth_simulator.effect import EffectTruth, HiddenEffect
-from flywheel.truth_simulator.forms import OTHER_FORMS, UNKNOWN_LAWS
 from flywheel.truth_simulator.ground_effects import (
     ContactSoftness,
     GroundFriction,
     RollingResistance,
     Slope,
 )
+from flywheel.truth_simulator.other_laws import OTHER_FORMS, UNKNOWN_LAWS
 from flywheel.truth_simulator.outside import (
     CableSlip,
     Cogging,

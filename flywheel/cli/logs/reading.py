@@ -14,7 +14,7 @@ from flywheel.robots import Robot
 
 
 @dataclass(frozen=True)
-class Recorded:
+class Log:
     """One recording: a log, or a part of one that has gaps.
 
     Attributes:
@@ -26,7 +26,7 @@ class Recorded:
     trajectory: Trajectory
 
 
-def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Recorded]:
+def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Log]:
     """Read CSV logs, and say what was found and done in each.
 
     Raises:
@@ -42,5 +42,5 @@ def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[
         several = len(imported.episodes) > 1
         for number, episode in enumerate(imported.episodes):
             name = f"{stem} ({number})" if several else stem
-            recordings.append(Recorded(name, episode.trajectory))
+            recordings.append(Log(name, episode.trajectory))
     return recordings

@@ -48,7 +48,7 @@ def summary(
 
 
 def _cells(row: SeedRow) -> tuple[object, ...]:
-    from flywheel.reports.verdicts import rate
+    from flywheel.reports.conclusions import rate
 
     return (
         row.name,

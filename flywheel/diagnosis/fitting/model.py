@@ -9,7 +9,7 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.initial_states import estimated_initial_states
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
-from flywheel.diagnosis.fitting.multistart import restarted
+from flywheel.diagnosis.fitting.multistart import unstuck
 from flywheel.diagnosis.fitting.network_fit import NetworkFitter
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.refinement import F, shorter_steps
@@ -147,5 +147,5 @@ def fitted_as_given(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = Tru
     if not calibrated and fitter.worthwhile(fit):
         return fitter, fit
     fitter, fit = shorter_steps(fitter, fit)
-    fit = restarted(fitter, fit, Restart(seed))
+    fit = unstuck(fitter, fit, Restart(seed))
     return fitter, fitter.fit(fit, rounds=settings.after, enough=fitter.worthwhile(fit))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
 
 
-def restarted(fitter: Fitter, fit: Fit, restart: Restart = Restart()) -> Fit:
+def unstuck(fitter: Fitter, fit: Fit, restart: Restart = Restart()) -> Fit:
     """A fit in which windows that are stuck begin elsewhere; of a clearly wrong model with care."""
     if fitter.worthwhile(fit):
         return restarted_with_care(fitter, fit, restart)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.multistart import restarted
+from flywheel.diagnosis.fitting.multistart import unstuck
 from flywheel.diagnosis.fitting.parameters import FreeParameter
 from flywheel.diagnosis.settings import AsBuiltSettings
 from flywheel.effects import CALIBRATIONS, NAMED, Effect, Part, Term, Terms, together
@@ -164,7 +164,7 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
     best = fitter.fit(best, unknown, enough=fitter.worthwhile(best))
     if best.cost > settings.far_off * fitter.freedom:
         return best
-    elsewhere = restarted(fitter, best)
+    elsewhere = unstuck(fitter, best)
     if elsewhere is not best:
         best = fitter.fit(elsewhere, unknown, enough=fitter.worthwhile(best))
     return best if fitter.worthwhile(best) else _lowest_nearby(fitter, best, unknown)

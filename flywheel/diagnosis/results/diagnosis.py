@@ -13,9 +13,9 @@ from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.checks.localisation import Location
 from flywheel.diagnosis.results.answer import FORMAT
-from flywheel.diagnosis.results.as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
+from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.verdict import EXIT_CODES, INTERRUPTED, Alternative, Verdict
 from flywheel.diagnosis.selection.misspecification import NONE, Misspecification
 from flywheel.diagnosis.selection.score_test import Score

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
-from flywheel.diagnosis.fitting.multistart import restarted
+from flywheel.diagnosis.fitting.multistart import unstuck
 from flywheel.diagnosis.fitting.nuisance import as_said, asked, shaken_terms
 from flywheel.diagnosis.fitting.stopping import out_of_reach
 from flywheel.diagnosis.heartbeat import never
@@ -167,9 +167,9 @@ class Search:
         )
         return min(begun, key=lambda fit: fit.cost)
 
-    def restarted(self, fit: Fit) -> Fit:
+    def unstuck(self, fit: Fit) -> Fit:
         """A fit, fitted on where windows that are stuck begin better elsewhere."""
-        elsewhere = restarted(self.fitter, fit)
+        elsewhere = unstuck(self.fitter, fit)
         return fit if elsewhere is fit else self.fit_until(elsewhere)
 
     def begun_without(self, fit: Fit, term: Term) -> Fit:

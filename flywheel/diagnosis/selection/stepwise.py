@@ -14,7 +14,7 @@ from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.fitting.refinement import in_other_steps, shorter_steps
 from flywheel.diagnosis.heartbeat import Interrupted
 from flywheel.diagnosis.selection.candidates import places
-from flywheel.diagnosis.selection.forms import (
+from flywheel.diagnosis.selection.other_forms import (
     in_other_forms,
     promised_per_part,
     proposed_forms,
@@ -63,7 +63,7 @@ def _in_shortest_steps(
     if finer is fitter:
         return search, models
     search = replace(search, fitter=finer)
-    search, further = _forward(search, search.score_all(search.restarted(search.fit_until(fit))))
+    search, further = _forward(search, search.score_all(search.unstuck(search.fit_until(fit))))
     # A plant whose own effects had other values is still the first model.
     return search, [*models[:-1], *further]
 
@@ -71,7 +71,7 @@ def _in_shortest_steps(
 def in_time_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
     """A fit in time steps that will do for it, fitted on if they are others."""
     finer, fit = _in_shorter_steps(search, fit)
-    return (finer, fit) if finer is search else (finer, finer.restarted(finer.fit_until(fit)))
+    return (finer, fit) if finer is search else (finer, finer.unstuck(finer.fit_until(fit)))
 
 
 def _without_numbers(terms: Terms, numbers: Terms) -> Terms:
@@ -282,7 +282,7 @@ def _fitted_in_turn(
         target = min(map(search.criterion, ended))
         ended.append(search.fit_until(fit, target, max_rounds, slight))
     best, *beaten = sorted(ended, key=search.criterion)
-    search, best = in_time_steps(search, search.restarted(best))
+    search, best = in_time_steps(search, search.unstuck(best))
     return search, [search.fit_until(best), *beaten]
 
 

@@ -18,7 +18,7 @@ _LEAST = 1e-3  # least scale of an output, as a share of its natural size
 _WIDER = 2.0  # growth of an output's size from which a trained network is rescaled
 
 
-class Windows(Protocol):
+class WindowBatch(Protocol):
     """Windows of measured data, split at their present.
 
     Attributes:
@@ -83,7 +83,7 @@ class _Moments:
 
 @torch.no_grad()
 def fit_normalisation(
-    simulator: Simulator, network: ChunkNetwork, batches: Iterable[Windows]
+    simulator: Simulator, network: ChunkNetwork, batches: Iterable[WindowBatch]
 ) -> None:
     """Set the network's normalisation from training windows of at least one prediction chunk.
 
@@ -122,7 +122,9 @@ def fit_normalisation(
 
 
 @torch.no_grad()
-def widen_winches(simulator: Simulator, network: ChunkNetwork, batches: Iterable[Windows]) -> None:
+def widen_winches(
+    simulator: Simulator, network: ChunkNetwork, batches: Iterable[WindowBatch]
+) -> None:
     """Give a trained network larger units for its winches, if new data require it.
 
     Its predictions do not change. If winches had followed their commands, there was next to nothing
@@ -148,7 +150,7 @@ def widen_winches(simulator: Simulator, network: ChunkNetwork, batches: Iterable
     last.bias.mul_(share)
 
 
-def _features(simulator: Simulator, batch: Windows) -> GraphFeatures:
+def _features(simulator: Simulator, batch: WindowBatch) -> GraphFeatures:
     parts, config = simulator.parts(batch.controls.device), simulator.config
     start = simulator.start(batch.past_points, batch.past_controls, batch.past_winch, batch.ground)
     state = start.states[-1]
@@ -159,7 +161,7 @@ def _features(simulator: Simulator, batch: Windows) -> GraphFeatures:
     return parts.builder(state, start.origin, heading, controls, batch.dataset, start.ground)
 
 
-def _velocity_changes(simulator: Simulator, batch: Windows) -> Tensor:
+def _velocity_changes(simulator: Simulator, batch: WindowBatch) -> Tensor:
     """(n, ...) velocity changes of the nodes since the present, by backward differences [m/s]."""
     steps = simulator.config.chunk
     if batch.points.shape[1] < steps + 1:
@@ -173,7 +175,7 @@ def _velocity_changes(simulator: Simulator, batch: Windows) -> Tensor:
     return (velocities[:, 1:] - velocities[:, :1]).transpose(0, 1)
 
 
-def _winch_changes(simulator: Simulator, batch: Windows) -> Tensor:
+def _winch_changes(simulator: Simulator, batch: WindowBatch) -> Tensor:
     """(n, ...) changes of the winch positions since the present, beyond the nominal if that is
     given [m].
     """

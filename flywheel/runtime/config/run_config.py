@@ -73,13 +73,13 @@ Workers = Annotated[int, Bounds(1, 10_000)]
 Processors = Annotated[float, Bounds(0, 1000)]
 
 
-class Part(BaseModel):
+class Section(BaseModel):
     """Base of the configuration's parts: frozen, unknown keys are rejected."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class CollectConfig(Part):
+class CollectConfig(Section):
     """Episodes recorded for training.
 
     Attributes:
@@ -111,7 +111,7 @@ class CollectConfig(Part):
     recordings: tuple[SegmentName, ...] = Field(default=(), max_length=MOST_RECORDINGS)
 
 
-class EvaluateConfig(Part):
+class EvaluateConfig(Section):
     """Evaluation of models.
 
     Predictions start from the measurements. Those of a simulated episode are compared with its true states,
@@ -153,7 +153,7 @@ class EvaluateConfig(Part):
         return courses
 
 
-class DiagnoseConfig(Part):
+class DiagnoseConfig(Section):
     """Diagnosis of the plant with the recordings, before a run collects again.
 
     An effect that is found, and confirmed by the recordings that are kept for tests, is added to
@@ -189,7 +189,7 @@ class DiagnoseConfig(Part):
         unsure_terms(self.unsure, library=library)
 
 
-class ResidualModelConfig(Part):
+class ResidualModelConfig(Section):
     """Training of a small network on the plant's residual in the recordings (`flywheel correct`).
 
     Attributes:
@@ -203,7 +203,7 @@ class ResidualModelConfig(Part):
     training: ResidualTraining = ResidualTraining()
 
 
-class GateConfig(Part):
+class GateConfig(Section):
     """Conditions for a new champion.
 
     Attributes:
@@ -216,7 +216,7 @@ class GateConfig(Part):
     success_drop: Share = 0.25
 
 
-class WorkersConfig(Part):
+class WorkersConfig(Section):
     """The worker processes. These settings do not affect results.
 
     Attributes:
@@ -264,7 +264,7 @@ def _with_preset(network: Any) -> Any:
     return {**preset().model_dump(), **changes}
 
 
-class DataSet(Part):
+class DataSet(Section):
     """A variation of the plant. Its index in the list is its index in the network's one-hot.
 
     Attributes:
@@ -276,7 +276,7 @@ class DataSet(Part):
     plant: PlantParameters = PlantParameters()
 
 
-class RunConfig(Part):
+class RunConfig(Section):
     """A whole run of the flywheel.
 
     Attributes:

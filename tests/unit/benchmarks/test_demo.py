@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import demo
 from benchmarks.demo import FAILED, DemoResult, row_of, table, tell
-from flywheel.demo.assessment import Outcome
+from flywheel.demo.assessment import Naming
 from flywheel.demo.demonstration import DemoConfig
 from flywheel.errors import LinkError
 from flywheel.robots import load_robot
@@ -26,13 +26,13 @@ def result(effect: str, seed: int, outcome: str) -> DemoResult:
 
 def test_the_table_counts_every_ending() -> None:
     ended = [
-        result("slope", 0, Outcome.NAMED),
-        result("slope", 1, Outcome.AMONG),
-        result("slope", 2, Outcome.BESIDE),
-        result("creep", 0, Outcome.NOT_NAMED),
+        result("slope", 0, Naming.NAMED),
+        result("slope", 1, Naming.AMONG),
+        result("slope", 2, Naming.BESIDE),
+        result("creep", 0, Naming.NOT_NAMED),
         result("creep", 1, FAILED),
-        result("none", 0, Outcome.NOTHING),
-        result("none", 1, Outcome.FALSE_ALARM),
+        result("none", 0, Naming.NOTHING),
+        result("none", 1, Naming.FALSE_ALARM),
     ]
     lines = "\n".join(table([row_of(each) for each in ended])).splitlines()
     assert "| creep | 2 | 0 | 0 | 0 | 2 | 3.00 | 2.00 | 1.50 to 1.00 | 90 |" in lines
@@ -60,7 +60,7 @@ def test_stories_that_are_there_are_not_told_again(
 
     def told(robot: object, effect: str, seed: int, *more: object) -> DemoResult:
         asked.append((effect, seed))
-        return result(effect, seed, Outcome.NAMED)
+        return result(effect, seed, Naming.NAMED)
 
     monkeypatch.setattr(demo, "tell", told)
     command = ["benchmarks.demo", str(tmp_path), "--hidden", "slope", "creep", "--seeds"]

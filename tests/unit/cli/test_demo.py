@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from flywheel.cli.main import app
 from flywheel.demo import demonstration
-from flywheel.demo.assessment import Outcome
+from flywheel.demo.assessment import Naming
 from flywheel.demo.demonstration import (
     DemoConfig,
     Demonstration,
@@ -63,7 +63,7 @@ def test_the_record_has_every_step(told: tuple[Demonstration, str, str]) -> None
     assert story.hidden == hidden_truth("winch_gain:2", load_robot("platform4"))
     assert story.diagnosis.verdict is Verdict.EFFECT
     assert [each.effect for each in story.adopted] == ["winch_gain"]
-    assert story.assessment.outcome is Outcome.NAMED
+    assert story.assessment.outcome is Naming.NAMED
     assert story.after is not None
     before, after = story.beside.models
     assert after.rms < before.rms

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from flywheel.control import Mppi, MppiConfig
-from flywheel.control.mppi import Search, softmin
+from flywheel.control.mppi import TriedPlans, softmin
 from flywheel.errors import ConfigError
 from flywheel.records import Past, Rollout
 from flywheel.robots import Robot
@@ -84,7 +84,7 @@ def test_of_plans_that_cost_the_same_the_first_ones_count(
     mppi.act(past)
     assert again(*watched.plans) == set(range(0, 14, 2))
     order = np.concatenate([np.arange(0, 40, 2), np.arange(1, 40, 2)])
-    paths = mppi._paths(Search(np.arange(40) % 2.0, np.zeros(40), watched.rollouts[0]))
+    paths = mppi._paths(TriedPlans(np.arange(40) % 2.0, np.zeros(40), watched.rollouts[0]))
     shown = order[np.linspace(0, 39, len(paths)).round().astype(int)]
     places = task.place(watched.rollouts[0].points[shown][:, ::KNOT])
     np.testing.assert_array_equal(paths, places)
@@ -178,7 +178,7 @@ def test_paths_lead_from_the_best_plan_to_the_worst(
 def test_diagnostics_are_of_the_finite_costs() -> None:
     costs, weights = np.array([3.0, np.inf, 1.0, 2.0]), np.array([0.25, 0.0, 0.5, 0.25])
     points = np.arange(4.0).reshape(4, 1, 1, 1)
-    shown = Search(costs, weights, Rollout(points, points[..., 0])).diagnostics()
+    shown = TriedPlans(costs, weights, Rollout(points, points[..., 0])).diagnostics()
     assert (shown["best_cost"], shown["mean_cost"]) == (1.0, 2.0)
     assert shown["effective_samples"] == pytest.approx(1 / 0.375)
     assert shown["points"] == 2.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flywheel.demo.assessment import RIGHT, Outcome, assess, library_values
+from flywheel.demo.assessment import RIGHT, Naming, assess, library_values
 from flywheel.diagnosis import Verdict
 from flywheel.robots import load_robot
 from flywheel.truth_simulator import HIDDEN, EffectTruth
@@ -21,33 +21,33 @@ def truth(named: tuple[str, str]) -> EffectTruth:
 @pytest.mark.parametrize(
     ("hidden", "verdict", "answers", "outcome", "words"),
     [
-        (CREEP, Verdict.EFFECT, [[CREEP]], Outcome.NAMED, "creep, and it was named."),
-        (LATENCY, Verdict.EFFECT, [[DELAY]], Outcome.NAMED, "which makes the same motion"),
-        (WEAK, Verdict.AMBIGUOUS, [[PAYLOAD], [WEAK]], Outcome.AMONG, "payload at s2; or weak_cable"),
-        (DELAY, Verdict.AMBIGUOUS, [[DELAY], [LATENCY]], Outcome.AMONG, "cannot tell apart"),
-        (CREEP, Verdict.EFFECT, [[CREEP, PAYLOAD]], Outcome.BESIDE, "with payload at s2 beside it"),
-        (CREEP, Verdict.PARTIAL, [[CREEP]], Outcome.BESIDE, "said to be missing besides"),
-        (CREEP, Verdict.AMBIGUOUS, [[WEAK], [CREEP, WEAK]], Outcome.BESIDE, "with weak_cable at"),
-        (CREEP, Verdict.EFFECT, [[WEAK]], Outcome.NOT_NAMED, "weak_cable at long_03 was named instead."),
-        (WEAK, Verdict.EFFECT, [[("weak_cable", "long_14")]], Outcome.NOT_NAMED, "only the place is wrong"),
-        (CREEP, Verdict.OUTSIDE_LIBRARY, [[CREEP]], Outcome.NOT_NAMED, "most like creep"),
-        (CREEP, Verdict.OUTSIDE_LIBRARY, [[]], Outcome.NOT_NAMED, "none of the library's effects."),
-        (CREEP, Verdict.NOISE_ONLY, [[]], Outcome.NOT_NAMED, "nothing beyond noise was found"),
-        (CREEP, Verdict.NOT_CONVERGED, [], Outcome.NOT_NAMED, "no fit was found"),
-        (None, Verdict.NOISE_ONLY, [[]], Outcome.NOTHING, "and nothing was named."),
-        (None, Verdict.EFFECT, [[CREEP]], Outcome.FALSE_ALARM, "creep was named"),
-        (None, Verdict.OUTSIDE_LIBRARY, [[]], Outcome.FALSE_ALARM, "said to be missing"),
-        (("cogging", ""), Verdict.OUTSIDE_LIBRARY, [[CREEP]], Outcome.OUTSIDE, "that is what was said"),
-        (("cogging", ""), Verdict.PARTIAL, [[CREEP]], Outcome.BESIDE, "creep was named beside it"),
-        (("cogging", ""), Verdict.EFFECT, [[CREEP]], Outcome.NOT_NAMED, "it was taken for creep"),
-        (("cogging", ""), Verdict.NOISE_ONLY, [[]], Outcome.NOT_NAMED, "nothing was found"),
+        (CREEP, Verdict.EFFECT, [[CREEP]], Naming.NAMED, "creep, and it was named."),
+        (LATENCY, Verdict.EFFECT, [[DELAY]], Naming.NAMED, "which makes the same motion"),
+        (WEAK, Verdict.AMBIGUOUS, [[PAYLOAD], [WEAK]], Naming.AMONG, "payload at s2; or weak_cable"),
+        (DELAY, Verdict.AMBIGUOUS, [[DELAY], [LATENCY]], Naming.AMONG, "cannot tell apart"),
+        (CREEP, Verdict.EFFECT, [[CREEP, PAYLOAD]], Naming.BESIDE, "with payload at s2 beside it"),
+        (CREEP, Verdict.PARTIAL, [[CREEP]], Naming.BESIDE, "said to be missing besides"),
+        (CREEP, Verdict.AMBIGUOUS, [[WEAK], [CREEP, WEAK]], Naming.BESIDE, "with weak_cable at"),
+        (CREEP, Verdict.EFFECT, [[WEAK]], Naming.NOT_NAMED, "weak_cable at long_03 was named instead."),
+        (WEAK, Verdict.EFFECT, [[("weak_cable", "long_14")]], Naming.NOT_NAMED, "only the place is wrong"),
+        (CREEP, Verdict.OUTSIDE_LIBRARY, [[CREEP]], Naming.NOT_NAMED, "most like creep"),
+        (CREEP, Verdict.OUTSIDE_LIBRARY, [[]], Naming.NOT_NAMED, "none of the library's effects."),
+        (CREEP, Verdict.NOISE_ONLY, [[]], Naming.NOT_NAMED, "nothing beyond noise was found"),
+        (CREEP, Verdict.NOT_CONVERGED, [], Naming.NOT_NAMED, "no fit was found"),
+        (None, Verdict.NOISE_ONLY, [[]], Naming.NOTHING, "and nothing was named."),
+        (None, Verdict.EFFECT, [[CREEP]], Naming.FALSE_ALARM, "creep was named"),
+        (None, Verdict.OUTSIDE_LIBRARY, [[]], Naming.FALSE_ALARM, "said to be missing"),
+        (("cogging", ""), Verdict.OUTSIDE_LIBRARY, [[CREEP]], Naming.OUTSIDE, "that is what was said"),
+        (("cogging", ""), Verdict.PARTIAL, [[CREEP]], Naming.BESIDE, "creep was named beside it"),
+        (("cogging", ""), Verdict.EFFECT, [[CREEP]], Naming.NOT_NAMED, "it was taken for creep"),
+        (("cogging", ""), Verdict.NOISE_ONLY, [[]], Naming.NOT_NAMED, "nothing was found"),
     ],
 )  # fmt: skip
 def test_it_says_in_one_sentence_whether_the_hidden_effect_was_found(
     hidden: tuple[str, str] | None,
     verdict: Verdict,
     answers: list[list[tuple[str, str]]],
-    outcome: Outcome,
+    outcome: Naming,
     words: str,
 ) -> None:
     said = assess(None if hidden is None else truth(hidden), verdict, answers)
@@ -62,11 +62,11 @@ def test_what_could_not_be_seen_is_said_to_be_too_small() -> None:
     assert "from 2.5 times its size on" in said.sentence
     large = assess(truth(CREEP), Verdict.NOISE_ONLY, [[]], smallest=0.4)
     assert "beyond noise" in large.sentence
-    assert said.outcome is large.outcome is Outcome.NOT_NAMED
+    assert said.outcome is large.outcome is Naming.NOT_NAMED
 
 
 def test_only_what_is_right_counts_as_right() -> None:
-    assert set(Outcome) - set(RIGHT) == {Outcome.BESIDE, Outcome.NOT_NAMED, Outcome.FALSE_ALARM}
+    assert set(Naming) - set(RIGHT) == {Naming.BESIDE, Naming.NOT_NAMED, Naming.FALSE_ALARM}
 
 
 def test_values_have_the_names_of_the_library() -> None:

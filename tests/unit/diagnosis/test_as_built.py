@@ -17,7 +17,7 @@ from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.judgement import _from_shorter
 from flywheel.diagnosis.selection.candidates import candidates
-from flywheel.diagnosis.selection.forms import in_other_forms, with_even_sizes
+from flywheel.diagnosis.selection.other_forms import in_other_forms, with_even_sizes
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import _numbers_are_needed

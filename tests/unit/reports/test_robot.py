@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from flywheel.reports.conclusions import conclusions, headline
 from flywheel.reports.page import render_page, robot_rows, robot_time
-from flywheel.reports.verdicts import headline, verdicts
 from flywheel.results import RunResult
 from flywheel.runtime.tracking.publish import iteration_values
 from tests.unit.reports.fake_run import fake_run, with_robot
@@ -22,7 +22,7 @@ def test_the_headline_is_about_the_robot(run: RunResult) -> None:
     words = headline(run)
     assert words.startswith("The error of the MJCF on the robot fell from ")
     assert words.endswith("(noise 0.42 %), with effect_0, effect_1 added.")
-    assert verdicts(run)[0].text == words
+    assert conclusions(run)[0].text == words
     assert "on the robot" not in headline(fake_run(3))
 
 
@@ -31,9 +31,9 @@ def test_a_plant_that_came_no_nearer_is_said_to_have_not(run: RunResult) -> None
         s.model_copy(update={"errors": run.on_robot[1].errors}) if s.model == "plant" else s
         for s in run.on_robot
     )
-    assert verdicts(run.model_copy(update={"on_robot": scores}))[0].answer == "no"
+    assert conclusions(run.model_copy(update={"on_robot": scores}))[0].answer == "no"
     nothing = tuple(i.model_copy(update={"diagnosis": None}) for i in run.iterations)
-    found = verdicts(run.model_copy(update={"iterations": nothing}))[0]
+    found = conclusions(run.model_copy(update={"iterations": nothing}))[0]
     assert found.answer == "open" and "no effect was added" in found.text
 
 

@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from flywheel.training import TrainingConfig
-from flywheel.training.loss import Scales, Truth, residual_scales, window_loss
+from flywheel.training.loss import LossScales, Truth, residual_scales, window_loss
 
 CHUNK, CHUNKS = 3, 4
 
@@ -14,7 +14,7 @@ def _window(seed=None):
     positions = torch.tensor(rng.standard_normal(shape))
     velocities = torch.tensor(rng.standard_normal(shape))
     winch = torch.tensor(rng.standard_normal((2, CHUNK * CHUNKS, 2)))
-    scales = Scales(
+    scales = LossScales(
         torch.tensor([1.0, 2.0, 4.0], dtype=torch.float64),
         torch.tensor([0.1, 0.2, 0.4], dtype=torch.float64),
         torch.tensor(0.5, dtype=torch.float64),

@@ -13,8 +13,8 @@ from flywheel.evaluation import ErrorTable
 from flywheel.records import Observation, Past, Trajectory
 from flywheel.robots import load_robot
 from flywheel.training.residual import (
-    Part,
     ResidualTraining,
+    Span,
     chosen_share,
     split,
     train_residual,
@@ -93,7 +93,7 @@ def test_what_is_missing_has_no_weight():
     seen = Observation(points, track.observations.winch)
     lookout = Lookout(plant(), CONFIG)
     whole, part = (
-        windows_of(lookout, [Part(t, 0, t.steps)], 66, QUICK)
+        windows_of(lookout, [Span(t, 0, t.steps)], 66, QUICK)
         for t in (track, Trajectory(seen, track.controls, track.dt))
     )
     assert whole.weight.min() > 0.0
@@ -104,14 +104,14 @@ def test_what_is_missing_has_no_weight():
 def test_windows_that_the_plant_cannot_predict_are_left_out():
     (track,) = recordings(4, 1)
     lookout, steps = Lookout(plant(), CONFIG), 66
-    whole = windows_of(lookout, [Part(track, 0, track.steps)], steps, QUICK)
+    whole = windows_of(lookout, [Span(track, 0, track.steps)], steps, QUICK)
     points = track.observations.points.copy()
     points[40:81, 2] = (
         np.nan
     )  # longer than the past that is looked at, and not than what is in sight
     seen = Observation(points, track.observations.winch)
     spoilt = Trajectory(seen, track.controls, track.dt)
-    part = windows_of(lookout, [Part(spoilt, 0, track.steps)], steps, QUICK)
+    part = windows_of(lookout, [Span(spoilt, 0, track.steps)], steps, QUICK)
     assert 0 < len(part) < len(whole)
 
 

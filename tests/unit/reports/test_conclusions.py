@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from flywheel.reports.verdicts import headline, verdicts
+from flywheel.reports.conclusions import conclusions, headline
 from flywheel.results import Navigation, PooledTest, RunResult, Walk
 from tests.unit.reports.fake_run import fake_errors, fake_iteration, fake_run, turnless
 
@@ -64,7 +64,7 @@ def test_errors_on_different_episodes_decide_nothing():
 def test_a_run_without_two_iterations_claims_nothing():
     for run in (RunResult(name="r", key="k"), fake_run(1)):
         assert "nothing to compare" in headline(run)
-        assert verdicts(run) == []
+        assert conclusions(run) == []
 
 
 def test_a_control_arm_that_is_as_good_takes_the_credit_away():
@@ -77,27 +77,27 @@ def test_a_control_arm_that_is_as_good_takes_the_credit_away():
         for i in run.iterations
     ]
     same = run.model_copy(update={"iterations": tuple(copied), "pooled": ()})
-    control = next(v for v in verdicts(same) if "random controls" in v.text)
+    control = next(v for v in conclusions(same) if "random controls" in v.text)
     assert control.answer == "no"
-    assert next(v for v in verdicts(run) if "random controls" in v.text).answer == "yes"
+    assert next(v for v in conclusions(run) if "random controls" in v.text).answer == "yes"
 
 
 def test_floor_and_oracle_are_judged_by_the_goals_as_ratios():
     run = two_iterations((2.0, 1.0), (3, 20))
     near = run.model_copy(update={"floor": fake_errors(0.95), "oracle": navigation(24)})
     far = run.model_copy(update={"floor": fake_errors(0.5), "oracle": navigation(24)})
-    floors = [next(v for v in verdicts(r) if "floor" in v.text) for r in (near, far)]
+    floors = [next(v for v in conclusions(r) if "floor" in v.text) for r in (near, far)]
     assert [verdict.answer for verdict in floors] == ["yes", "no"]
     assert "1.05 times" in floors[0].text and "2.00 times" in floors[1].text
-    oracle = next(v for v in verdicts(near) if "oracle" in v.text)
+    oracle = next(v for v in conclusions(near) if "oracle" in v.text)
     assert oracle.answer == "yes" and "83%" in oracle.text
     helpless = run.model_copy(update={"oracle": navigation(0)})
-    assert next(v for v in verdicts(helpless) if "oracle" in v.text).answer == "open"
+    assert next(v for v in conclusions(helpless) if "oracle" in v.text).answer == "open"
 
 
 def test_a_robot_that_shows_no_rotation_is_judged_by_positions():
     run = fake_run(2)
-    whole, half = verdicts(run), verdicts(turnless(run))
+    whole, half = conclusions(run), conclusions(turnless(run))
     assert len(whole) == len(half)
     assert not any("nan" in each.text or "rotation" in each.text for each in half)
     assert "position error (RMSE/L)" in " ".join(each.text for each in half)

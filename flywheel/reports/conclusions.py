@@ -16,7 +16,7 @@ LEAST_CHANGE = 0.02  # of an error; anything less counts as no difference
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Conclusion:
     """One question to a run.
 
     Attributes:
@@ -54,12 +54,12 @@ class _Pair(NamedTuple):
 def headline(run: RunResult) -> str:
     """One sentence: did the error fall, did success rise."""
     results = run.of_arm("mppi")
-    if (on_robot := _robot_verdict(run)) is not None:
+    if (on_robot := _robot_conclusion(run)) is not None:
         return on_robot.text
     if len(results) < 2:
         state = "No iteration has ended yet" if not results else "Only iteration 0 has ended"
         return f"{state}: there is nothing to compare."
-    error, success = _error_verdict(run, results), _success_verdict(results)
+    error, success = _error_conclusion(run, results), _success_conclusion(results)
     start = f"From iteration {results[0].iteration} to {results[-1].iteration}"
     tail = "." if run.finished else " (so far: the run has not ended)."
     falls = {
@@ -76,27 +76,27 @@ def headline(run: RunResult) -> str:
     return f"{start}, {falls} {joint} {rises}{tail}"
 
 
-def verdicts(run: RunResult) -> list[Verdict]:
+def conclusions(run: RunResult) -> list[Conclusion]:
     """The questions that a run can answer by now, in the order of their weight."""
     results = run.of_arm("mppi")
     if len(results) < 2:
         return []
-    found = [_error_verdict(run, results)]
-    on_robot = _robot_verdict(run)
+    found = [_error_conclusion(run, results)]
+    on_robot = _robot_conclusion(run)
     if (
         on_robot is None or results[-1].navigation is not None
     ):  # a robot may be driven by plants alone
-        found.append(_success_verdict(results))
+        found.append(_success_conclusion(results))
     if on_robot is not None:
         found.insert(0, on_robot)
     if "control" in run.arms:
-        found.append(_control_verdict(run, results[-1]))
+        found.append(_control_conclusion(run, results[-1]))
     if run.floor is not None and (errors := run.test_errors(results[-1])) is not None:
-        found.append(_floor_verdict(errors.short, run.floor.short))
+        found.append(_floor_conclusion(errors.short, run.floor.short))
         if run.informed_floor is not None:
-            found.append(_informed_verdict(errors.short, run.informed_floor.short))
+            found.append(_informed_conclusion(errors.short, run.informed_floor.short))
     if run.oracle is not None and results[-1].navigation is not None:
-        found.append(_oracle_verdict(results[-1].navigation.success, run.oracle.success))
+        found.append(_oracle_conclusion(results[-1].navigation.success, run.oracle.success))
     return found
 
 
@@ -108,7 +108,7 @@ def rate(success: Success) -> str:
     return f"{success.reached}/{success.total} ({success.rate:.0%}, {low:.0%} to {high:.0%})"
 
 
-def _robot_verdict(run: RunResult) -> Verdict | None:
+def _robot_conclusion(run: RunResult) -> Conclusion | None:
     """Whether the plant came nearer to the robot; None for a run without one."""
     given = list(run.robot_errors("given").values())
     plant = run.robot_errors("plant")
@@ -120,20 +120,20 @@ def _robot_verdict(run: RunResult) -> Verdict | None:
     noise = "" if run.robot_noise is None else f" (noise {run.robot_noise.e_pos_rmse:.2f} %)"
     if not added:
         text = f"The MJCF is {before:.2f} % off on the robot{noise}, and no effect was added to it."
-        return Verdict("open", text)
+        return Conclusion("open", text)
     change = f"from {before:.2f} to {after:.2f} %{noise}, with {', '.join(added)} added."
     if _lower(after, before):
-        return Verdict("yes", f"The error of the MJCF on the robot fell {change}")
-    return Verdict("no", f"The error of the MJCF on the robot did not fall: {change}")
+        return Conclusion("yes", f"The error of the MJCF on the robot fell {change}")
+    return Conclusion("no", f"The error of the MJCF on the robot did not fall: {change}")
 
 
-def _error_verdict(run: RunResult, results: tuple[IterationResult, ...]) -> Verdict:
+def _error_conclusion(run: RunResult, results: tuple[IterationResult, ...]) -> Conclusion:
     first, last = run.test_errors(results[0]), run.test_errors(results[-1])
     if first is None or last is None:
-        return Verdict("open", "The models were not scored on test episodes.")
+        return Conclusion("open", "The models were not scored on test episodes.")
     pairs = _pairs(first.short, last.short)
     if not all(math.isfinite(each.first) and math.isfinite(each.second) for each in pairs):
-        return Verdict("no", "A prediction error on test episodes is not finite.")
+        return Conclusion("no", "A prediction error on test episodes is not finite.")
     fell = [_lower(each.second, each.first) for each in pairs]
     answer: Answer = "yes" if all(fell) else "open" if any(fell) else "no"
     where = "all test episodes of the run"
@@ -145,26 +145,28 @@ def _error_verdict(run: RunResult, results: tuple[IterationResult, ...]) -> Verd
         f"({_change(each.first, each.second)})"
         for each in pairs
     ]
-    return Verdict(answer, f"Short-horizon errors on {where}: {', '.join(words)}.")
+    return Conclusion(answer, f"Short-horizon errors on {where}: {', '.join(words)}.")
 
 
-def _success_verdict(results: tuple[IterationResult, ...]) -> Verdict:
+def _success_conclusion(results: tuple[IterationResult, ...]) -> Conclusion:
     if results[0].navigation is None or results[-1].navigation is None:
-        return Verdict("open", "Goal reaching was not evaluated in the first and last iteration.")
+        return Conclusion(
+            "open", "Goal reaching was not evaluated in the first and last iteration."
+        )
     first, last = results[0].navigation.success, results[-1].navigation.success
     text = f"Goals reached: {rate(first)} to {rate(last)}."
     if not first.total or not last.total or last.rate <= first.rate:
-        return Verdict("no", text)
+        return Conclusion("no", text)
     if last.interval[0] <= first.interval[1]:
-        return Verdict("open", f"{text} The intervals overlap.")
-    return Verdict("yes", text)
+        return Conclusion("open", f"{text} The intervals overlap.")
+    return Conclusion("yes", text)
 
 
-def _control_verdict(run: RunResult, last: IterationResult) -> Verdict:
+def _control_conclusion(run: RunResult, last: IterationResult) -> Conclusion:
     control = run.of_arm("control")[-1]
     ours, theirs = run.test_errors(last), run.test_errors(control)
     if control.iteration != last.iteration or ours is None or theirs is None:
-        return Verdict("open", "The control arm has not come as far as the MPPI arm.")
+        return Conclusion("open", "The control arm has not come as far as the MPPI arm.")
     pairs = _pairs(ours.short, theirs.short)
     better = [_lower(each.first, each.second) for each in pairs]
     words = [
@@ -176,35 +178,35 @@ def _control_verdict(run: RunResult, last: IterationResult) -> Verdict:
         better.append(mine.rate > other.rate)
         text += f", goals reached {rate(mine)} against {rate(other)}"
     answer: Answer = "yes" if all(better) else "open" if any(better) else "no"
-    return Verdict(answer, f"{text}.")
+    return Conclusion(answer, f"{text}.")
 
 
-def _floor_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
+def _floor_conclusion(ours: ErrorNumbers, floor: ErrorNumbers) -> Conclusion:
     pairs = _pairs(ours, floor)
     words = [f"{each.error} {each.ratio:.2f} times" for each in pairs]
-    return Verdict(
+    return Conclusion(
         "yes" if all(each.ratio <= each.goal for each in pairs) else "no",
         f"Against the floor: {', '.join(words)} that of the restarted plant (goals: "
         f"{' and '.join(str(each.goal) for each in pairs)}).",
     )
 
 
-def _informed_verdict(ours: ErrorNumbers, floor: ErrorNumbers) -> Verdict:
+def _informed_conclusion(ours: ErrorNumbers, floor: ErrorNumbers) -> Conclusion:
     """Whether anything is left to be learnt: not a goal, but what the goals must not hide."""
     pairs = _pairs(ours, floor)
     words = [f"{each.error} {each.ratio:.1f} times" for each in pairs]
-    return Verdict(
+    return Conclusion(
         "yes" if all(each.ratio <= 1.0 for each in pairs) else "no",
         "Against exact physics that also computes the unseen roll (the informed floor): "
         f"{', '.join(words)} its error.",
     )
 
 
-def _oracle_verdict(ours: Success, oracle: Success) -> Verdict:
+def _oracle_conclusion(ours: Success, oracle: Success) -> Conclusion:
     if not oracle.reached:
-        return Verdict("open", f"The oracle reached {rate(oracle)}: it sets no measure.")
+        return Conclusion("open", f"The oracle reached {rate(oracle)}: it sets no measure.")
     share = _ratio(ours.rate, oracle.rate)
-    return Verdict(
+    return Conclusion(
         "yes" if share >= GOAL_SUCCESS else "no",
         f"Against the oracle, which reached {rate(oracle)}: {share:.0%} of its rate "
         f"(goal: {GOAL_SUCCESS:.0%}).",
