@@ -88,6 +88,18 @@ def test_links_between_documents_lead_somewhere(document: Path) -> None:
     assert missing == []
 
 
+def test_a_name_is_in_the_file_that_contributing_says() -> None:
+    """ "`Search.fit_until` in `flywheel/diagnosis/selection/search.py`"."""
+    text = (ROOT / "docs" / "contributing.md").read_text()
+    found = re.findall(r"((?:`[\w.]+`(?: and )?)+) in\s`((?:flywheel|tests)/[\w/]+\.py)`", text)
+    assert len(found) >= 5
+    for names, path in found:
+        source = (ROOT / path).read_text()
+        for name in re.findall(r"`([\w.]+)`", names):
+            defined = rf"^\s*(?:def|class) {name.rpartition('.')[2]}\b|^{name}\b.* = "
+            assert re.search(defined, source, re.MULTILINE), f"{name} is not in {path}"
+
+
 @pytest.mark.parametrize("page", RESULTS, ids=lambda p: p.stem)
 def test_a_result_is_one_page_of_one_commit(page: Path) -> None:
     text = page.read_text()
