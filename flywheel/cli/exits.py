@@ -127,7 +127,7 @@ def ending_of(error: BaseException) -> Ending:
     from flywheel.runtime.pool.jobs import JobFailed
 
     if isinstance(error, KeyboardInterrupt):
-        return Ending(INTERRUPTED, "interrupted")
+        return Ending(INTERRUPTED, str(error) or "interrupted")
     cause = error.__cause__ or error if isinstance(error, JobFailed) else error
     if isinstance(cause, FlywheelError) and not isinstance(cause, JobFailed):
         return Ending(exit_code(cause), str(cause))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -70,6 +71,7 @@ def diagnose(
     model: Subject | None = None,
     unsure: Mapping[str, float] = MappingProxyType({}),
     stop: Callable[[], bool] = never,
+    seconds: float = math.inf,
 ) -> Diagnosis:
     """Find out which effects a plant, or a trained model, lacks to explain recordings.
 
@@ -87,15 +89,16 @@ def diagnose(
       unsure: what the plant is not sure of, see `unsure_terms`: fitted beside everything else, within
         what is known of it, and not asked about.
       stop: asked now and then whether the best answer so far will do.
+      seconds: after which it will, too [s].
 
     Raises:
-      Interrupted: `stop` said so before there was any.
+      Interrupted: it would have to do before there was any.
       DataError: recordings that cannot be used; something that one cannot be unsure of; or nothing that
         is asked about.
       ModelError: a model for another robot or control step, or that looks back further than windows go.
     """
     begun = time.perf_counter()
-    heartbeat = Heartbeat(progress, stop=stop)
+    heartbeat = Heartbeat(progress, stop=stop, seconds=seconds)
     under_test = ModelUnderTest(plant, model, seed, heartbeat.again, settings)
     terms = unsure_terms(unsure, plant.terms, {**NAMED, **library})
     if model is not None and terms:
@@ -106,12 +109,13 @@ def diagnose(
     if held_out:
         _check_usable(under_test, held_out, window_seconds)
     everything = candidates(plant.robot, asked)
+    longer = sum(log.steps for log in held_out) / max(1, sum(log.steps for log in recordings))
     search = partial(
-        _searched, under_test, recordings, window_seconds, everything, terms, heartbeat
+        _searched, under_test, recordings, window_seconds, everything, terms, heartbeat, longer
     )
     # What a trained model is off by itself is known otherwise, see `network_fit`.
     searched = search() if model is not None else _in_two_scales(search, heartbeat)
-    answer = _concluded(under_test, searched, held_out, heartbeat)
+    answer = heartbeat.insisted(partial(_concluded, under_test, searched, held_out, heartbeat))
     return replace(answer, seconds=time.perf_counter() - begun)
 
 
@@ -147,7 +151,8 @@ def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Sea
             break
         heartbeat("no model comes down to the noise: counting in what the best one leaves, too")
         known = found
-        searched = heartbeat.in_time(partial(search, discrepancy=known), searched)
+        again = partial(search, discrepancy=known)
+        searched = heartbeat.in_time(again, searched, "counting in what models are off besides")
     return searched
 
 
@@ -158,14 +163,21 @@ def _searched(
     library: tuple[Candidate, ...],
     unsure: Terms,
     heartbeat: Heartbeat,
+    held_out: float = 0.0,
     discrepancy: float = 0.0,
 ) -> Searched:
-    """Add effects until none explains any more, of what is beyond noise and a discrepancy [m]."""
+    """Add effects until none explains any more, of what is beyond noise and a discrepancy [m].
+
+    Of a limited time some is kept for recordings that are held out, so many times as long as these.
+    """
     settings, around = under_test.settings, None
     for _ in range(1 if under_test.model is None else settings.fitting.network.passes):
+        begun = time.monotonic()
         fitter, first = under_test.fitted(
             recordings, seconds, None, around, calibrated=not unsure, discrepancy=discrepancy
         )
+        heartbeat.keep(2.0 * held_out * (time.monotonic() - begun))  # as it was, and with an answer
+        known_already = around is not None or discrepancy > 0.0
         probes = _probes(fitter.windows.robot)
         limits = settings.limits
         search = Search(
@@ -173,11 +185,10 @@ def _searched(
             library,
             limits.threshold,
             settings.selection,
-            heartbeat,
             probes,
             tolerance=limits.tolerance,
-            stopped=heartbeat.stopped,
             seed=under_test.seed,
+            heartbeat=heartbeat,
         )
         if under_test.model is None:
             present = (*under_test.plant.terms, *unsure)
@@ -185,8 +196,10 @@ def _searched(
             usual = settings.fitting.as_built
             numbers = as_built_terms(fitter.windows.robot, usual, present, named)
             search = replace(search, as_built=numbers)
-        search, fit = _calibrated(search, first, unsure)
-        scored = search.score_all(fit)
+        as_said = search, search.fitter.with_terms(first, (*first.terms, *unsure))
+        search, fit = heartbeat.in_time(partial(_calibrated, search, first, unsure), as_said)
+        score = partial(search.score_all, fit)
+        scored = score() if known_already else heartbeat.in_grace(score)
         if (own := own_errors(fitter, scored.test)) is not None:
             limits = beyond(limits, own)
             search = replace(search, threshold=limits.threshold)
@@ -222,7 +235,8 @@ def _concluded(
     search, limits, checks = searched.search, searched.limits, searched.checks
     kept_aside = HeldOut(under_test, held_out, search.fitter.windows)
     judged = judge_in_time(searched, kept_aside, under_test.seed, heartbeat)
-    held = heartbeat.insisted(lambda: kept_aside.errors(judged.models[-1].fit.terms))
+    heartbeat("predicting what is held out")
+    held = heartbeat.briefly(partial(kept_aside.errors, judged.models[-1].fit.terms), None)
     verdict = judged.verdict
     built = as_built(search, judged.models[-1].fit, judged.effects)
     if built and verdict is Verdict.NOISE_ONLY and not carries_over(limits, held):
@@ -231,24 +245,26 @@ def _concluded(
         verdict = Verdict.AMBIGUOUS
     fitter, last = search.fitter, judged.models[-1]
     unexplained = judged.verdict in UNEXPLAINED
-    # Effects that are the same everywhere and leave only noise: there is no place to look for more.
+    # Of effects that are the same everywhere and leave only noise, there is no more to look for.
     nothing = only_noise(limits, judged.after) and constant(limits, judged.after)
     left = unexplained and (fitter.windows.discrepancy > 0.0 or not nothing)
     suspects: tuple[SuspectParameter, ...] = ()
     if under_test.model is None:
         numbers = partial(suspect_parameters, search, judged.models, unexplained)
-        suspects = heartbeat.in_time(numbers, ())
+        suspects = heartbeat.in_time(numbers, (), "asking for numbers of the MJCF")
     law = partial(_discrepancy, fitter, last, kept_aside, under_test)
     rng = np.random.default_rng(under_test.seed)
-    sure = partial(effects_of, search)
     rivals, forms = (
-        heartbeat.insisted(lambda: [*map(sure, judged.rivals)]),
-        heartbeat.insisted(lambda: [*map(sure, judged.forms)]),
+        heartbeat.each(
+            partial(effects_of, search), fits, lambda fit: "how sure a rival's sizes are"
+        )
+        for fits in (judged.rivals, judged.forms)
     )
+    ranking = partial(detectable, fitter, judged.models[0], rng, checks)
     return Diagnosis(
         verdict=verdict,
         answers=(judged.answer, *(asked_about(each) for each in rivals)),
-        ranking=heartbeat.insisted(lambda: detectable(fitter, judged.models[0], rng, checks)),
+        ranking=heartbeat.briefly(ranking, judged.models[0].scores, "what would be detected"),
         threshold=limits.threshold,
         other_forms=tuple(asked_about(each) for each in forms),
         errors=errors(fitter, searched.first, last.fit),
@@ -261,13 +277,16 @@ def _concluded(
         other_form=other_form(limits, judged.law),
         evidence=Evidence.of(fitter, judged.models),
         location=localise(fitter, last.test, checks) if left else None,
-        discrepancy=heartbeat.in_time(law, None) if left else None,
+        discrepancy=heartbeat.in_time(law, None, "learning a law for what is left")
+        if left
+        else None,
         model="" if under_test.model is None else under_test.model.name,
         calibration=tuple(e for e in judged.effects if not e.term.asked and e not in built),
         as_built=AsBuiltNumbers(built, known_share(search, last.fit)) if built else None,
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
         suspects=suspects,
         interrupted=heartbeat.stopped(),
+        failures=tuple(heartbeat.failures),
         settings=under_test.settings,
     )
 

@@ -1,17 +1,30 @@
-"""Signs of life while something computes for long."""
+"""Signs of life while something computes for long, and its end in time."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
-from typing import TypeVar
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
 
+S = TypeVar("S")
 T = TypeVar("T")
 SECONDS = 5.0  # between two signs
+GRACE = 10.0  # for what is left to be done when a search was stopped [s]
+MOST_KEPT = 0.25  # of a limited time, for what is done at the end
+FRAMES = 4  # of a failure that are named
 
 
 class Interrupted(KeyboardInterrupt):
     """Somebody wants the answer as far as it is known."""
+
+    def __str__(self) -> str:
+        return "Stopped before the model as it is was fitted and scored: there is no answer yet."
 
 
 def never() -> bool:
@@ -19,44 +32,131 @@ def never() -> bool:
     return False
 
 
+@dataclass(frozen=True)
+class Failure:
+    """A part of a search that ended with an error that nobody foresaw, and without which it went on.
+
+    Attributes:
+      what: was being done.
+      error: its kind and its words.
+      at: the last lines of code, the one that failed first.
+    """
+
+    what: str
+    error: str
+    at: str
+
+    @classmethod
+    def of(cls, what: str, error: Exception) -> Failure:
+        """From an error that was caught."""
+        frames = traceback.extract_tb(error.__traceback__)[-FRAMES:]
+        at = [f"{Path(each.filename).name}:{each.lineno} {each.name}" for each in reversed(frames)]
+        return cls(what, f"{type(error).__name__}: {error}", ", ".join(at))
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {"what": self.what, "error": self.error, "at": self.at}
+
+
 class Heartbeat:
-    """Hands on what is being done, and says it again while that goes on.
+    """Hands on what is being done, says it again while that goes on, and knows when it is to end.
+
+    Once it is to end, what is left has `GRACE`; what has to be done all the same takes what it takes.
 
     Args:
       progress: told.
       clock: for tests.
       stop: asked whether that which computes is to end early.
+      seconds: after which it is to end, from now on [s].
+
+    Attributes:
+      failures: parts that were lost.
     """
 
     def __init__(
         self,
-        progress: Callable[[str], None],
+        progress: Callable[[str], None] = lambda note: None,
         clock: Callable[[], float] = time.monotonic,
         stop: Callable[[], bool] = never,
+        seconds: float = math.inf,
     ) -> None:
         self._progress, self._clock, self._stop = progress, clock, stop
         self._note, self._last = "beginning", clock()
-        self._stopped = False
+        self._limit, self._end, self._kept = seconds, clock() + seconds, 0.0
+        self._over = math.inf  # when what may be left undone is
+        self._stopped = self._heard = False
+        self._patience: Callable[[], bool] = self._once
+        self.failures: list[Failure] = []
 
     def stopped(self) -> bool:
         """Whether `again` has said so: what is left is to be short."""
         return self._stopped
 
-    def in_time(self, compute: Callable[[], T], otherwise: T) -> T:
-        """What comes of something that may be left undone; `otherwise` if it is to end early."""
-        if self._stopped:
-            return otherwise
+    def keep(self, seconds: float) -> None:
+        """Keep so much of the time, if that is limited, for what is done at the end [s]."""
+        self._kept = min(seconds, MOST_KEPT * self._limit)
+
+    def in_time(self, compute: Callable[[], T], otherwise: T, what: str = "") -> T:
+        """The result of something that may be left undone; `otherwise` if it is to end early, or fails."""
+        return otherwise if self._stopped else self._tried(self._once, compute, otherwise, what)
+
+    def briefly(self, compute: Callable[[], T], otherwise: T, what: str = "") -> T:
+        """The same of something that is begun, and goes on, as long as the grace lasts."""
+        return self._tried(self._impatient, compute, otherwise, what)
+
+    def in_grace(self, compute: Callable[[], T]) -> T:
+        """The result of something without which there is no answer.
+
+        Raises:
+          Interrupted: it is not there when the grace is over.
+        """
+        with self._patient(self._impatient):
+            return compute()
+
+    def insisted(self, compute: Callable[[], T]) -> T:
+        """The result of something that must be done."""
+        with self._patient(never):
+            return compute()
+
+    def spared(self, compute: Callable[[], T], otherwise: T, what: str) -> T:
+        """The result of one part of many; `otherwise` where it fails, which ends nothing else."""
         try:
             return compute()
+        except Exception as error:  # which nobody foresaw, or it would have been caught
+            self.failures.append(Failure.of(what, error))
+            return otherwise
+
+    def each(
+        self, compute: Callable[[S], T | None], parts: Iterable[S], what: Callable[[S], str]
+    ) -> list[T]:
+        """The results of those parts of many that have one, and do not fail."""
+        found = [self.spared(partial(compute, part), None, what(part)) for part in parts]
+        return [result for result in found if result is not None]
+
+    def _tried(
+        self, patience: Callable[[], bool], compute: Callable[[], T], otherwise: T, what: str
+    ) -> T:
+        try:
+            with self._patient(patience):
+                return self.spared(compute, otherwise, what or self._note)
         except Interrupted:
             return otherwise
 
-    def insisted(self, compute: Callable[[], T]) -> T:
-        """What comes of something that must be done; it begins anew where it was interrupted."""
+    @contextmanager
+    def _patient(self, patience: Callable[[], bool]) -> Iterator[None]:
+        """Let `again` raise by another rule."""
+        before, self._patience = self._patience, patience
         try:
-            return compute()
-        except Interrupted:  # which happens once
-            return compute()
+            yield
+        finally:
+            self._patience = before
+
+    def _once(self) -> bool:
+        heard, self._heard = self._heard, True
+        return not heard
+
+    def _impatient(self) -> bool:
+        return self._clock() >= self._over
 
     def __call__(self, note: str) -> None:
         """Something else is being done."""
@@ -67,11 +167,14 @@ class Heartbeat:
         """It goes on; to be called often.
 
         Raises:
-          Interrupted: once, if it is to end early.
+          Interrupted: once, if it is to end early; of what is done briefly, when the grace is over.
         """
-        if not self._stopped and self._stop():
+        now = self._clock()
+        if not self._stopped and (now >= self._end - self._kept or self._stop()):
             self._stopped = True
+            self._over = GRACE + (now if now < self._end - self._kept else self._end)
             self("stopping: the best answer so far follows; Ctrl-C again ends at once")
+        if self._stopped and self._patience():
             raise Interrupted
-        if self._clock() - self._last >= SECONDS:
+        if now - self._last >= SECONDS:
             self(self._note)

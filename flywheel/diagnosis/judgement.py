@@ -96,17 +96,28 @@ class Judged:
 
 def judge_in_time(searched: Searched, held_out: HeldOut, seed: int, heartbeat: Heartbeat) -> Judged:
     """What of the answer of a search stands; where that is interrupted, as far as it was asked."""
-    judged = heartbeat.insisted(lambda: judge(searched, searched.models))
-    for stage in (
-        without_unsure_effects,
-        partial(with_loud_windows_restarted, seed=seed),
-        without_unsure_effects,
-        partial(without_unclear_factors, held_out=held_out),
-        with_alternatives,
-        partial(with_gains, held_out=held_out),
+    judged = heartbeat.insisted(partial(_judged, searched))
+    for what, stage in (
+        ("unsure effects", without_unsure_effects),
+        ("windows that are loud", partial(with_loud_windows_restarted, seed=seed)),
+        ("unsure effects", without_unsure_effects),
+        ("sizes of parts", partial(without_unclear_factors, held_out=held_out)),
+        ("other models that explain as much", with_alternatives),
+        ("gains on other windows", partial(with_gains, held_out=held_out)),
     ):
+        heartbeat(f"judging the answer: {what}")
         judged = heartbeat.in_time(partial(stage, searched, judged), judged)
     return judged
+
+
+def _judged(searched: Searched) -> Judged:
+    """What the longest models of a search say that can be judged."""
+    models, spared = searched.models, searched.search.heartbeat.spared
+    for count in range(len(models), 1, -1):
+        judged = spared(partial(judge, searched, models[:count]), None, "judging the answer")
+        if judged is not None:
+            return judged
+    return judge(searched, models[:1])
 
 
 def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] = ()) -> Judged:
@@ -291,7 +302,9 @@ def asked_about(effects: Alternative) -> Alternative:
 
 
 def effects_of(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Alternative:
-    """All effects of a fit, with intervals."""
+    """All effects of a fit, with intervals; by the Jacobian that led to it where time is up."""
+    if search.heartbeat.stopped() and fit.cache is not None:
+        jacobian = jacobian or fit.cache.jacobian
     if not fit.terms:
         return ()
     fitter = search.fitter

@@ -51,6 +51,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         numbers=numbers(found),
         held_back=held_back(found),
         interrupted=interrupted(found),
+        failures=failures(found),
         scale=scale(found),
         gains=gains(found),
         forms=forms(found),
@@ -119,6 +120,18 @@ def interrupted(found: Diagnosis) -> str:
     return (
         f"Stopped after {found.seconds:.0f} s: this is the best answer so far. More effects may be missing, "
         "and other ones may explain the recordings as well."
+    )
+
+
+def failures(found: Diagnosis) -> str:
+    """Parts of the search that were lost to a bug; "" for none."""
+    if not found.failures:
+        return ""
+    lost = "; ".join(f"{each.what} ({each.error}; {each.at})" for each in found.failures[:SHOWN])
+    more = f"; and {rest} more" if (rest := len(found.failures) - SHOWN) > 0 else ""
+    return (
+        f"A bug of flywheel cost a part of this search: {lost}{more}. The answer is what the rest of it "
+        "says; please report this."
     )
 
 

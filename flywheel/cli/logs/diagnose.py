@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -124,6 +123,8 @@ def diagnose(
     from flywheel.cli.models import Library, open_plant, open_trained
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis
+    from flywheel.runtime.pool.interrupts import StopRequest
+    from flywheel.runtime.pool.progress import console_progress, notes_of
 
     others, laws, known = held_out or [], effects_from or [], unsure_of(unsure or [])
     check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, *laws, robot])
@@ -137,15 +138,16 @@ def diagnose(
         [each.trajectory for each in read_logs(paths, plant.robot, dt, out)]
         for paths in (recordings, others)
     )
-    with _watched(minutes) as (told, stop):
-        found = diagnosis.diagnose(
-            plant, logs, kept_aside, asked, tuned, window, 0, told, tested, known, stop
-        )
-    _show(out, found, _again(robot, laws))
-    about = _about(plant, found, recordings, others) | library.about
-    out.say(f"Page: {write_diagnosis(found, page, about)}")
-    summary = _summary(plant, found, recordings, others) | library.provenance
-    out.keep_json(json, summary, allow_nan=False)
+    limit = math.inf if minutes is None else 60.0 * minutes
+    with StopRequest() as stop:  # until the answer is written
+        with console_progress().stage("diagnose", 1.0) as stage:
+            told = notes_of(stage.update), tested, known, stop, limit
+            found = diagnosis.diagnose(plant, logs, kept_aside, asked, tuned, window, 0, *told)
+        _show(out, found, _again(robot, laws))
+        about = _about(plant, found, recordings, others) | library.about
+        out.say(f"Page: {write_diagnosis(found, page, about)}")
+        summary = _summary(plant, found, recordings, others) | library.provenance
+        out.keep_json(json, summary, allow_nan=False)
     raise typer.Exit(found.exit_code)
 
 
@@ -159,19 +161,6 @@ def _summary(
         "recordings": [path.name for path in recordings],
         "held_out_recordings": [path.name for path in others],
     }
-
-
-@contextmanager
-def _watched(
-    minutes: float | None,
-) -> Iterator[tuple[Callable[[str], None], Callable[[], bool]]]:
-    """What takes notes of progress, and what knows whether Ctrl-C was pressed, or time is up [min]."""
-    from flywheel.runtime.pool.interrupts import StopRequest
-    from flywheel.runtime.pool.progress import console_progress, notes_of
-
-    seconds = math.inf if minutes is None else 60.0 * minutes
-    with console_progress().stage("diagnose", 1.0) as stage, StopRequest(seconds) as stop:
-        yield notes_of(stage.update), stop
 
 
 def _settings(statements: Sequence[str], tolerance: str | None, plant: Plant) -> Settings:
@@ -266,6 +255,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
     from flywheel.reports.diagnosis_page import (
         as_built,
         at_bounds,
+        failures,
         forms,
         gains,
         held_back,
@@ -284,6 +274,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
         out.say(f"another form than the effects of the library: {form}")
     for note in (
         interrupted(found),
+        failures(found),
         scale(found),
         forms(found),
         gains(found),

@@ -12,6 +12,7 @@ from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel
 from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.checks.localisation import Location
+from flywheel.diagnosis.heartbeat import Failure
 from flywheel.diagnosis.results.answer import FORMAT
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.next_experiment import NextExperiment, next_experiment
@@ -78,6 +79,7 @@ class Diagnosis:
       suspects: numbers of the MJCF that may be what is wrong instead.
       settings: tuned numbers that it was made with; in JSON, the unusual ones.
       interrupted: this is the best answer that was known when somebody stopped it.
+      failures: parts of the search that were lost to a bug.
     """
 
     verdict: Verdict
@@ -104,6 +106,7 @@ class Diagnosis:
     suspects: tuple[SuspectParameter, ...] = ()
     settings: Settings = Settings()
     interrupted: bool = False
+    failures: tuple[Failure, ...] = ()
 
     @property
     def next_experiment(self) -> NextExperiment:
@@ -124,6 +127,7 @@ class Diagnosis:
             "format": FORMAT,
             "verdict": str(self.verdict),
             "interrupted": self.interrupted,
+            **({"failures": [f.summary() for f in self.failures]} if self.failures else {}),
             "model": self.model or "plant",
             "answer_set": [[found.summary() for found in each] for each in self.answers],
             "other_forms": [[found.summary() for found in each] for each in self.other_forms],

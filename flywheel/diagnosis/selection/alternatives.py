@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.selection.candidates import places
@@ -123,19 +124,25 @@ def _in_place(
     others, limit = without(last.terms, term), search.criterion(last) + margin
     found: list[Fit] = []
     known = [(last, term)]
+
+    def fitted(score: Score) -> Fit:
+        twins = (_twin(search, fit, its, score) for fit, its in known)
+        if (twin := next((each for each in twins if each is not None), None)) is not None:
+            return twin
+        other = score.candidate.term(score.sizes, score.shape)
+        terms = (*others, alike(other, term, search.fitter.windows.robot))
+        begun = search.fitter.with_terms(last, terms)
+        most = search.settings.max_rounds_to_target_of_law if probed(terms) else None
+        fit = search.fit_until(begun, limit, most)
+        known.append((fit, fit.terms[-1]))
+        return fit
+
     for score in scores:
         if len(found) >= search.settings.shortlist:
             break
-        twins = (_twin(search, fit, its, score) for fit, its in known)
-        fit = next((twin for twin in twins if twin is not None), None)
-        if fit is None:
-            other = score.candidate.term(score.sizes, score.shape)
-            terms = (*others, alike(other, term, search.fitter.windows.robot))
-            begun = search.fitter.with_terms(last, terms)
-            most = search.settings.max_rounds_to_target_of_law if probed(terms) else None
-            fit = search.fit_until(begun, limit, most)
-            known.append((fit, fit.terms[-1]))
-        if search.criterion(fit) < limit:
+        what = f"{score.candidate.label} in the place of {term.effect.name}"
+        fit = search.heartbeat.spared(partial(fitted, score), None, what)
+        if fit is not None and search.criterion(fit) < limit:
             found.append(fit)
     return found
 

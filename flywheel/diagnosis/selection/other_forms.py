@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +18,13 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.nuisance import as_said
 from flywheel.diagnosis.selection.candidates import Candidate, at_parts, families
 from flywheel.diagnosis.selection.robot_as_built import promised_as_built
-from flywheel.diagnosis.selection.score_test import Projection, Score, ScoredModel, further_scores
+from flywheel.diagnosis.selection.score_test import (
+    Projection,
+    Score,
+    ScoredModel,
+    further_scores,
+    slices_of,
+)
 from flywheel.diagnosis.selection.search import Search, without
 from flywheel.effects import (
     PerPart,
@@ -98,7 +105,7 @@ def with_even_sizes(search: Search, model: ScoredModel) -> ScoredModel:
         if isinstance(term.effect, PerPart) and model.fit.kept is not None:
             even = tuple(at_same_size(t) if t is term else t for t in model.fit.terms)
             begun = search.fitter.with_terms(model.fit, as_said(even))
-            search.progress(f"fitting {term.effect.name} of one size beside numbers as built")
+            search.heartbeat(f"fitting {term.effect.name} of one size beside numbers as built")
             fit = search.settled(search.effects_first(begun))
             less, terms = search.score_all(fit), (*without(model.fit.terms, term), term)
             _, price = _explained(search.fitter, less, terms, term)
@@ -119,12 +126,17 @@ def _in_best_form(
         model, family = search.score_all(search.settled(best.fit)), best.family
         if not _seen_beside(search, model):
             return model
-    uneven = _per_part(search, model, family)
+    heartbeat, sized = search.heartbeat, partial(_per_part, search, model, family)
+    uneven = heartbeat.spared(sized, None, f"{family} with a size for each part")
     if uneven is None:
         return model
-    others = (_rival_per_part(search, each, uneven) for each in rivals)
-    forms = [uneven, *(each for each in others if each is not None)]
-    forms += [each for form in forms if (each := _at_one_part(search, form)) is not None]
+    tried = partial(_rival_per_part, search, found=uneven)
+    forms = [
+        uneven,
+        *heartbeat.each(tried, rivals, lambda rival: f"{rival.candidate.label} per part"),
+    ]
+    alone = partial(_at_one_part, search)
+    forms += heartbeat.each(alone, forms, lambda form: f"{form.family} at one part")
     form = min(forms, key=lambda each: search.criterion(each.fit) + each.price)
     gained = search.criterion(model.fit) - search.criterion(form.fit) - form.price
     return model if gained <= search.threshold else search.score_all(search.settled(form.fit))
@@ -147,7 +159,7 @@ def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[_For
         effect = score.candidate.effect
         other = effect.family == family and effect.name != term.effect.name
         if other and score.score >= search.threshold:
-            found.append(_fitted_in_place(search, model.fit, term, score.candidate))
+            found += _fitted_in_place(search, model.fit, term, score.candidate)
     return found
 
 
@@ -165,28 +177,35 @@ def _rivals_in_place(
     seen = {s.candidate.label for s in model.scores if s.score >= search.threshold}
     for candidate in (rival.candidate for rival in rivals):
         if candidate.effect.family != family and candidate.label in seen:
-            found.append(_fitted_in_place(search, model.fit, term, candidate))
+            found += _fitted_in_place(search, model.fit, term, candidate)
     return found
 
 
-def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> _Form:
+def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> list[_Form]:
     """A fit with a candidate in the place of a term, fitted for as long as it may become better."""
-    search.progress(f"fitting {candidate.label} in the place of {term.effect.name}")
-    begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
-    return _Form(search.fit_until(begun, search.criterion(fit)), candidate.effect.family)
+    what = f"{candidate.label} in the place of {term.effect.name}"
+    search.heartbeat(f"fitting {what}")
+
+    def fitted(candidate: Candidate) -> _Form:
+        begun = search.fitter.with_terms(fit, _exchanged(search, fit, term, candidate))
+        return _Form(search.fit_until(begun, search.criterion(fit)), candidate.effect.family)
+
+    return search.heartbeat.each(fitted, [candidate], lambda _: what)
 
 
 def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Terms:
-    """Terms of a fit with a candidate in the place of one of them, of the size that changes as much."""
+    """Terms of a fit with a candidate in the place of one of them, of the sizes that change as much."""
     fitter = search.fitter
     rest = without(fit.terms, term)
     bare = fitter.with_terms(fit, rest)
     units = candidate.unit_terms()
     columns = fitter.columns(bare, [(*rest, each) for each in (term, *units)])
     wanted, own = columns[..., 0].ravel(), columns[..., 1:].reshape(-1, len(units))
-    size = own.T @ wanted / np.maximum((own**2).sum(axis=0), 1e-12)
-    best = int(np.argmax(size * (own.T @ wanted)))  # fall of the squares of what the term changes
-    return (*rest, candidate.term((float(size[best]),), best))
+    shapes = [own[:, each] for each in slices_of([candidate])[0]]
+    sizes = [np.linalg.lstsq(each, wanted, rcond=None)[0] for each in shapes]
+    fall = [float(wanted @ each @ size) for each, size in zip(shapes, sizes, strict=True)]
+    best = int(np.argmax(fall))  # of the squares of what the term changes
+    return (*rest, candidate.term(tuple(sizes[best].tolist()), best))
 
 
 def _at_one_part(search: Search, found: _Form) -> _Form | None:
@@ -195,7 +214,7 @@ def _at_one_part(search: Search, found: _Form) -> _Form | None:
     alone, share = at_largest_part(term)
     if share < search.settings.forms.alone:
         return None
-    search.progress(f"fitting {term.effect.name} at one {term.effect.part}")
+    search.heartbeat(f"fitting {term.effect.name} at one {term.effect.part}")
     terms = tuple(alone if each is term else each for each in fit.terms)
     begun = search.fitter.with_terms(fit, terms)
     return _Form(search.fit_until(begun, search.criterion(fit) + found.price), found.family)
@@ -228,7 +247,7 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
     numbers = promised_as_built(search, model)
     if numbers is not None and numbers.explained > search.settings.pairs.more * (explained - price):
         return None
-    search.progress(f"fitting {term.effect.name} {uneven.effect.form}")
+    search.heartbeat(f"fitting {term.effect.name} {uneven.effect.form}")
     others = without(fit.terms, term)
     tried = (uneven, _sized_by_part(fitter, model, term, uneven, spread))
     starts = [fitter.with_terms(fit, (*others, each)) for each in tried]
@@ -280,7 +299,7 @@ def _rival_per_part(search: Search, score: Score, found: _Form) -> _Form | None:
         return None
     *rest, even = _exchanged(search, fit, found.term, score.candidate)
     other = alike(even, found.term, robot)
-    search.progress(f"fitting {other.effect.name} {other.effect.form}")
+    search.heartbeat(f"fitting {other.effect.name} {other.effect.form}")
     begun = fitter.with_terms(fit, (*rest, other))
     most = search.settings.max_rounds_to_target_of_law
     fit = search.fit_until(begun, search.criterion(fit), most)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Jacobian
 from flywheel.diagnosis.fitting.multistart import unstuck
 from flywheel.diagnosis.fitting.nuisance import as_said, asked, shaken_terms
 from flywheel.diagnosis.fitting.stopping import out_of_reach
-from flywheel.diagnosis.heartbeat import never
+from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.selection.candidates import Candidate, places
 from flywheel.diagnosis.selection.score_test import Prior, Score, ScoredModel, score_test
 from flywheel.diagnosis.settings import SelectionSettings
@@ -28,25 +28,23 @@ class Search:
       library: what may be added.
       threshold: score from which an effect counts as seen.
       settings: tuned numbers.
-      progress: told what has been done.
       probes: laws that are scored like candidates, and never added.
       as_built: numbers of the robot that may all be a little off, which are added where they explain more
         than any effect; none where that is not asked.
       tolerance: of what is left beyond noise, up to which nobody wants to know more [m].
-      stopped: whether the search was interrupted; what it has is its answer then.
       seed: of what is random.
+      heartbeat: told what is being done; knows when it is to end, and what failed.
     """
 
     fitter: Fitter
     library: tuple[Candidate, ...]
     threshold: float
     settings: SelectionSettings = SelectionSettings()
-    progress: Callable[[str], None] = lambda note: None
     probes: tuple[Candidate, ...] = ()
     as_built: Terms = ()
     tolerance: float = 0.0
-    stopped: Callable[[], bool] = never
     seed: int = 0
+    heartbeat: Heartbeat = field(default_factory=Heartbeat)
 
     def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
         """Score all candidates and probes on top of a model, whose Jacobian may be at hand."""
@@ -61,7 +59,7 @@ class Search:
         prior = [Prior(f.value(fit.terms), f.prior) for f in free]
         settings = self.settings.score
         test = score_test(fitter, fit, everything, known, jacobian, settings, prior, self.threshold)
-        self.progress(f"scored {len(self.library)} candidates on top of {len(fit.terms)} effects")
+        self.heartbeat(f"scored {len(self.library)} candidates on top of {len(fit.terms)} effects")
         return self.ranked(ScoredModel(fit, jacobian, by_value, test, (), ()))
 
     def ranked(self, model: ScoredModel) -> ScoredModel:

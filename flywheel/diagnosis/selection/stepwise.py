@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 from scipy.stats import chi2
 
@@ -24,7 +25,7 @@ from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import ScoredModel, promising_pairs
 from flywheel.diagnosis.selection.screening import screened
 from flywheel.diagnosis.selection.search import Search, added
-from flywheel.effects import Terms, usual
+from flywheel.effects import Term, Terms, usual
 
 SAME = 1e-9  # relative difference of the costs of two models that predict the same
 
@@ -44,10 +45,13 @@ def stepwise(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredMod
     """
     search, models = _forward(search, first)
     with suppress(Interrupted):
-        if models[-1].fit.kept is not None and not search.stopped():
-            search, models = _as_given(search, models) or (search, models)
-        if not search.stopped():
-            search, models = _in_shortest_steps(search, models)
+        heartbeat = search.heartbeat
+        if models[-1].fit.kept is not None and not heartbeat.stopped():
+            given = heartbeat.spared(partial(_as_given, search, models), None, "the MJCF as given")
+            search, models = given or (search, models)
+        if not heartbeat.stopped():
+            finer = partial(_in_shortest_steps, search, models)
+            search, models = heartbeat.spared(finer, (search, models), "shorter time steps")
     return search, models
 
 
@@ -105,7 +109,9 @@ def _forward(
         if before is None and (changed := _with_other_values(search, begun)):
             models.append(search.score_all(changed))
         for _ in range(search.settings.max_forward_steps):
-            search, models, goes_on = _step(search, models)
+            stepped = partial(_step, search, models)
+            further = search.heartbeat.spared(stepped, (search, models, False), "one more effect")
+            search, models, goes_on = further
             if not goes_on:
                 break
     return search, models
@@ -119,7 +125,7 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
         return search, models, False
     room = len(asked(first.fit.terms)) + settings.max_effects - len(asked(last.fit.terms))
     if built := _as_built(search, last):
-        search.progress("asking for a robot whose numbers are all a little off")
+        search.heartbeat("asking for a robot whose numbers are all a little off")
         # Not fitted yet: what these numbers would make up for is what an effect is told by.
         models.append(last := built)
     least = settings.least_share if room > 1 else settings.least_share_of_last
@@ -137,10 +143,12 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
     if built or (same and (len(models) > 1 or not _has_other_values(search, first, better))):
         models.pop()
     model = search.score_all(search.settled(better))
+    spared = partial(search.heartbeat.spared, what="other forms of an effect")
     if built:
-        model = with_even_sizes(search, model)
+        model = spared(partial(with_even_sizes, search, model), model)
     shortlist = search.shortlist(last)[: settings.forms.rivals + 1]
-    return search, [*models, in_other_forms(search, last, model, shortlist)], True
+    model = spared(partial(in_other_forms, search, last, model, shortlist), model)
+    return search, [*models, model], True
 
 
 def _as_given(
@@ -223,28 +231,44 @@ def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | 
         return search, None
     fitter, settings, short = search.fitter, search.settings, search.shortlist(model)
     proposals: list[Terms] = [(score.candidate.term(score.sizes, score.shape),) for score in short]
-    proposals += [(term,) for term in proposed_forms(search, model)]
-    proposals += screened(fitter, model, search.library, short, settings.screening)
+    heartbeat, nothing = search.heartbeat, list[Terms]()
+    alone = partial(proposed_forms, search, model)
+    proposals += [(term,) for term in heartbeat.spared(alone, list[Term](), "effects at one part")]
+    further = partial(screened, fitter, model, search.library, short, settings.screening)
+    proposals += heartbeat.spared(further, nothing, "effects at the first estimates")
     if room > 1:
-        proposals += promising_pairs(model.test, model.scores, settings.pairs)
-    begun = [search.warm_start(model, (*model.fit.terms, *terms)) for terms in proposals]
-    begun = deduplicated(begun)
+        both = partial(promising_pairs, model.test, model.scores, settings.pairs)
+        proposals += heartbeat.spared(both, nothing, "pairs of effects")
+    started = [(*model.fit.terms, *terms) for terms in proposals]
+    begun = deduplicated(heartbeat.each(partial(search.warm_start, model), started, _names))
     if model.fit.kept is not None:
-        begun = _with_sensitivities_of_best(search, [search.effects_first(fit) for fit in begun])
-    fits = [_after_a_round(search, fit) for fit in begun]
+        begun = heartbeat.each(search.effects_first, begun, _named)
+        begun = _with_sensitivities_of_best(search, begun) if begun else []
+    fits = heartbeat.each(partial(_after_a_round, search), begun, _named)
+    if not fits:
+        return search, None
     if model.fit.kept is not None:
         fits = _with_sensitivities_of_best(search, fits)
     stopping = fitter.settings.stopping
     last = settings.max_rounds_to_target_of_last
     max_rounds = stopping.max_rounds_to_target if room > 1 else last
     search, (first, *others) = _fitted_in_turn(search, fits, max_rounds)
-    return search, search.pruned(first, (model.fit, *others))
+    less = partial(search.pruned, first, (model.fit, *others))
+    return search, heartbeat.spared(less, first, "models without an effect")
+
+
+def _names(terms: Terms) -> str:
+    """The effects of a model, for people."""
+    return ", ".join(dict.fromkeys(term.effect.name for term in asked(terms)))
+
+
+def _named(fit: Fit) -> str:
+    return _names(fit.terms)
 
 
 def _after_a_round(search: Search, fit: Fit) -> Fit:
     """A fit after its first round."""
-    names = dict.fromkeys(term.effect.name for term in asked(fit.terms))
-    search.progress(f"fitting {', '.join(names)}")
+    search.heartbeat(f"fitting {_named(fit)}")
     return search.fitter.fit(fit, search.fitter.free(fit.terms), rounds=1)
 
 
@@ -277,10 +301,11 @@ def _fitted_in_turn(
     first, *others = sorted((favourite, *others), key=search.criterion)
     search, (first, *others) = _in_steps_of_the_first(search, first, others)
     slight = search.settings.slight_fall
-    ended = [search.fit_until(first, slight=slight)]
-    for fit in others:
-        target = min(map(search.criterion, ended))
-        ended.append(search.fit_until(fit, target, max_rounds, slight))
+    ended: list[Fit] = []
+    for fit in (first, *others):
+        target = min(map(search.criterion, ended), default=math.inf)
+        on = partial(search.fit_until, target=target, max_rounds=max_rounds, slight=slight)
+        ended += search.heartbeat.each(on, [fit], _named)
     best, *beaten = sorted(ended, key=search.criterion)
     search, best = in_time_steps(search, search.unstuck(best))
     return search, [search.fit_until(best), *beaten]

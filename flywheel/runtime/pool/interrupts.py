@@ -5,7 +5,6 @@ A signal that is ignored when the block begins stays ignored: what nohup, or a s
 
 from __future__ import annotations
 
-import math
 import signal
 import threading
 import time
@@ -62,18 +61,12 @@ class StopRequest:
 
     The second wish to end is a KeyboardInterrupt, wherever the process is. In a thread other than the main
     one no signal can be caught; there `ask` is the only way.
-
-    Args:
-      seconds: after which the user counts as having asked, from now on [s].
     """
 
-    def __init__(self, seconds: float = math.inf) -> None:
-        self._asked, self._end = threading.Event(), time.monotonic() + seconds
-        self._caught = ExitStack()
+    def __init__(self) -> None:
+        self._asked, self._caught = threading.Event(), ExitStack()
 
     def __call__(self) -> bool:
-        if time.monotonic() >= self._end:
-            self.ask()
         return self._asked.is_set()
 
     def ask(self) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import threading
 import time
 from pathlib import Path
 
@@ -32,13 +31,16 @@ def monday(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record(robot, [hidden], seconds=0.8, seed=1).write(Path(), "monday", robot)
 
 
-def test_ctrl_c_gives_the_best_answer_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_sigterm_give_the_best_answer_so_far(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
     said = Heartbeat.__call__
 
     def pressed_at_the_first_fit(self: Heartbeat, note: str) -> None:
         said(self, note)
         if note.startswith("fitting") and not self.stopped():
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), number)
 
     monkeypatch.setattr(Heartbeat, "__call__", pressed_at_the_first_fit)
     done = CliRunner().invoke(app, [*COMMAND, "--json", "answer.json"])
@@ -53,19 +55,20 @@ def test_ctrl_c_gives_the_best_answer_so_far(monkeypatch: pytest.MonkeyPatch) ->
 def test_when_the_minutes_are_over_it_gives_the_best_answer_so_far(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    said, over = Heartbeat.__call__, threading.Event()
+    said = Heartbeat.__call__
 
     def over_at_the_first_fit(self: Heartbeat, note: str) -> None:
         said(self, note)
         if note.startswith("fitting"):
-            over.set()
+            self._end = time.monotonic()
 
-    now = time.monotonic
     monkeypatch.setattr(Heartbeat, "__call__", over_at_the_first_fit)
-    monkeypatch.setattr(time, "monotonic", lambda: now() + 3600 * over.is_set())
     done = CliRunner().invoke(app, [*COMMAND, "--minutes", "30"])
     assert done.exit_code == 130, done.output
     assert "the best answer so far" in done.output
+    nothing = CliRunner().invoke(app, [*COMMAND, "--minutes", "0.0001"])
+    assert nothing.exit_code == 130
+    assert "there is no answer yet" in nothing.output
     wrong = CliRunner().invoke(app, [*COMMAND, "--minutes", "0"])
     assert wrong.exit_code == 2 and "min" in wrong.output
 

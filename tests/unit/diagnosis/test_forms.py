@@ -12,15 +12,31 @@ import pytest
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.checks.held_out import HeldOut
 from flywheel.diagnosis.diagnose import _searched
-from flywheel.diagnosis.fitting.model import ModelUnderTest
+from flywheel.diagnosis.fitting.model import ModelUnderTest, fitter_of
+from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.heartbeat import Heartbeat
 from flywheel.diagnosis.judgement import judge, without_unclear_factors
 from flywheel.diagnosis.results.answer import Answer
-from flywheel.diagnosis.selection import forms as module
+from flywheel.diagnosis.selection import other_forms as module
 from flywheel.diagnosis.selection.candidates import candidates
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import FormSettings
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, PerPart, Scales, Term, per_part_term
+from flywheel.effects import (
+    EFFECTS,
+    FORMS,
+    NAMED,
+    Cables,
+    Effect,
+    Parameter,
+    PerPart,
+    Scales,
+    TensionEffect,
+    Term,
+    per_part_term,
+)
+from flywheel.effects.effect import Memory, Values
+from flywheel.records import Floats
 from flywheel.reports.diagnosis_page import diagnosis_page, forms, sentence
 from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import QUICK, recorded
@@ -140,6 +156,42 @@ def test_a_law_that_promises_clearly_more_is_fitted_whatever_the_best_candidate_
         scores=[best], probes=laws, beyond_noise=beyond_noise, fit=None, test=None
     )
     assert module.proposed_forms(search, model) == asked
+
+
+class TwoWays(TensionEffect):
+    """Two sizes, and a shape of two values."""
+
+    name = "two_ways"
+    sizes = (
+        Parameter("constant", "N", lambda s: 0.05 * s.weight, low=-20.0),
+        Parameter("damping", "N s/m", lambda s: 0.5 * s.weight * s.time / s.length, low=-20.0),
+    )
+    shapes = (Parameter("speed", "m/s", lambda s: 0.01 * s.length / s.time, grid=(0.3, 3.0)),)
+    equation, source, shown_by = "dT = F tanh(V / v) + c V", "made up", "strokes"
+
+    def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
+        dry = values["constant"] * np.tanh(cables.speed / np.maximum(values["speed"], 1e-9))
+        return dry + values["damping"] * cables.speed, memory
+
+
+def test_a_rival_of_any_number_of_sizes_and_shapes_takes_the_place_of_an_effect(
+    robot: Robot, seed: int
+) -> None:
+    """It begins with the sizes that change what the effect changed: here it can do just that."""
+    hidden = of(robot, EFFECTS["cable_damping"], 1.0)
+    windows = Windows.cut(robot, [recorded(robot, (hidden,), seed)], seconds=0.4)
+    fitter = fitter_of(windows, Plant(robot))
+    fit = fitter.first_estimate((hidden,))
+    (rival,) = candidates(robot, {"two_ways": TwoWays()})
+    search = Search(fitter, (rival,), 25.0)
+    (term,) = module._exchanged(search, fit, hidden, rival)
+    constant, damping, speed = term.values
+    assert damping == pytest.approx(hidden.values[0], rel=1e-3), seed
+    assert abs(constant) < 1e-3 * rival.typical[0], seed
+    assert speed in [shape[0] for shape in rival.shapes]
+    (form,) = module._fitted_in_place(search, fit, hidden, rival)
+    assert not search.heartbeat.failures
+    assert form.fit.cost <= fit.cost * 1.001
 
 
 def test_a_law_that_a_robot_cannot_show_is_not_asked_about(robot: Robot) -> None:

@@ -1,13 +1,20 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from flywheel.diagnosis import diagnose
-from flywheel.diagnosis.heartbeat import SECONDS, Heartbeat, Interrupted
+from flywheel.diagnosis import diagnose, judgement
+from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.heartbeat import GRACE, MOST_KEPT, SECONDS, Heartbeat, Interrupted
 from flywheel.diagnosis.results.answer import Answer
+from flywheel.diagnosis.selection.score_test import ScoredModel
+from flywheel.diagnosis.selection.search import Search
+from flywheel.diagnosis.settings import SelectionSettings, Settings
 from flywheel.dynamics.plant import Plant
-from flywheel.effects import EFFECTS, Term
+from flywheel.effects import EFFECTS, Term, Terms
 from flywheel.errors import DataError
 from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import load_robot
@@ -41,6 +48,75 @@ def test_who_is_to_stop_hears_of_it_once() -> None:
     heartbeat.again()
     assert heartbeat.stopped()
     assert len(told) == 1
+
+
+def test_when_time_is_up_what_is_left_is_done_briefly_or_not_at_all_and_what_must_be_is() -> None:
+    now = [0.0]
+    heartbeat = Heartbeat(clock=lambda: now[0], seconds=100.0)
+
+    def takes(seconds: float) -> str:
+        for _ in range(10):
+            now[0] += seconds / 10
+            heartbeat.again()
+        return "done"
+
+    heartbeat.keep(60.0)  # no more than a part of it is
+    search = 100.0 * (1.0 - MOST_KEPT)
+    assert heartbeat.in_time(lambda: takes(0.9 * search), "not done") == "done"
+    assert heartbeat.in_time(lambda: takes(search), "not done") == "not done"
+    assert search <= now[0] <= 1.1 * search
+    begun = now[0]
+    assert heartbeat.in_time(lambda: takes(1.0), "not begun") == "not begun"
+    assert now[0] == begun
+    assert heartbeat.briefly(lambda: takes(100.0 - begun), "not done") == "done"
+    assert heartbeat.insisted(lambda: takes(GRACE)) == "done"
+    assert heartbeat.briefly(lambda: takes(GRACE), "not done") == "not done"
+    with pytest.raises(Interrupted):
+        heartbeat.in_grace(lambda: takes(GRACE))
+
+
+def test_a_part_that_fails_costs_itself_and_is_remembered() -> None:
+    heartbeat = Heartbeat()
+
+    def share(part: int) -> float | None:
+        return None if part == 3 else 1.0 / part
+
+    assert heartbeat.each(share, [2, 0, 3, 4], "part {}".format) == [0.5, 0.25]
+    (failure,) = heartbeat.failures
+    assert failure.what == "part 0"
+    assert failure.error == "ZeroDivisionError: float division by zero"
+    assert failure.at.startswith(f"{Path(__file__).name}:") and "share" in failure.at
+
+
+def test_a_bug_in_one_rival_costs_that_rival_and_not_the_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot = load_robot("platform4")
+    log = recorded(robot, (Term(EFFECTS["winch_gain"], None, (0.3,)),), draws.seed())
+    few = {name: EFFECTS[name] for name in ("slope", "winch_gain")}
+    begun = Search.warm_start
+
+    def broken(self: Search, model: ScoredModel, terms: Terms) -> Fit:
+        if terms[-1].effect.name == "slope":
+            raise ZeroDivisionError("of this rival")
+        return begun(self, model, terms)
+
+    def no_gains(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("of a stage")
+
+    everything = SelectionSettings(share=0.0)
+    monkeypatch.setattr(Search, "warm_start", broken)
+    monkeypatch.setattr(judgement, "with_gains", no_gains)
+    settings = replace(Settings(), selection=everything)
+    answer = diagnose(Plant(robot), [log], (), few, settings)
+    assert [each.effect for each in answer.answers[0]] == ["winch_gain"]
+    lost = {each.what for each in answer.failures}
+    assert {"slope", "judging the answer: gains on other windows"} <= lost
+    assert {each["error"] for each in answer.summary()["failures"]} == {
+        "ZeroDivisionError: of this rival",
+        "ZeroDivisionError: of a stage",
+    }
+    assert "of this rival" in diagnosis_page(answer, {})
 
 
 @pytest.mark.slow

@@ -85,12 +85,3 @@ def test_a_request_inside_another_thread_can_be_made_without_signals():
     thread.start()
     thread.join()
     assert seen == [True]
-
-
-def test_when_time_is_over_it_is_as_if_somebody_had_asked():
-    with StopRequest(60.0) as early:
-        assert not early()
-    with StopRequest(0.0) as stop:
-        assert stop()
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
