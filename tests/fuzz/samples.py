@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flywheel.diagnosis.adoption import adopt
+from flywheel.diagnosis.results.answer import FORMAT
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, save_weights
 from flywheel.robots import load_robot
 from flywheel.truth_simulator.measurement import Measurement
@@ -41,6 +42,7 @@ def answers() -> list[dict[str, Any]]:
     """Answers of diagnoses of prism3: one effect; two, and a number that nobody was sure of."""
     robot = load_robot("prism3")
     about = {
+        "format": FORMAT,
         "robot": {"name": robot.name, "digest": robot.digest},
         "recordings": ["monday.csv"],
         "error": {"noise": 0.001, "baseline": 0.02, "augmented": 0.001, "unit": "m"},

@@ -108,11 +108,10 @@ class Answer(_Part):
       robot: that was diagnosed.
       effects_from: law files that effects were from.
       settings: tuned numbers of the diagnosis that are not the usual ones, by their paths.
-      format: of the JSON; answers of format 1 do not state it, and have other names for fields that are
-        not read here.
+      format: of the JSON.
     """
 
-    format: Annotated[int, Bounds(1, 1000)] = 1
+    format: Annotated[int, Bounds(1, 1000)]
     verdict: Name = "(none)"
     answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
     calibration: Together = ()
@@ -127,13 +126,11 @@ class Answer(_Part):
         """Read it.
 
         Raises:
-          DataError: something in it has another type than it must have, or a newer version wrote it.
+          DataError: something in it has another type than it must have, or it has another format.
         """
         answer = validated(cls, dict(summary), "The answer cannot be used", DataError)
-        if answer.format > FORMAT:
-            raise DataError(
-                f"The answer has format {answer.format}, of a newer version; formats 1 to {FORMAT} are read."
-            )
+        if answer.format != FORMAT:
+            raise DataError(f"The answer has format {answer.format}; this version reads {FORMAT}.")
         return answer
 
     @property

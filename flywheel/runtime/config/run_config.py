@@ -474,8 +474,6 @@ def decisive(config: RunConfig) -> dict[str, Any]:
     values = config.model_dump(mode="json")
     if config.robot is not None:
         values["robot"] = {k: v for k, v in values["robot"].items() if k not in REACHED_BY}
-    if not config.training.start_from:  # as in runs that were begun before there was such a setting
-        del values["training"]["from"]
     return {key: value for key, value in values.items() if key not in WITHOUT_EFFECT}
 
 

@@ -40,6 +40,7 @@ GAIN, FRICTION = found("winch_gain", share=0.2), found("cable_friction", force=3
 
 def answer(verdict: str, *alternatives: list[dict[str, Any]], after: float = 0.009) -> dict:
     return {
+        "format": FORMAT,
         "verdict": verdict,
         "answer_set": [list(each) for each in alternatives] or [[]],
         "held_out": {"noise": 0.009, "baseline": 0.012, "augmented": after, "unit": "m"},
@@ -123,7 +124,7 @@ def test_naming_an_answer_overrules_doubts() -> None:
     ("text", "message"),
     [
         (json.dumps(answer("NOISE_ONLY")), "NOISE_ONLY: there is no effect to adopt"),
-        (json.dumps({"answer_set": [], "robot": {"name": "mine", "digest": "abc"}}), "(abc), not prism3"),
+        (json.dumps({**answer("EFFECT"), "robot": {"name": "mine", "digest": "abc"}}), "(abc), not prism3"),
         (json.dumps([1]), "it has no answer_set"),
         ("{", "is not JSON"),
     ],
@@ -240,7 +241,9 @@ def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
 @pytest.mark.parametrize(
     ("path", "to", "message"),
     [
-        (("format",), FORMAT + 1, f"has format {FORMAT + 1}, of a newer version"),
+        (("format",), FORMAT + 1, f"has format {FORMAT + 1}; this version reads {FORMAT}"),
+        (("format",), FORMAT - 1, f"has format {FORMAT - 1}; this version reads {FORMAT}"),
+        (("format",), GONE, "format: must be given"),
         (("format",), True, "format: must be a whole number"),
         (("verdict",), [1], "verdict: .*valid string; got \\[1\\]"),
         (("answer_set", 0, 0), 3, r"answer_set.0.0: .*got 3"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import shutil
@@ -199,30 +198,6 @@ def test_what_is_said_of_a_fault_travels_between_processes(finished):
         TrajectoryStore(finished / "store").read_segment("i0009")
     back = pickle.loads(pickle.dumps(caught.value))
     assert (str(back), back.kind) == (str(caught.value), "missing")
-
-
-def without_seals(run: Path) -> None:
-    """Lay a run's own files out as they were before there were seals."""
-    for path in (run / "run.json", run / "result.json", *(run / "iterations").glob("*.json")):
-        values = json.loads(path.read_text())
-        del values["seal"]
-        path.write_text(json.dumps(values, indent=1))
-
-
-@pytest.mark.parametrize("what", ["snapshot", "model"])
-def test_in_a_run_of_before_what_was_exchanged_is_found_by_its_digest(finished, tmp_path, what):
-    run = tmp_path / "run"
-    shutil.copytree(finished, run)
-    without_seals(run)
-    assert look(run) == [] and refused(run) == ""
-    one, other = (run / path for path in SIBLINGS[what])
-    copy(one, tmp_path / "between")
-    copy(other, one)
-    copy(tmp_path / "between", other)
-    found = look(run)
-    for path in (one, other):
-        assert any(inside(path.relative_to(run), fault) for fault in found), found
-    assert refused(run)
 
 
 @pytest.mark.parametrize("what", SIBLINGS)

@@ -84,13 +84,6 @@ def test_the_text_of_a_law_file_counts_into_the_digest_and_nothing_else_does(
     assert "effects_from" not in str(RunConfig().model_dump(exclude_defaults=True))
 
 
-def test_runs_without_law_files_keep_their_digest() -> None:
-    """As it was before there were any: episodes of earlier runs name it."""
-    assert config_digest(RunConfig()) == config_digest(RunConfig(effects_from=()))
-    changed = config_digest(RunConfig(seed=1))
-    assert changed != config_digest(RunConfig())
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
