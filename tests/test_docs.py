@@ -2,7 +2,7 @@
 
 `xml`, and `python` whose first line is the name of a file, is saved under that name. Other `python` and
 `bash` blocks run in order in one folder per document. `console` and `text` blocks are only shown.
-A `bash` block of nothing but `flywheel` commands runs inside this process, which has imported everything.
+Lines of `bash` that are nothing but a `flywheel` command run in this process, which has imported everything.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(p for p in (ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
 NAMED = re.compile(r"# (\w+\.py)\n")  # a file of Python, in its first line
-COMMAND = re.compile(r"flywheel ([^|<>$&;\n]+)(?: && exit 1\ntest \$\? -eq (\d+))?\n")
-LONG = {"own_effect", "robot_runs"}  # pages with a search over all effects, and with a whole run
+LINE = re.compile(r"flywheel ([^|<>$&;\n]+)(?: && exit 1\ntest \$\? -eq (\d+))?\n|(.*\n)")
+# Pages with a search over all effects, a whole run, and what tests/unit has in a smaller size.
+LONG = {"own_effect", "robot_runs", "wrong_in_many_ways", "demo"}
 LINK = re.compile(r"\]\(([^)#]+?)(?:#[^)]*)?\)")
 RESULTS = sorted(p for p in (ROOT / "docs" / "results").glob("*.md") if p.stem != "index")
 DECISIONS = sorted((ROOT / "docs" / "decisions").glob("0*.md"))
@@ -62,19 +63,22 @@ def test_the_code_in_a_document_runs(
 
 def run_bash(code: str, where: str) -> None:
     """Run a block; fail with all that it said."""
-    lines = re.sub(r" +#.*", "", code.replace("\\\n", " "))
-    if re.fullmatch(f"(?:{COMMAND.pattern})+", lines):
-        for words, expected in COMMAND.findall(lines):
-            said = CliRunner().invoke(app, shlex.split(words))
+    script = ""
+    for words, expected, line in LINE.findall(re.sub(r" +#.*", "", code.replace("\\\n", " "))):
+        if words:
+            in_a_shell(script, where)
+            script, said = "", CliRunner().invoke(app, shlex.split(words))
             assert said.exit_code == int(expected or 0), (
                 f"{where}\n{said.output}\n{said.exception!r}"
             )
-        return
+        script += line
+    in_a_shell(script, where)
+
+
+def in_a_shell(script: str, where: str) -> None:
+    """Run what is no command of flywheel alone."""
     done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", code],
-        capture_output=True,
-        text=True,
-        timeout=600,
+        ["bash", "-euo", "pipefail", "-c", script], capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, f"{where}\n{done.stdout}\n{done.stderr}"
 

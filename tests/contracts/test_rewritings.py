@@ -323,7 +323,13 @@ def original_answer() -> tuple[Trajectory, Diagnosis]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rewriting", WRITTEN.values(), ids=WRITTEN)
+@pytest.mark.parametrize(
+    "rewriting",
+    [  # all of them give the same numbers, above; one shows that a diagnosis rests on nothing else
+        pytest.param(each, id=name, marks=[pytest.mark.nightly] if number else [])
+        for number, (name, each) in enumerate(WRITTEN.items())
+    ],
+)
 def test_a_robot_in_other_words_lacks_the_same_to_the_last_digit(rewriting) -> None:
     log, first = original_answer()
     assert first.verdict is Verdict.EFFECT

@@ -50,7 +50,9 @@ def test_nothing_hidden_is_said_to_be_noise() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sensor_latency", "command_delay"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("sensor_latency", marks=pytest.mark.nightly), "command_delay"]
+)
 def test_what_cannot_be_told_apart_is_answered_together(name: str) -> None:
     robot = load_robot("platform4")
     recording = hidden(robot, name, seed=5)
