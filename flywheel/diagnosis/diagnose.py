@@ -275,7 +275,7 @@ def _concluded(
         after=judged.after,
         misspecification=judged.law,
         other_form=other_form(limits, judged.law),
-        evidence=Evidence.of(fitter, judged.models),
+        evidence=Evidence.of(fitter, judged.models, judged.rivals),
         location=localise(fitter, last.test, checks) if left else None,
         discrepancy=heartbeat.in_time(law, None, "learning a law for what is left")
         if left

@@ -79,6 +79,7 @@ class Judged:
       rivals: other models that explain the recordings as well.
       forms: likewise, of the same effects by other laws.
       gain: of all effects that were added, on windows that they were not fitted to; None for none.
+      exchanged: its effects were exchanged for others, which gave `rivals`.
     """
 
     models: list[ScoredModel]
@@ -92,6 +93,7 @@ class Judged:
     rivals: tuple[Fit, ...] = ()
     forms: tuple[Fit, ...] = ()
     gain: Gain | None = None
+    exchanged: bool = False
 
 
 def judge_in_time(searched: Searched, held_out: HeldOut, seed: int, heartbeat: Heartbeat) -> Judged:
@@ -107,7 +109,8 @@ def judge_in_time(searched: Searched, held_out: HeldOut, seed: int, heartbeat: H
     ):
         heartbeat(f"judging the answer: {what}")
         judged = heartbeat.in_time(partial(stage, searched, judged), judged)
-    return judged
+    heartbeat("judging the answer: effects that are one by two names")
+    return heartbeat.briefly(partial(with_rivals, searched, judged), judged)
 
 
 def _judged(searched: Searched) -> Judged:
@@ -213,7 +216,24 @@ def with_alternatives(searched: Searched, judged: Judged) -> Judged:
         shorter=tuple(model for _, model in exchange.without),
         rivals=tuple(fit for fit in others if families(fit.terms) != families(first.terms)),
         forms=tuple(fit for fit in others if families(fit.terms) == families(first.terms)),
+        exchanged=True,
     )
+
+
+def with_rivals(searched: Searched, judged: Judged) -> Judged:
+    """An answer that became one by its gains, or less, with models that explain the recordings as well.
+
+    Beside something else that is left, or where time is up, only those that predict the same.
+    """
+    search, verdict = searched.search, judged.verdict
+    if judged.exchanged or verdict not in (*EXPLAINED, *UNEXPLAINED) or not added(judged.models):
+        return judged
+    only_twins = verdict not in EXPLAINED or search.heartbeat.stopped()
+    exchange = exchanged(search, judged.models, searched.limits.equally_good, only_twins)
+    own = families(judged.models[-1].fit.terms)
+    others = [fit for fit in exchange.others if not probed(fit.terms)]
+    rivals = tuple(fit for fit in others if families(fit.terms) != own)
+    return replace(judged, rivals=rivals, exchanged=True)
 
 
 def _simplest(search: Search, margin: float, fit: Fit) -> float:

@@ -78,7 +78,12 @@ def sentence(found: Diagnosis) -> str:
     if found.verdict is Verdict.PARTIAL:
         form = ", in another form than the library has it," if found.other_form else ""
         share = "" if found.gain is None else f": {found.gain.share:.0%} of the error beyond noise"
-        return f"{names}{form} explains a part of what is missing{share}. Something else is missing besides."
+        either = " or ".join(_names(answer) for answer in found.answers)
+        alike = ", and these recordings do not tell which" if len(found.answers) > 1 else ""
+        return (
+            f"{either}{form} explains a part of what is missing{share}{alike}. Something else is missing "
+            "besides."
+        )
     if found.verdict is Verdict.AMBIGUOUS:
         others = "; or ".join(_names(answer) for answer in found.answers[1:])
         return f"{names}; or {others}: these recordings do not tell."
@@ -104,7 +109,7 @@ def _outside(found: Diagnosis) -> str:
         )
     if not any(found.answers):
         return "Something is missing, and it is none of the library's effects."
-    names = _names(found.answers[0])
+    names = " or ".join(_names(answer) for answer in found.answers)
     return f"Something is missing that is none of the library's effects; most like it: {names}."
 
 

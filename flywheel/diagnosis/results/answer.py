@@ -20,7 +20,6 @@ from flywheel.quantities import Bounds, Name
 from flywheel.validation import validated
 
 FORMAT = 2  # of the JSON that is written
-CLEAR = (Verdict.EFFECT, Verdict.PARTIAL)
 EVIDENCE = ("verdict", "error", "held_out", "residual", "recordings", "held_out_recordings")
 MOST_SETTINGS = 1000
 MOST_ANSWERS = 1000  # also of the effects of one
@@ -147,15 +146,18 @@ class Answer(_Part):
     def is_clear(self) -> bool:
         """Whether the first alternative may be adopted without naming it.
 
-        It may where the verdict is clear; and where something else is left beside it, but it is the only one
-        and explains most of what held-out recordings have beyond noise. The best answer so far of a diagnosis
-        that was interrupted has to be named.
+        It may be one of `EFFECT`; the only one of `PARTIAL`; and the only one beside something else that is
+        left, if it explains most of what held-out recordings have beyond noise. The best answer so far of a
+        diagnosis that was interrupted has to be named.
         """
         if self.interrupted:
             return False
-        if self.verdict in CLEAR:
+        if self.verdict == Verdict.EFFECT:
             return True
-        alone = self.verdict == Verdict.OUTSIDE_LIBRARY and len(self.alternatives) == 1
+        alone = len(self.alternatives) == 1
+        if self.verdict == Verdict.PARTIAL:
+            return alone
+        alone = alone and self.verdict == Verdict.OUTSIDE_LIBRARY
         return alone and self.held_out is not None and self.held_out.explained >= self.worth_having
 
     def chosen(self, number: int | None) -> tuple[FoundEffect, ...]:

@@ -12,6 +12,7 @@ from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.statistics import INTERVAL
+from flywheel.effects import Term
 from flywheel.records import Floats
 
 RIVALS = 8  # candidates in the table of who is like whom
@@ -67,11 +68,14 @@ class Evidence:
     band: float
 
     @classmethod
-    def of(cls, fitter: Fitter, models: Sequence[ScoredModel]) -> Evidence:
-        """Collect it from the models of a search."""
+    def of(
+        cls, fitter: Fitter, models: Sequence[ScoredModel], others: Sequence[Fit] = ()
+    ) -> Evidence:
+        """Collect it from the models of a search, and others that explain as much."""
         windows = fitter.windows
         first, last = models[0].fit, models[-1].fit
-        rivals, likeness = _likeness(models[0])
+        named = [term for fit in (last, *others) for term in fit.terms if term.asked]
+        rivals, likeness = _likeness(models[0], named)
         return cls(
             points=tuple(point.name for point in windows.robot.points),
             cables=tuple(cable.name for cable in windows.robot.cables),
@@ -115,12 +119,15 @@ def _label(windows: Windows, models: Sequence[ScoredModel], index: int) -> str:
     return "+ " + ", ".join(names)
 
 
-def _likeness(model: ScoredModel) -> tuple[tuple[Candidate, ...], Floats]:
-    """The best candidates, and the |cosine| of the directions that they would explain."""
+def _likeness(
+    model: ScoredModel, named: Sequence[Term] = ()
+) -> tuple[tuple[Candidate, ...], Floats]:
+    """The best candidates and those that are named, and the |cosine| of what they would explain."""
     test = model.test
     place = {id(c): i for i, c in enumerate(test.candidates)}
     chosen, directions = [], []
-    for score in model.scores[:RIVALS]:
+    further = [s for s in model.scores[RIVALS:] if any(s.proposes(term) for term in named)]
+    for score in (*model.scores[:RIVALS], *further):
         columns = test.columns[:, test.slices[place[id(score.candidate)]][score.shape]]
         weights = np.array(score.sizes) if any(score.sizes) else np.ones(columns.shape[1])
         direction = columns @ weights

@@ -73,7 +73,10 @@ def next_experiment(
     if verdict is Verdict.NOT_CONVERGED:
         return NextExperiment(REST)
     if verdict in (Verdict.PARTIAL, Verdict.OUTSIDE_LIBRARY):
-        return _form(other_law) if other_law else NextExperiment(AGAIN)
+        if other_law:
+            return _form(other_law)
+        if verdict is Verdict.OUTSIDE_LIBRARY or len(answers) == 1:
+            return NextExperiment(AGAIN)
     if verdict in (Verdict.NOISE_ONLY, Verdict.DATA_INSUFFICIENT):
         return _unseen(ranking)
     named = [_candidates(answer, ranking) for answer in answers]

@@ -44,7 +44,9 @@ class ExchangedModels:
         return model if search.share(self.last, model.fit, term) <= 1.0 else None
 
 
-def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> ExchangedModels:
+def exchanged(
+    search: Search, models: Sequence[ScoredModel], margin: float, only_twins: bool = False
+) -> ExchangedModels:
     """The last model of a search, and those that explain the data as well.
 
     Each of its effects is exchanged for others, and for probes, that scored nearly as well in its place.
@@ -55,6 +57,7 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
       search: that made the models.
       models: of the search; the last one is meant.
       margin: difference of the criteria up to which a model is as good.
+      only_twins: no others are fitted than those that predict the same with the same values.
     """
     last = models[-1].fit
     found: list[Fit] = []
@@ -65,7 +68,7 @@ def exchanged(search: Search, models: Sequence[ScoredModel], margin: float) -> E
         least = search.settings.rival * _own_statistic(model, term)
         for scores in (model.scores, model.probes):
             near = [s for s in scores if s.statistic > least and not s.proposes(term)]
-            found += _in_place(search, last, term, near, margin)
+            found += _in_place(search, last, term, near, margin, only_twins)
     for fit in found:
         if search.criterion(fit) < search.criterion(last):
             last = _from_its_initial_states(search, last, fit)
@@ -118,16 +121,22 @@ def refitted(search: Search, model: ScoredModel, target: float) -> ScoredModel:
 
 
 def _in_place(
-    search: Search, last: Fit, term: Term, scores: Sequence[Score], margin: float
+    search: Search,
+    last: Fit,
+    term: Term,
+    scores: Sequence[Score],
+    margin: float,
+    only_twins: bool = False,
 ) -> list[Fit]:
     """Models with a candidate in the place of a term that are as good."""
     others, limit = without(last.terms, term), search.criterion(last) + margin
     found: list[Fit] = []
     known = [(last, term)]
 
-    def fitted(score: Score) -> Fit:
+    def fitted(score: Score) -> Fit | None:
         twins = (_twin(search, fit, its, score) for fit, its in known)
-        if (twin := next((each for each in twins if each is not None), None)) is not None:
+        twin = next((each for each in twins if each is not None), None)
+        if twin is not None or only_twins:
             return twin
         other = score.candidate.term(score.sizes, score.shape)
         terms = (*others, alike(other, term, search.fitter.windows.robot))

@@ -79,6 +79,7 @@ def test_the_plant_gets_the_value_that_fits_its_own_time_step(tmp_path: Path) ->
             "which answer.* 33% of .* from 50%",
         ),
         (answer("OUTSIDE_LIBRARY", [GAIN], [FRICTION]), None, "say which answer"),
+        (answer("PARTIAL", [GAIN], [FRICTION]), None, "1: winch_gain; 2: cable_friction"),
         (
             {**answer("OUTSIDE_LIBRARY", [GAIN]), "held_out": None},
             None,

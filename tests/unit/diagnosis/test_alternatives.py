@@ -13,14 +13,17 @@ import pytest
 from flywheel.diagnosis import Verdict
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.fitting.least_squares import Fit, KeptColumns
-from flywheel.diagnosis.fitting.model import fitted
+from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection import alternatives
 from flywheel.diagnosis.selection.alternatives import ExchangedModels
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.search import Search
+from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
+from tests.unit.diagnosis.conftest import recorded
 
 # By its path: the package has a function of that name.
 conclusion: Any = import_module("flywheel.diagnosis.judgement")
@@ -69,6 +72,28 @@ def test_of_alternatives_that_are_one_by_several_names_one_is_fitted(
     assert fitted_on == [scores[0].candidate.effect.name], seed
     assert {fit.terms[-1].effect.name for fit in as_good} == {*names}, seed
     assert as_good[0].cost == pytest.approx(as_good[1].cost, rel=1e-6), seed
+
+
+@pytest.mark.parametrize("verdict", [Verdict.PARTIAL, Verdict.OUTSIDE_LIBRARY])
+def test_of_two_effects_that_predict_the_same_an_answer_names_both_whatever_else_is_left(
+    verdict: Verdict, seed: int
+) -> None:
+    robot = load_robot("platform4")
+    names = ("command_delay", "sensor_latency", "winch_gain")
+    late = Term(EFFECTS["command_delay"], None, (0.03,))
+    log = recorded(robot, (late,), seed)
+    fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
+    search = Search(fitter, candidates(robot, {name: EFFECTS[name] for name in names}), 25.0)
+    first = search.score_all(fitter.first_estimate())
+    last = search.score_all(fitter.with_terms(first.fit, (late,)))
+    searched: Any = SimpleNamespace(search=search, limits=SimpleNamespace(equally_good=10.0))
+    begun = conclusion.Judged([first, last], (), (), None, None, None, verdict)
+    (rival,) = conclusion.with_rivals(searched, begun).rivals
+    (other,) = rival.terms
+    assert (other.effect.name, other.values) == ("sensor_latency", late.values), seed
+    assert rival.cost == pytest.approx(last.fit.cost, rel=1e-9), seed
+    known = replace(begun, exchanged=True)
+    assert conclusion.with_rivals(searched, known) is known
 
 
 def test_values_that_another_effect_cannot_have_make_no_twin(

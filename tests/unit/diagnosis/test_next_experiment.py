@@ -71,12 +71,16 @@ def test_alternatives_are_told_apart_and_what_they_share_is_not(
     assert asks.command == f"flywheel design weak_cable@{place} command_delay"
 
 
-def test_no_commands_are_promised_for_twins(robot: Robot, library: dict[str, Candidate]) -> None:
+@pytest.mark.parametrize("verdict", [Verdict.AMBIGUOUS, Verdict.PARTIAL])
+def test_no_commands_are_promised_for_twins(
+    robot: Robot, library: dict[str, Candidate], verdict: Verdict
+) -> None:
     alike = np.eye(len(NAMES))
     alike[0, 1] = alike[1, 0] = 0.9999
     twins = [["command_delay"], ["sensor_latency"]]
-    asks = asked(robot, library, Verdict.AMBIGUOUS, twins, alike)
+    asks = asked(robot, library, verdict, twins, alike)
     assert not asks.command and "0.9999" in asks.aim
+    assert "only measuring one of them by itself" in asks.aim
     assert set(asks.shown_by) == {"command_delay", "sensor_latency"}
 
 
