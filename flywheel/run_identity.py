@@ -6,18 +6,19 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from flywheel.errors import DataError
 from flywheel.files import read_bytes, shown
 from flywheel.seals import Seal, Unsound, check_seal, file_sha256, sealed, unsealed
+from flywheel.validation import Frozen
 
 RUN_FILE = "run.json"
 RUN = "run"
 HOW = "Put a copy of it back, or begin a new run in another folder."
 
 
-class Identity(BaseModel):
+class Identity(Frozen):
     """The identity of a run.
 
     Attributes:
@@ -25,8 +26,6 @@ class Identity(BaseModel):
       config_digest: of the configuration's part that decides the results.
       begun: local time.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     key: str
     config_digest: str

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flywheel.errors import FlywheelError
 from flywheel.files import shown
@@ -15,6 +15,12 @@ M = TypeVar("M", bound=BaseModel)
 MOST_PROBLEMS = 20  # that a message tells of
 LONGEST_PROBLEM = 1000  # characters, of a name or a value in it
 _TYPES = {"model_type": "a mapping", "dict_type": "a mapping", "tuple_type": "a list"}
+
+
+class Frozen(BaseModel):
+    """Base of settings and messages: they cannot be changed, and have no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def validated(schema: type[M], values: Any, complaint: str, error: type[FlywheelError]) -> M:

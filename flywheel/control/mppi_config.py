@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar, Self
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import model_validator
 
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds, Factor, HorizonSeconds, PartialShare, Samples, Share
+from flywheel.validation import Frozen
 
 
-class MppiConfig(BaseModel):
+class MppiConfig(Frozen):
     """How MPPI searches. The defaults are measured: docs/results/oracle.md.
 
     Attributes:
@@ -33,8 +34,6 @@ class MppiConfig(BaseModel):
     """
 
     TIMES: ClassVar = ("horizon_seconds", "knot_seconds", "replan_seconds")
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     samples: Samples = 48
     rounds: Annotated[int, Bounds(1, 100)] = 1
     horizon_seconds: HorizonSeconds = 3.0

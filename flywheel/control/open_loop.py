@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import model_validator
 
 from flywheel.control.protocol import Command
 from flywheel.errors import ConfigError
@@ -13,6 +13,7 @@ from flywheel.quantities import HorizonSeconds, Share
 from flywheel.records import Floats, Past
 from flywheel.robots import Robot
 from flywheel.tasks import Task
+from flywheel.validation import Frozen
 
 
 class OpenLoop(Protocol):
@@ -84,7 +85,7 @@ class Playback:
         return Command(rest if len(rest) else self.robot.holding(past.winch[0, -1])[None])
 
 
-class RandomConfig(BaseModel):
+class RandomConfig(Frozen):
     """Settings of random excitation.
 
     Each winch independently alternates between moving at a random rate and moving to a random rest
@@ -95,8 +96,6 @@ class RandomConfig(BaseModel):
       drive: probability that a winch moves at a rate; else it moves to a rest length.
       slowest: speeds are drawn between this fraction of the fastest and the fastest.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     seconds: tuple[HorizonSeconds, HorizonSeconds] = (0.3, 3.0)
     drive: Share = 0.4

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from flywheel import __version__
 from flywheel.control import Playback
@@ -43,6 +42,7 @@ from flywheel.runtime.pool.progress import Progress, Stage, notes_of
 from flywheel.truth_simulator import HIDDEN, EffectTruth, HiddenEffect
 from flywheel.truth_simulator.scripts import script
 from flywheel.truth_simulator.written import PLACE, SIZE, hidden_effects
+from flywheel.validation import Frozen
 
 NOTHING = "none"  # in the place of an effect
 DRAWN = 2.0  # size of what is drawn, in typical ones: noise in the starts of predictions hides most of less
@@ -62,7 +62,7 @@ COMMANDS = (
 )
 
 
-class DemoConfig(BaseModel):
+class DemoConfig(Frozen):
     """How much a demonstration records and computes.
 
     Attributes:
@@ -73,8 +73,6 @@ class DemoConfig(BaseModel):
       dt: control step [s].
       threads: simulations at the same time.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     seconds: DemoSeconds = 3.0
     held_out: Annotated[int, Bounds(1, 2)] = 2

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from flywheel.effects.effect import Effect, Terms
 from flywheel.effects.own import (
@@ -25,14 +25,14 @@ from flywheel.errors import ConfigError, RobotError
 from flywheel.files import file_name, parsed_yaml, read_yaml, yaml_text
 from flywheel.quantities import Bounds, Name
 from flywheel.robots import Robot, read_robot
-from flywheel.validation import validated
+from flywheel.validation import Frozen, validated
 
 PLANT, MJCF = "plant.yaml", "robot.xml"
 MOST_EFFECTS = 1000  # a robot of 100 cables with ten effects on each
 MOST_EVIDENCE = 100  # kinds of evidence
 
 
-class AdoptedPlant(BaseModel):
+class AdoptedPlant(Frozen):
     """A version of a robot's plant.
 
     Nothing of an earlier version is changed: to go back is to use its folder again.
@@ -46,8 +46,6 @@ class AdoptedPlant(BaseModel):
       effects_from: the law files that some of them are from.
       evidence: what the effects rest on: verdict, recordings, errors, intervals.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     robot: Name
     digest: Name

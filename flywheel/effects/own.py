@@ -19,13 +19,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from flywheel.effects.declaration import wrong_in_declaration
 from flywheel.effects.effect import Effect
 from flywheel.errors import ConfigError, FlywheelError
 from flywheel.files import MB, read_text
 from flywheel.quantities import Name
+from flywheel.validation import Frozen
 
 CALLED = frozenset({"edit", "command", "rate", "tension"})  # what laws are asked while robots move
 LARGEST = 1 * MB  # [bytes]
@@ -37,15 +38,13 @@ FileName = Annotated[Name, StringConstraints(pattern=r"^[^/\\\x00]+\.py$")]
 Sha256 = Annotated[Name, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 
-class LawReference(BaseModel):
+class LawReference(Frozen):
     """Which law file is meant, without it.
 
     Attributes:
       file: its name.
       sha256: of its text.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     file: FileName
     sha256: Sha256

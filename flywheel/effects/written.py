@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from flywheel.effects.effect import Effect, Term, parts_of, place_name
 from flywheel.effects.per_part import PerPart, has_factors, per_part
@@ -13,6 +13,7 @@ from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds, Name
 from flywheel.registry import lookup
 from flywheel.robots import Robot
+from flywheel.validation import Frozen
 
 AT = " at "
 MOST_PARAMETERS = 1000  # a size for each of many cables
@@ -20,7 +21,7 @@ MOST_PARAMETERS = 1000  # a size for each of many cables
 Value = Annotated[float, Bounds(-1e12, 1e12)]
 
 
-class WrittenTerm(BaseModel):
+class WrittenTerm(Frozen):
     """An effect at a place, with its values, by names.
 
     Attributes:
@@ -28,8 +29,6 @@ class WrittenTerm(BaseModel):
       location: name of the cable or tracked point; "" for the whole robot.
       parameters: name -> value of every parameter, in the effect's units.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     effect: Name
     location: Name = ""

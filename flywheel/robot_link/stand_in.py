@@ -9,7 +9,7 @@ from collections import deque
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from flywheel.errors import ConfigError, LinkError
 from flywheel.quantities import Bounds, PartialShare, Share
@@ -19,12 +19,13 @@ from flywheel.robots import Robot
 from flywheel.truth_simulator import Simulation, TruthSimulator
 from flywheel.truth_simulator.contact import Contact
 from flywheel.truth_simulator.written import hidden_effects
+from flywheel.validation import Frozen
 
 SETTLE = 2.0  # that the robot stands still for before an episode begins [s]
 Seconds = Annotated[float, Bounds(0, 1, "s")]
 
 
-class StandInConfig(BaseModel):
+class StandInConfig(Frozen):
     """What a stand-in is, beyond its MJCF. Whoever drives it is told of the latency at most.
 
     Attributes:
@@ -40,8 +41,6 @@ class StandInConfig(BaseModel):
       contact: of the truth simulator with the ground.
       dead_man: longest time that a command is obeyed for [s].
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     hidden: tuple[Annotated[str, Field(max_length=200)], ...] = Field(default=(), max_length=20)
     noise: Share = 0.003

@@ -18,12 +18,13 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from flywheel.errors import LinkError
 from flywheel.quantities import CONTROL_STEP, Bounds
 from flywheel.records import Floats
 from flywheel.robot_link.protocol import RobotInfo, Sample
+from flywheel.validation import Frozen
 
 FORMAT = 1
 LONGEST_LINE = 1_000_000  # [bytes]; a sample of a hundred points takes some 6,000
@@ -38,10 +39,8 @@ Format = Annotated[int, Bounds(1, 1_000_000)]
 Name = Annotated[str, Field(max_length=200)]
 
 
-class Message(BaseModel):
+class Message(Frozen):
     """Base of the messages. Fields that are not known here are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     def line(self) -> bytes:
         """As it goes over the wire."""

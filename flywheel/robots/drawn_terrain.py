@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from flywheel.quantities import Bounds, PositiveRobotLengths
 from flywheel.records import Floats
 from flywheel.terrain import Terrain
+from flywheel.validation import Frozen
 
 Kind = Literal["flat", "slope", "bumps", "steps"]
 Range = tuple[PositiveRobotLengths, PositiveRobotLengths]
@@ -20,7 +21,7 @@ MOST_KINDS = 100  # one may be named again, to be drawn more often
 WAVES = 8  # plane waves that make bumps
 
 
-class TerrainConfig(BaseModel):
+class TerrainConfig(Frozen):
     """Which ground robots stand on. Lengths are in units of the robot's length L.
 
     Attributes:
@@ -33,8 +34,6 @@ class TerrainConfig(BaseModel):
       size: of the ground along x and y, around the origin [L]; a plane a little lower lies around it.
       cell: of its grid [L].
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kinds: tuple[Kind, ...] = Field(default=(), max_length=MOST_KINDS)
     slope: tuple[Steepness, Steepness] = (0.03, 0.15)

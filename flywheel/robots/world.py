@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
-
 from flywheel.quantities import Metres, PositiveMetres
+from flywheel.validation import Frozen
 
 GRAVITY = 9.81  # for natural units; a simulation takes the MJCF's [m/s^2]
 
 
-class Box(BaseModel):
+class Box(Frozen):
     """An axis-aligned box obstacle.
 
     Attributes:
       center: (x, y, z) [m].
       half_size: (x, y, z) [m].
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     center: tuple[Metres, Metres, Metres]
     half_size: tuple[PositiveMetres, PositiveMetres, PositiveMetres]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from flywheel.quantities import (
     Bounds,
@@ -16,12 +16,13 @@ from flywheel.quantities import (
     Weight,
 )
 from flywheel.robots import Box
+from flywheel.validation import Frozen
 
 MOST_BOXES = 1000
 Range = tuple[PositiveRobotLengths, PositiveRobotLengths]
 
 
-class TaskConfig(BaseModel):
+class TaskConfig(Frozen):
     """Distribution and cost of tasks. Lengths are in units of the robot's length L.
 
     Attributes:
@@ -48,8 +49,6 @@ class TaskConfig(BaseModel):
       cell: of the grid for paths around boxes [L].
       moves: "diagonal" (8 neighbours) or "manhattan" (4).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: Literal["reach", "reach_among_boxes", "obstacle_course", "tour"] = "reach"
     goal: tuple[Metres, Metres] | None = None

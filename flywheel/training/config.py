@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flywheel.quantities import (
     Bounds,
@@ -20,17 +20,14 @@ from flywheel.quantities import (
     Threads,
     Weight,
 )
+from flywheel.validation import Frozen
 
 MOST_STAGES = 100
 MOST_DATASETS = 1000  # of a run: as many inputs has the network's one-hot at most
 Chunks = Annotated[int, Bounds(1, 100_000)]
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Stage(_Frozen):
+class Stage(Frozen):
     """A part of a curriculum.
 
     Attributes:
@@ -46,7 +43,7 @@ def _stages(shares: dict[int, float]) -> tuple[Stage, ...]:
     return tuple(Stage(chunks=chunks, share=share) for chunks, share in shares.items())
 
 
-class Schedule(_Frozen):
+class Schedule(Frozen):
     """Number of steps, length of windows and learning rate of a training.
 
     Attributes:
@@ -72,7 +69,7 @@ class Schedule(_Frozen):
         return self
 
 
-class TrainingConfig(_Frozen):
+class TrainingConfig(Frozen):
     """Settings of a network's training.
 
     Attributes:

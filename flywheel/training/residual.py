@@ -17,7 +17,6 @@ from typing import Annotated
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict
 from torch import Tensor, nn
 
 from flywheel.dynamics.gnn.learned import one_thread_per_operation
@@ -46,6 +45,7 @@ from flywheel.quantities import (
 )
 from flywheel.records import Episode, Floats, Provenance, Trajectory
 from flywheel.training.batches import generator
+from flywheel.validation import Frozen
 
 SHARES = np.linspace(0.0, 1.0, 21)  # of the correction, that are tried
 _SIMULATED = 64  # windows that the plant predicts at a time
@@ -58,7 +58,7 @@ Say = Callable[[float, str], None]
 """Receives the completed fraction, from 0 to 1, and a note."""
 
 
-class ResidualTraining(BaseModel):
+class ResidualTraining(Frozen):
     """Settings of the training of a plant's correction.
 
     Attributes:
@@ -80,8 +80,6 @@ class ResidualTraining(BaseModel):
       sure: standard errors by which the correction must help on held-out windows.
       seed: of the weights and of the order of the windows.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     horizon: HorizonSeconds = 2.0
     spacing: HorizonSeconds = 0.2

@@ -17,13 +17,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
 from flywheel.data.recordings.table import LONGEST_NAME, is_plain
 from flywheel.errors import ConfigError
 from flywheel.files import read_yaml, shown
 from flywheel.quantities import Bounds, ControlStep
 from flywheel.records import Floats
+from flywheel.validation import Frozen
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
@@ -46,11 +47,7 @@ Radius = Annotated[float, Bounds(1e-4, 100, "m")]  # of a drum
 Jitter = Annotated[float, Bounds(0, 0.5, below=True)]
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Axes(_Frozen):
+class Axes(Frozen):
     """Which of the log's axes each of ours is; ours are right-handed with z up.
 
     Attributes:
@@ -80,7 +77,7 @@ class Axes(_Frozen):
         return turned
 
 
-class Units(_Frozen):
+class Units(Frozen):
     """Units of the log's columns.
 
     Attributes:
@@ -123,7 +120,7 @@ class Units(_Frozen):
         return sign * ANGLES[base] * self.drum
 
 
-class RecordingMap(_Frozen):
+class RecordingMap(Frozen):
     """How a log's columns become ours; the default takes them as they are named after the MJCF.
 
     Attributes:
@@ -138,7 +135,7 @@ class RecordingMap(_Frozen):
       jitter: how far a stamp may be off the grid and still count as on it, as a share of dt.
     """
 
-    columns: dict[Name, Name] = {}
+    columns: dict[Name, Name] = Field(default={})
     units: Units = Units()
     axes: Axes = Axes()
     origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict
-
 from flywheel.quantities import Bounds, ControlStep, PositiveRobotLengths
+from flywheel.validation import Frozen
 
 
-class NetworkConfig(BaseModel):
+class NetworkConfig(Frozen):
     """Shape and inputs of a `ChunkNetwork`. The defaults are the `lean` network.
 
     Attributes:
@@ -47,8 +46,6 @@ class NetworkConfig(BaseModel):
         learned from rotated training data.
       datasets: size of the data sets' one-hot.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     decomposition: Literal["caps", "primitives"] = "caps"
     width: Annotated[int, Bounds(4, 4096)] = 64

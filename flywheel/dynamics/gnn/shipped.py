@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from flywheel.dynamics.gnn.weights import read_about
 from flywheel.errors import ModelError
@@ -23,7 +23,7 @@ from flywheel.quantities import (
     Share,
 )
 from flywheel.robots import Robot
-from flywheel.validation import validated
+from flywheel.validation import Frozen, validated
 
 SHIPPED = "shipped"  # where a model is named: the network that comes with Flywheel for the robot
 MOST_ERRORS = 1000  # of a card
@@ -31,7 +31,7 @@ MJCF, NETWORK = "the MJCF's", "network"  # names of plants and of a model in a c
 FOLDER = Path(__file__).parent / "networks"
 
 
-class PredictionError(BaseModel):
+class PredictionError(Frozen):
     """The errors of a model over a horizon, on plants of one group.
 
     Attributes:
@@ -41,15 +41,13 @@ class PredictionError(BaseModel):
       e_rot: mean angle between predicted and true bodies [deg].
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     plants: Name
     model: Name
     e_pos: Annotated[float, Bounds(0, 1e6, "%")]
     e_rot: Annotated[float, Bounds(0, 180, "deg")]
 
 
-class ModelCard(BaseModel):
+class ModelCard(Frozen):
     """Description of a shipped network.
 
     Attributes:
@@ -69,8 +67,6 @@ class ModelCard(BaseModel):
       seconds, starts: see `episodes`.
       errors: on episodes not used for training.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     robot: Name
     digest: Name

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from flywheel.quantities import PartialShare, Share
 from flywheel.records import Observation
 from flywheel.robots import Robot
+from flywheel.validation import Frozen
 
 
-class MeasurementModel(BaseModel):
+class MeasurementModel(Frozen):
     """Measurement of a plant. By default it is exact, without winch positions.
 
     Attributes:
@@ -18,8 +18,6 @@ class MeasurementModel(BaseModel):
       dropout: probability that a point is missing from an observation.
       winch_measured: measure all winch positions; else only those the MJCF has a sensor for.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     noise: Share = 0.0
     dropout: PartialShare = 0.0

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from flywheel.quantities import Factor
 from flywheel.robots import Robot
+from flywheel.validation import Frozen
 
 
-class PlantParameters(BaseModel):
+class PlantParameters(Frozen):
     """Scales on the MJCF's numbers; with 1 everywhere the plant equals the MJCF, bit by bit.
 
     Attributes:
@@ -22,8 +22,6 @@ class PlantParameters(BaseModel):
         less.
       mass: of all bodies, with their inertia.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     friction: Factor = 1.0
     contact_stiffness: Factor = 1.0

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict
-
 from flywheel.effects import Scales
 from flywheel.quantities import Bounds
 from flywheel.robots import Robot
+from flywheel.validation import Frozen
 
 
-class ResidualConfig(BaseModel):
+class ResidualConfig(Frozen):
     """Shape and inputs of a `ResidualNetwork`; times are in the robot's own unit, sqrt(L / g).
 
     Attributes:
@@ -23,8 +22,6 @@ class ResidualConfig(BaseModel):
       clearance: height above the ground up to which it is an input of a tracked point, as a
         fraction of L.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     width: Annotated[int, Bounds(4, 1024)] = 48
     interval: Annotated[float, Bounds(0.001, 10, "sqrt(L / g)")] = 0.2

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
 from flywheel.dynamics.residual.config import ResidualConfig
@@ -30,7 +30,7 @@ from flywheel.effects.adopted import MOST_EFFECTS
 from flywheel.errors import FlywheelError, ModelError
 from flywheel.quantities import Bounds, ControlStep, Seed
 from flywheel.robots import Robot
-from flywheel.validation import first_problem
+from flywheel.validation import Frozen, first_problem
 
 KIND = "residual"
 _FORMAT = 1
@@ -43,7 +43,7 @@ _ABOUT: dict[str, type | tuple[type, ...]] = {
 }
 
 
-class CorrectedPlant(BaseModel):
+class CorrectedPlant(Frozen):
     """The corrected plant, without its MJCF.
 
     Attributes:
@@ -51,8 +51,6 @@ class CorrectedPlant(BaseModel):
       window, degree, roll, seed: of its start, see `RestartedPlant`.
       effects: all effects beyond its MJCF.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     dt: ControlStep
     window: Annotated[int, Bounds(1, 100_000, "steps")]

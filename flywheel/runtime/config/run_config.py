@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     StringConstraints,
     field_validator,
@@ -55,6 +53,7 @@ from flywheel.tasks import TaskConfig
 from flywheel.training import TrainingConfig
 from flywheel.training.config import MOST_DATASETS
 from flywheel.training.residual import ResidualTraining
+from flywheel.validation import Frozen
 
 MOST_RECORDINGS = 5_000  # that one configuration may name
 MOST_COURSES = 100
@@ -73,13 +72,7 @@ Workers = Annotated[int, Bounds(1, 10_000)]
 Processors = Annotated[float, Bounds(0, 1000)]
 
 
-class Section(BaseModel):
-    """Base of the configuration's parts: frozen, unknown keys are rejected."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class CollectConfig(Section):
+class CollectConfig(Frozen):
     """Episodes recorded for training.
 
     Attributes:
@@ -111,7 +104,7 @@ class CollectConfig(Section):
     recordings: tuple[SegmentName, ...] = Field(default=(), max_length=MOST_RECORDINGS)
 
 
-class EvaluateConfig(Section):
+class EvaluateConfig(Frozen):
     """Evaluation of models.
 
     Predictions start from the measurements. Those of a simulated episode are compared with its true states,
@@ -153,7 +146,7 @@ class EvaluateConfig(Section):
         return courses
 
 
-class DiagnoseConfig(Section):
+class DiagnoseConfig(Frozen):
     """Diagnosis of the plant with the recordings, before a run collects again.
 
     An effect that is found, and confirmed by the recordings that are kept for tests, is added to
@@ -189,7 +182,7 @@ class DiagnoseConfig(Section):
         unsure_terms(self.unsure, library=library)
 
 
-class ResidualModelConfig(Section):
+class ResidualModelConfig(Frozen):
     """Training of a small network on the plant's residual in the recordings (`flywheel correct`).
 
     Attributes:
@@ -203,7 +196,7 @@ class ResidualModelConfig(Section):
     training: ResidualTraining = ResidualTraining()
 
 
-class GateConfig(Section):
+class GateConfig(Frozen):
     """Conditions for a new champion.
 
     Attributes:
@@ -216,7 +209,7 @@ class GateConfig(Section):
     success_drop: Share = 0.25
 
 
-class WorkersConfig(Section):
+class WorkersConfig(Frozen):
     """The worker processes. These settings do not affect results.
 
     Attributes:
@@ -264,7 +257,7 @@ def _with_preset(network: Any) -> Any:
     return {**preset().model_dump(), **changes}
 
 
-class DataSet(Section):
+class DataSet(Frozen):
     """A variation of the plant. Its index in the list is its index in the network's one-hot.
 
     Attributes:
@@ -276,7 +269,7 @@ class DataSet(Section):
     plant: PlantParameters = PlantParameters()
 
 
-class RunConfig(Section):
+class RunConfig(Frozen):
     """A whole run of the flywheel.
 
     Attributes:

@@ -20,11 +20,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
 
-from pydantic import BaseModel, ConfigDict
-
 from flywheel.errors import ConfigError, DataError, FlywheelError
 from flywheel.quantities import Bounds, Name, Place, WaitingSeconds
 from flywheel.results import GateDecision
+from flywheel.validation import Frozen
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +35,7 @@ OFFSET_FILE = "outbox.offset"
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 
 
-class TrackingConfig(BaseModel):
+class TrackingConfig(Frozen):
     """Settings of tracking.
 
     Attributes:
@@ -47,8 +46,6 @@ class TrackingConfig(BaseModel):
       request_seconds: after which a silent server counts as down [s].
       close_seconds: longest wait for undelivered records at the end of a run [s].
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     uri: Place = ""
     experiment: Name = "flywheel"
