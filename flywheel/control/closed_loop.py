@@ -128,10 +128,8 @@ def record_episode(
     while log.done < steps and not reached:
         command = controller.act(log.past())
         commands[log.done * plant.dt] = command
-        controls = checked_controls(command.controls, controller.name, plant.robot)[
-            : steps - log.done
-        ]
-        simulated = course.go(controls[None])
+        controls = checked_controls(command.controls, controller.name, plant.robot)
+        simulated = course.go(controls[None, : steps - log.done])
         if task is not None:
             simulated, reached = _until_reached(simulated, task)
             if reached and task.then is not None:
