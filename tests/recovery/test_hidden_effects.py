@@ -25,7 +25,11 @@ def hidden(robot: Robot, name: str, seed: int) -> HiddenRecording:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("robot_name", "name"), [("prism3", "winch_gain"), ("platform4", "cable_friction")]
+    ("robot_name", "name"),
+    [  # docs/diagnosis.md has the first one, too
+        pytest.param("prism3", "winch_gain", marks=pytest.mark.nightly),
+        ("platform4", "cable_friction"),
+    ],
 )
 def test_a_hidden_effect_is_named_and_measured(robot_name: str, name: str) -> None:
     robot = load_robot(robot_name)

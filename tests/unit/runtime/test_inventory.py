@@ -138,8 +138,16 @@ def test_a_run_that_was_left_in_peace_is_sound(finished):
     assert refused(finished) == ""
 
 
-@pytest.mark.parametrize("how", DONE)
-@pytest.mark.parametrize("what", [name for name in FILES if name not in FOLDERS])
+@pytest.mark.parametrize(
+    ("what", "how"),
+    [  # every way to damage one file, and two ways to damage each
+        pytest.param(what, how, marks=[] if usual else [pytest.mark.nightly])
+        for what in FILES
+        for how in DONE
+        if what not in FOLDERS
+        for usual in [what == "snapshot" or how in ("flipped", "removed")]
+    ],
+)
 def test_whatever_is_done_to_a_file_is_found_and_not_gone_on_from(finished, what, how):
     (victim,) = finished.glob(FILES[what])
     with kept(victim):

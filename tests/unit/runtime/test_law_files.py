@@ -176,6 +176,18 @@ def test_what_is_written_of_a_law_file_is_its_name_and_digest(tmp_path: Path) ->
     assert "import numpy" not in text and "file: my_laws.py" in text
 
 
+def test_a_worker_of_a_run_simulates_with_a_law_of_ones_own(tmp_path: Path) -> None:
+    law = own_laws.law_file(tmp_path)
+    config = RunConfig.model_validate({"effects_from": [str(law)]})
+    law.unlink()  # where the worker is, it is not
+    elsewhere = pickle.loads(pickle.dumps(config))
+    worker = SimWorker(elsewhere, str(tmp_path / "store"), load_robot("prism3"))
+    values = {"sine": 0.3, "cosine": 0.0, "pitch": 0.15}
+    written = WrittenTerm(effect="cogging", location="", parameters=values)
+    assert worker._recorder.plant(0, (written,)).terms[0].effect is elsewhere.library()["cogging"]
+
+
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_worker_of_a_run_finds_a_law_of_ones_own(tmp_path: Path) -> None:
     robot, store, names = load_robot("prism3"), str(tmp_path / "store"), []

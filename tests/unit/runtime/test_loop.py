@@ -40,8 +40,15 @@ def fail_at(monkeypatch, *marks: str, error: Exception | None = None) -> None:
     monkeypatch.setattr(EpisodeRecorder, "record", record)
 
 
-def test_a_run_turns_from_an_empty_folder_to_its_conclusion(bench):
-    result = bench.turn()
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    """A run, and what it came to."""
+    bench = Bench(tmp_path_factory.mktemp("turned"))
+    return bench, bench.turn()
+
+
+def test_a_run_turns_from_an_empty_folder_to_its_conclusion(turned):
+    _, result = turned
     assert result.finished and [i.iteration for i in result.iterations] == [0, 1]
     first, second = result.iterations
     assert first.gate.promoted and first.gate.reference is None
@@ -52,8 +59,8 @@ def test_a_run_turns_from_an_empty_folder_to_its_conclusion(bench):
     assert all(math.isfinite(p.errors.short.e_rot) for p in result.pooled)
 
 
-def test_episodes_collected_in_a_later_iteration_are_planned_with_the_champions_weights(bench):
-    result = bench.turn()
+def test_episodes_collected_in_a_later_iteration_are_planned_with_the_champions_weights(turned):
+    bench, result = turned
     for episode in bench.store.snapshot("i0001-mppi").episodes:
         expected = result.iterations[0].model if episode.iteration == 1 else ""
         assert episode.model == expected
@@ -153,7 +160,7 @@ def test_a_first_training_that_diverges_ends_the_run(bench, monkeypatch):
         bench.turn()
 
 
-@pytest.mark.parametrize("part", [".zarr", "receipt.json"])
+@pytest.mark.parametrize("part", [pytest.param(".zarr", marks=pytest.mark.nightly), "receipt.json"])
 def test_a_damaged_episode_that_nothing_builds_on_is_set_aside_and_recorded_again(
     bench, monkeypatch, part
 ):

@@ -4,24 +4,34 @@ from __future__ import annotations
 
 import importlib
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from flywheel.data.recordings import read_recording, store_recording
+from flywheel.diagnosis import diagnose
 from flywheel.effects import WrittenTerm
 from flywheel.results import DiagnosisNote
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.workers import diagnosis_job
 from flywheel.runtime.workers.stored_episodes import effects_of
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
+from tests.unit.diagnosis.conftest import QUICK
 from tests.unit.runtime.tiny_run import TINY, Bench
 
 stage = importlib.import_module("flywheel.runtime.stages.diagnose")
 FEW = ["winch_gain", "slope"]
 LEAST = {"evaluate": {**TINY["evaluate"], "floor": False}}
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch) -> None:
+    """Searches without robots whose numbers are all off."""
+    monkeypatch.setattr(diagnosis_job, "diagnose", partial(diagnose, settings=QUICK))
 
 
 def stored_logs(folder, store, *names: str) -> list[str]:
@@ -32,7 +42,7 @@ def stored_logs(folder, store, *names: str) -> list[str]:
     ]
     found = []
     for seed, split in ((5, "train"), (6, "test")):
-        made = record(robot, effects, seconds=1.6, seed=seed)
+        made = record(robot, effects, seconds=0.8, seed=seed)
         path, _ = made.write(folder, f"log-{seed}", robot)
         found.append(store_recording(store, read_recording(path, robot, split=split))[0])
     return found
