@@ -14,7 +14,7 @@ import numpy as np
 from flywheel.diagnosis.checks.adequacy import own_errors
 from flywheel.diagnosis.checks.detectability import detectable
 from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel, learned_law, resemblances
-from flywheel.diagnosis.checks.held_out import HeldOut, errors
+from flywheel.diagnosis.checks.held_out import Errors, HeldOut, errors
 from flywheel.diagnosis.checks.localisation import localise
 from flywheel.diagnosis.checks.model_discrepancy import model_discrepancy
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
@@ -24,6 +24,7 @@ from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.diagnosis.heartbeat import Heartbeat, never
 from flywheel.diagnosis.judgement import (
     UNEXPLAINED,
+    Judged,
     Searched,
     as_built,
     asked_about,
@@ -34,6 +35,7 @@ from flywheel.diagnosis.results.diagnosis import Diagnosis, TimeSteps
 from flywheel.diagnosis.results.evidence import Evidence
 from flywheel.diagnosis.results.numbers_as_built import AsBuiltNumbers
 from flywheel.diagnosis.results.verdict import (
+    Alternative,
     Verdict,
     beyond,
     carries_over,
@@ -51,7 +53,7 @@ from flywheel.diagnosis.selection.suspect_parameters import (
     SuspectParameter,
     suspect_parameters,
 )
-from flywheel.diagnosis.settings import Settings
+from flywheel.diagnosis.settings import Limits, Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, FORMS, NAMED, Effect, Terms
 from flywheel.errors import DataError, ModelError
@@ -237,12 +239,7 @@ def _concluded(
     judged = judge_in_time(searched, kept_aside, under_test.seed, heartbeat)
     heartbeat("predicting what is held out")
     held = heartbeat.briefly(partial(kept_aside.errors, judged.models[-1].fit.terms), None)
-    verdict = judged.verdict
     built = as_built(search, judged.models[-1].fit, judged.effects)
-    if built and verdict is Verdict.NOISE_ONLY and not carries_over(limits, held):
-        verdict = Verdict.OUTSIDE_LIBRARY
-    if judged.rivals and verdict is Verdict.EFFECT:
-        verdict = Verdict.AMBIGUOUS
     fitter, last = search.fitter, judged.models[-1]
     unexplained = judged.verdict in UNEXPLAINED
     # Of effects that are the same everywhere and leave only noise, there is no more to look for.
@@ -262,7 +259,7 @@ def _concluded(
     )
     ranking = partial(detectable, fitter, judged.models[0], rng, checks)
     return Diagnosis(
-        verdict=verdict,
+        verdict=_verdict(limits, judged, built, held),
         answers=(judged.answer, *(asked_about(each) for each in rivals)),
         ranking=heartbeat.briefly(ranking, judged.models[0].scores, "what would be detected"),
         threshold=limits.threshold,
@@ -280,7 +277,7 @@ def _concluded(
         discrepancy=heartbeat.in_time(law, None, "learning a law for what is left")
         if left
         else None,
-        model="" if under_test.model is None else under_test.model.name,
+        model=under_test.name,
         calibration=tuple(e for e in judged.effects if not e.term.asked and e not in built),
         as_built=AsBuiltNumbers(built, known_share(search, last.fit)) if built else None,
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
@@ -289,6 +286,15 @@ def _concluded(
         failures=tuple(heartbeat.failures),
         settings=under_test.settings,
     )
+
+
+def _verdict(limits: Limits, judged: Judged, built: Alternative, held: Errors | None) -> Verdict:
+    """The verdict, by how rivals and held-out recordings bear on it."""
+    if built and judged.verdict is Verdict.NOISE_ONLY and not carries_over(limits, held):
+        return Verdict.OUTSIDE_LIBRARY
+    if judged.rivals and judged.verdict is Verdict.EFFECT:
+        return Verdict.AMBIGUOUS
+    return judged.verdict
 
 
 def _discrepancy(

@@ -100,9 +100,7 @@ def run(
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
-        config = (
-            files.config()
-        )  # from here on nobody knows what a stand-in is but the robot's workers
+        config = files.config()  # from here on only the robot's workers know the stand-in
         robot = files.robot(config)
         shown = progress or Quiet()
         check_sound(files, TrajectoryStore(files.store_url(config)))

@@ -41,6 +41,11 @@ class ModelUnderTest:
     busy: Callable[[], None] = lambda: None
     settings: Settings = Settings()
 
+    @property
+    def name(self) -> str:
+        """The name of the trained model; "" for the plant."""
+        return "" if self.model is None else self.model.name
+
     def fitted(
         self,
         recordings: Sequence[Trajectory],
