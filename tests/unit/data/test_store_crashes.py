@@ -84,6 +84,7 @@ def check_whole(root: Path, names: list[str]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.chaos
+@pytest.mark.nightly
 def test_writers_killed_at_random_instants_lose_nothing_and_leave_no_half_episode(tmp_path):
     names = acknowledged(start(KILLER, tmp_path, KILLS))
     assert len(names) >= KILLS / 4
@@ -103,6 +104,7 @@ def test_three_writers_at_once_lose_nothing(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.chaos
+@pytest.mark.nightly
 def test_three_writers_of_the_same_segments_agree(tmp_path):
     together = [start(WRITER, tmp_path, "all", 4) for _ in range(3)]
     for process in together:

@@ -148,7 +148,10 @@ def test_an_upload_that_was_cut_off_is_not_visible_and_swept_when_old(
     assert list(store.committed()) == ["cut", "whole"]
 
 
-@pytest.mark.parametrize("how", ["flipped", "deleted", "receipt"])
+@pytest.mark.parametrize(
+    "how",
+    ["flipped", *(pytest.param(h, marks=pytest.mark.nightly) for h in ("deleted", "receipt"))],
+)
 def test_damage_on_s3_is_found_and_named(bucket, make_episode, how):
     store = TrajectoryStore(bucket)
     store.commit("e", [make_episode("e")])

@@ -311,6 +311,7 @@ def test_weights_for_a_robot_that_shows_no_rotation_are_selected_by_positions(
 
 
 @pytest.mark.chaos
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_training_process_killed_at_a_random_instant_can_be_resumed(
     trainer, train, validation, network_config, make_config, tmp_path
