@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import errno
 import os
-import select
 import stat
-import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from flywheel.errors import DataError, FlywheelError, RunError
 from flywheel.faults import fault_of, short, told
@@ -101,29 +98,6 @@ def write_output(path: str | Path, content: str | bytes) -> Path:
 def printable(text: str) -> str:
     """Text for a terminal: what would steer it, or is no character at all, is written out."""
     return "".join(c if c.isprintable() or c in "\n\t" else _written_out(c) for c in text)
-
-
-def drop_broken_streams() -> bool:
-    """Let what is still to be printed go nowhere, where the reader or the terminal is gone.
-
-    Returns:
-      True if one of them is.
-    """
-    gone = [stream for stream in (sys.stdout, sys.stderr) if _broken(stream)]
-    for stream in gone:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
-    return bool(gone)
-
-
-def _broken(stream: Any) -> bool:
-    try:
-        asked = select.poll()
-        asked.register(stream.fileno(), select.POLLERR)
-        return any(event & select.POLLERR for _, event in asked.poll(0))
-    except (AttributeError, OSError, ValueError):  # closed, or no file
-        return False
 
 
 def _written_out(character: str) -> str:

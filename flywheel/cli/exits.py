@@ -8,9 +8,11 @@ file in the system's temporary folder.
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import platform
+import select
 import shlex
 import signal
 import stat
@@ -86,7 +88,6 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
       debug: show also where an error was raised.
     """
     from flywheel.errors import FlywheelError
-    from flywheel.outputs import drop_broken_streams
     from flywheel.runtime.pool.interrupts import caught
 
     asked = False
@@ -107,7 +108,7 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
         _say("interrupted")
         raise typer.Exit(INTERRUPTED) from None
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, BrokenPipeError) and drop_broken_streams():
+        if isinstance(error, BrokenPipeError) and _nobody_reads():
             raise typer.Exit(NOBODY_READS) from None
         if debug:
             typer.echo(_trace(error), err=True)
@@ -211,11 +212,7 @@ def _say(message: str) -> None:
 @contextlib.contextmanager
 def _quiet(debug: bool) -> Iterator[None]:
     """Nothing is shown but what commands say: no warnings for programmers, no tracebacks of threads."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(
-            stream, io.TextIOWrapper
-        ):  # a name may hold what the terminal's encoding lacks
-            stream.reconfigure(errors="backslashreplace")
+    sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
     before = threading.excepthook
     if not debug:
         threading.excepthook = _thread_ended
@@ -227,7 +224,49 @@ def _quiet(debug: bool) -> Iterator[None]:
         threading.excepthook = before
 
 
+class _Terminal(io.FileIO):
+    """A terminal that may close: the rest of the output then goes nowhere, and the command goes on."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno != errno.EIO:
+                raise
+            return len(data)
+
+
+def _patient(stream: Any) -> Any:
+    """The stream, for names that the terminal's encoding lacks, and for a terminal that closes."""
+    if not isinstance(stream, io.TextIOWrapper):
+        return stream
+    stream.reconfigure(errors="backslashreplace")
+    if not stream.isatty():
+        return stream
+    raw = io.BufferedWriter(_Terminal(stream.fileno(), "w", closefd=False))
+    return io.TextIOWrapper(raw, stream.encoding, stream.errors, line_buffering=True)
+
+
 def _thread_ended(failed: threading.ExceptHookArgs) -> None:
     """The end of a thread does not end the command; it is said."""
     if isinstance(failed.exc_value, Exception):
         _say(ending_of(failed.exc_value).message)
+
+
+def _nobody_reads() -> bool:
+    """Whether the reader of the output is gone; if so, what is still to be flushed goes nowhere."""
+    gone = [stream for stream in (sys.stdout, sys.stderr) if _broken(stream)]
+    for stream in gone:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+    return bool(gone)
+
+
+def _broken(stream: Any) -> bool:
+    try:
+        asked = select.poll()
+        asked.register(stream.fileno(), select.POLLERR)
+        return any(event & select.POLLERR for _, event in asked.poll(0))
+    except (AttributeError, OSError, ValueError):  # closed, or no file
+        return False

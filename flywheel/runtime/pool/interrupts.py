@@ -14,7 +14,6 @@ from types import FrameType, TracebackType
 from typing import Self
 
 from flywheel.errors import FlywheelError
-from flywheel.outputs import drop_broken_streams
 
 EXIT_CODE = 130
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -31,8 +30,8 @@ class Interrupted(FlywheelError):
 def caught(act: Callable[[], None]) -> Iterator[None]:
     """Call `act` each time that somebody wants this process to end; what it raises is raised where that is.
 
-    The end of the terminal counts once: it may be told several times. What is still printed then goes
-    nowhere. In a thread other than the main one no signal can be caught.
+    The end of the terminal counts once: it may be told several times. In a thread other than the main one no
+    signal can be caught.
     """
     last: float | None = None
 
@@ -40,8 +39,6 @@ def caught(act: Callable[[], None]) -> Iterator[None]:
         nonlocal last
         now, before = time.monotonic(), last
         last = now
-        if number == signal.SIGHUP:
-            drop_broken_streams()
         if before is None or (number != signal.SIGHUP and now - before > ONE_WISH):
             act()
 

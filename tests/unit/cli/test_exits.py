@@ -250,7 +250,7 @@ def test_what_an_interrupted_import_makes_of_the_signal_is_no_bug(temporary):
 
 
 HUNG_UP = """
-import fcntl, sys, termios, time
+import fcntl, signal, sys, termios, time
 from pathlib import Path
 import typer
 from flywheel.cli.exits import OneCommand
@@ -259,35 +259,44 @@ from flywheel.runtime.pool.progress import console_progress
 app = typer.Typer(pretty_exceptions_enable=False)
 
 @app.command(cls=OneCommand)
-def work(kept: Path) -> None:
+def work(kept: Path, ended: Path) -> None:
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     try:
         with console_progress().stage("work", 1.0) as stage:
-            time.sleep(60)
+            while not ended.exists():
+                time.sleep(0.05)
     except KeyboardInterrupt:
-        print("best so far", flush=True)
-        kept.write_text("whole")
+        kept.write_text("as far as it is")
         raise
+    print("done", flush=True)
+    kept.write_text("whole")
 
-app()
+if len(sys.argv) > 3:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+app(sys.argv[1:3])
 """
 
 
 @pytest.mark.slow
-def test_a_command_whose_terminal_closes_still_keeps_what_it_has(tmp_path):
-    kept = tmp_path / "kept"
+@pytest.mark.parametrize(
+    ("ignored", "code", "left"), [([], 130, "as far as it is"), (["SIGHUP"], 0, "whole")]
+)
+def test_a_command_whose_terminal_closes_ends_in_order_or_goes_on(tmp_path, ignored, code, left):
+    kept, ended = tmp_path / "kept", tmp_path / "ended"
     terminal, end = os.openpty()
     streams = dict.fromkeys(("stdin", "stdout", "stderr"), end)
-    script = [sys.executable, "-c", HUNG_UP, str(kept)]
+    script = [sys.executable, "-c", HUNG_UP, str(kept), str(ended), *ignored]
     with subprocess.Popen(script, cwd=ROOT, start_new_session=True, **streams) as work:  # type: ignore[call-overload]
         try:
             os.close(end)
             assert os.read(terminal, 100), "the bar is shown"
             os.close(terminal)
-            assert work.wait(20) == 130
+            if ignored:
+                ended.touch()
+            assert work.wait(30) == code
         finally:
             work.kill()
-    assert kept.read_text() == "whole"
+    assert kept.read_text() == left
 
 
 IMPORTS = """
