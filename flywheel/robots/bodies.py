@@ -64,47 +64,52 @@ def read_bodies(
     """Bodies with their primitives, and the tracked points on them.
 
     Raises:
-      RobotError: no `framepos` sensor, one that is not of a site on a moving body, or a body
-        without any.
+      RobotError: no `framepos` sensor of a site on a moving body in the world, or bodies without any.
     """
     points = _points(model, data)
     mass, inertia = _geom_inertia(spec, model)
-    bodies = []
+    bodies, unseen = [], []
     for index, root in enumerate(moving_bodies(model)):
         on_it = tuple(i for i, point in enumerate(points) if point.body == index)
         name = model.body(root).name
         if not on_it:
-            raise RobotError(
-                f"Nothing measures the body {name!r}: it needs a framepos sensor (objtype site) on it."
-            )
+            unseen.append(repr(name))
+            continue
         total, moments, com = _mass_of(model, data, root)
         primitives = _primitives(model, data, index, mass, inertia, total)
         bodies.append(Body(name, total, moments, com, primitives, on_it))
+    if unseen:
+        whom = "the body" if len(unseen) == 1 else "the bodies"
+        raise RobotError(
+            f"Nothing measures {whom} {', '.join(unseen)}: each needs a framepos sensor (objtype site) on it."
+        )
     return tuple(bodies), points
 
 
 def _points(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[TrackedPoint, ...]:
-    points = []
+    points, others = [], []
     for sensor in range(model.nsensor):
         if model.sensor_type[sensor] != mujoco.mjtSensor.mjSENS_FRAMEPOS:
             continue
         name = model.sensor(sensor).name
         site = int(model.sensor_objid[sensor])
         is_site = model.sensor_objtype[sensor] == mujoco.mjtObj.mjOBJ_SITE
-        if not is_site or model.sensor_refid[sensor] >= 0:
-            raise RobotError(
-                f"The framepos sensor {name!r} must give a site's position in the world "
-                '(objtype="site", no reftype).'
-            )
-        body = body_index(model, model.site_bodyid[site])
-        if body < 0:
-            raise RobotError(f"The framepos sensor {name!r} is on a body that cannot move.")
+        in_world = model.sensor_refid[sensor] < 0
+        body = body_index(model, model.site_bodyid[site]) if is_site else -1
+        if not in_world or body < 0:
+            others.append(repr(name))
+            continue
         offset = in_body_frame(model, data, body, data.site_xpos[site])
         points.append(TrackedPoint(name, body, offset, _touching_radius(model, data, body, site)))
     if not points:
+        but = (
+            f" ({', '.join(others)}: not of a site that moves, or not in the world)"
+            if others
+            else ""
+        )
         raise RobotError(
-            "The MJCF has no framepos sensor, so nothing could be tracked; put one (objtype site) on "
-            "each end cap or marker."
+            f"The MJCF has no framepos sensor, so nothing could be tracked{but}. Put one (objtype site, no "
+            "reftype) on each end cap or marker."
         )
     return tuple(points)
 

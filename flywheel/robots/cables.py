@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import mujoco
 import numpy as np
 
@@ -9,6 +11,7 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.bodies import body_index, in_body_frame
 from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
+from flywheel.robots.problems import Problems
 from flywheel.robots.winches import is_passive
 
 
@@ -27,22 +30,32 @@ def read_cables(
       act: (na,) the keyframe's activations.
 
     Raises:
-      RobotError: no tendon; one that is not a straight line between two sites, that ends on no
-        moving body, that could push, or that nothing pulls.
+      RobotError: tendons that are no straight line between two sites, that end on no moving body, that
+        could push, or that nothing pulls.
     """
-    if model.ntendon == 0:
-        raise RobotError("The MJCF has no tendon; a cable-driven robot needs at least one cable.")
     actuators = {
         cable: (index, actuator)
         for index, winch in enumerate(winches)
         for cable, actuator in zip(winch.cables, winch.actuators, strict=True)
     }
-    return tuple(
-        _winched(model, data, bodies, points, tendon, *actuators[tendon], act)
-        if tendon in actuators
-        else _passive(model, data, bodies, points, tendon)
-        for tendon in range(model.ntendon)
-    )
+    problems, cables = Problems(), []
+    for tendon in range(model.ntendon):
+        read = partial(_passive, model, data, bodies, points, tendon)
+        if tendon in actuators:
+            read = partial(_winched, model, data, bodies, points, tendon, *actuators[tendon], act)
+        cables.append(problems.attempt(read))
+    problems.check()
+    return tuple(cable for cable in cables if cable is not None)
+
+
+def refuse_without_cables(model: mujoco.MjModel) -> None:
+    """Refuse an MJCF without a cable.
+
+    Raises:
+      RobotError: it has no tendon.
+    """
+    if model.ntendon == 0:
+        raise RobotError("The MJCF has no tendon; a cable-driven robot needs at least one cable.")
 
 
 def _winched(

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -24,14 +25,15 @@ import numpy as np
 
 from flywheel.errors import MjcfError, RobotError
 from flywheel.records import Floats, State
-from flywheel.robots.bodies import read_bodies
-from flywheel.robots.cables import read_cables
+from flywheel.robots.bodies import moving_bodies, read_bodies
+from flywheel.robots.cables import read_cables, refuse_without_cables
 from flywheel.robots.ground import ground_of
 from flywheel.robots.integrators import integrator_of
 from flywheel.robots.mjcf_numbers import check_numbers
-from flywheel.robots.mjcf_source import compiled, read_mjcf
+from flywheel.robots.mjcf_source import compiled, read_mjcf, without_keyframes
 from flywheel.robots.mujoco_warnings import collected_warnings
 from flywheel.robots.parts import Body, Cable, TrackedPoint, Winch
+from flywheel.robots.problems import Problems
 from flywheel.robots.robot import Robot
 from flywheel.robots.winches import read_winches
 
@@ -55,24 +57,18 @@ def read_robot(source: str | Path) -> Robot:
     """Read a robot from an MJCF file, or from its text (anything that starts with "<").
 
     Raises:
-      RobotError: the MJCF cannot be used; the message says which element and what is allowed.
+      RobotError: the MJCF cannot be used; the message says which elements and what is allowed, the
+        decisive problem first.
     """
     is_text = isinstance(source, str) and source.lstrip().startswith("<")
     xml = str(source) if is_text else read_mjcf(source)
-    root, spec, model = compiled(xml)
+    root, spec, model, misfit = _compiled(xml)
     if not root.attrib.get("model"):
         raise RobotError('The MJCF has no name: write <mujoco model="my_robot">.')
     check_numbers(model, "The MJCF")
     _refuse_tilted(model)
-    _refuse_unnamed(model)
-    _refuse_disabled(model)
-    _refuse_memories(model)
     keyframe = _keyframe(model)
-    data = _placed(model, keyframe)
-    bodies, points = read_bodies(spec, model, data)
-    winches = read_winches(model, keyframe.act)
-    cables = read_cables(model, data, bodies, points, winches, keyframe.act)
-    _refuse_equal_columns(points, winches)
+    bodies, points, winches, cables = _parts(spec, model, keyframe, misfit)
     return Robot(
         name=root.attrib["model"],
         xml=xml,
@@ -88,6 +84,59 @@ def read_robot(source: str | Path) -> Robot:
         grounded=ground_of(model) is not None,
         free=bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).all()),
     )
+
+
+def _compiled(xml: str) -> tuple[ElementTree.Element, mujoco.MjSpec, mujoco.MjModel, str]:
+    """The same as `compiled`, and why MuJoCo refuses the keyframes, without which it is compiled then.
+
+    A keyframe does not fit where actuators are not what they were meant to be; then that has to be told, too.
+    """
+    try:
+        return *compiled(xml), ""
+    except MjcfError as error:
+        if "keyframe" not in str(error):
+            raise
+        try:
+            return *compiled(without_keyframes(xml)), str(error)
+        except MjcfError:
+            raise error from None
+
+
+def _parts(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, keyframe: State, misfit: str
+) -> tuple[tuple[Body, ...], tuple[TrackedPoint, ...], tuple[Winch, ...], tuple[Cable, ...]]:
+    """The parts of a robot.
+
+    Args:
+      keyframe: see `_keyframe`.
+      misfit: why MuJoCo refuses the keyframes; "" if it does not.
+
+    Raises:
+      MjcfError: there is such a misfit.
+      RobotError: something else is wrong; both say everything that is.
+    """
+    problems = Problems()
+    problems.attempt(partial(_refuse_immovable, model))
+    problems.attempt(partial(refuse_without_cables, model))
+    winches = problems.attempt(partial(read_winches, model, keyframe.act))
+    if misfit:
+        problems.add(misfit)
+    else:
+        problems.attempt(partial(_refuse_keyless, model))
+    for refuse in (_refuse_disabled, _refuse_memories, _refuse_unnamed):
+        problems.attempt(partial(refuse, model))
+    problems.attempt(partial(_refuse_joints_out_of_range, model, keyframe))
+    data = problems.attempt(partial(_placed, model, keyframe))
+    seen = cables = None
+    if data is not None and moving_bodies(model):
+        seen = problems.attempt(partial(read_bodies, spec, model, data))
+    if data is not None and seen is not None and winches is not None and model.ntendon:
+        read = partial(read_cables, model, data, *seen, winches, keyframe.act)
+        cables = problems.attempt(read)
+        problems.attempt(partial(_refuse_equal_columns, seen[1], winches))
+    problems.check(bad_input=bool(misfit))
+    assert seen is not None and winches is not None and cables is not None
+    return *seen, winches, cables
 
 
 def _canonical(xml: str) -> str:
@@ -169,8 +218,7 @@ def _refuse_memories(model: mujoco.MjModel) -> None:
         )
 
 
-def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
-    """The robot at its keyframe, with kinematics done."""
+def _refuse_joints_out_of_range(model: mujoco.MjModel, keyframe: State) -> None:
     single = np.isin(model.jnt_type, [int(kind) for kind in SINGLE])
     for joint in np.flatnonzero(model.jnt_limited & single).tolist():
         low, high = model.jnt_range[joint]
@@ -180,6 +228,10 @@ def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
                 f"The first keyframe has the joint {model.joint(joint).name!r} at {value:g}, allowed "
                 f"{low:g} to {high:g} (its range)."
             )
+
+
+def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
+    """The robot at its keyframe, with kinematics done."""
     data = mujoco.MjData(model)
     data.qpos[:] = keyframe.qpos
     with collected_warnings():
@@ -194,13 +246,31 @@ def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
     return data
 
 
-def _keyframe(model: mujoco.MjModel) -> State:
+def _refuse_immovable(model: mujoco.MjModel) -> None:
+    if not moving_bodies(model):
+        names = [repr(model.body(i).name) for i in range(1, model.nbody) if model.body(i).name]
+        whom = f"give {', '.join(names)} a <freejoint/>" if names else "give one a <freejoint/>"
+        raise RobotError(f"No body moves: {whom}.")
+
+
+def _refuse_keyless(model: mujoco.MjModel) -> None:
     if model.nkey == 0:
         raise RobotError(
             "The MJCF has no keyframe; give it one with qpos and act (the winches' rest lengths): "
             "every reset starts there."
         )
-    return State(model.key_qpos[0].copy(), model.key_qvel[0].copy(), model.key_act[0].copy())
+
+
+def _keyframe(model: mujoco.MjModel) -> State:
+    """The first keyframe; without any the pose of the MJCF, with rest lengths that winches can have."""
+    if model.nkey:
+        return State(model.key_qpos[0].copy(), model.key_qvel[0].copy(), model.key_act[0].copy())
+    act = np.zeros(model.na)
+    for actuator in np.flatnonzero(model.actuator_actadr >= 0).tolist():
+        limited = model.actuator_actlimited[actuator]
+        limits = model.actuator_actrange if limited else model.actuator_ctrlrange
+        act[model.actuator_actadr[actuator]] = limits[actuator].mean()
+    return State(model.qpos0.copy(), np.zeros(model.nv), act)
 
 
 def _characteristic_length(

@@ -57,12 +57,20 @@ _MUSCLE = _Unfit(
     "has a muscle",
     "no winch is one, and MuJoCo's compiler may simulate for ever to find its lengths",
 )
+_SEARCH = _Unfit(
+    "lets MuJoCo look for the lengths of its actuators",
+    'no winch needs that, and the compiler may simulate for ever: delete it, or write mode="none"',
+)
 UNFIT = {
     **dict.fromkeys(("mesh", "hfield", "skin", "include", "model", "attach"), _FILE),
     **dict.fromkeys(("flexcomp", "flex", "deformable", "composite"), _SOFT),
     **dict.fromkeys(("plugin", "extension"), _PLUGIN),
-    **dict.fromkeys(("muscle", "lengthrange"), _MUSCLE),
+    "muscle": _MUSCLE,
 }
+WITHOUT_SEARCH = (
+    "muscle",
+    "none",
+)  # modes of <lengthrange> in which a robot without muscles is not simulated
 PICTURES = "file"  # how attributes of <texture> begin that read one
 
 
@@ -99,6 +107,14 @@ def compiled(
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise MjcfError(f"MuJoCo cannot compile the {what}: {reason}") from error
+
+
+def without_keyframes(xml: str) -> str:
+    """The same MJCF with no keyframe."""
+    root = _parsed(xml, "The MJCF")
+    for keyframes in root.findall("keyframe"):
+        root.remove(keyframes)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 class _Counting(ElementTree.TreeBuilder):
@@ -184,6 +200,8 @@ def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
         unfit = UNFIT.get(element.tag)
         if element.tag == "texture" and any(key.startswith(PICTURES) for key in element.attrib):
             unfit = _FILE
+        if element.tag == "lengthrange" and element.get("mode", "muscle") not in WITHOUT_SEARCH:
+            unfit = _SEARCH
         if "muscle" in (element.get("gaintype"), element.get("biastype")):
             unfit = _MUSCLE
         if unfit is not None:

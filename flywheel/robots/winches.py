@@ -22,6 +22,7 @@ import numpy as np
 from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.parts import Winch
+from flywheel.robots.problems import Problems
 
 LAST_GROUP = 30  # of actuators that an MJCF can disable
 KINDS: dict[int, Literal["rate", "position"]] = {
@@ -45,8 +46,9 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
     if not driving:
         raise RobotError("The MJCF has no winch; at least one actuator must drive a tendon.")
     _refuse_disabled(model)
+    _refuse_unfit(model, driving)
     for actuator in driving:
-        _check(model, actuator, act)
+        _check_start(model, actuator, act)
     measured = _measured(model)
     groups = _groups(model, driving)
     for name, actuators in groups.items():
@@ -85,8 +87,21 @@ def _winch(
     )
 
 
-def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
-    """Refuse an actuator that is not a winch's."""
+def _refuse_unfit(model: mujoco.MjModel, driving: list[int]) -> None:
+    """Refuse actuators that are not winches': everything that each lacks, alike ones together."""
+    lacking: dict[str, list[str]] = {}
+    for actuator in driving:
+        for need in _unmet(model, actuator):
+            lacking.setdefault(need, []).append(repr(model.actuator(actuator).name))
+    problems = Problems()
+    for need, names in lacking.items():
+        whom = "actuator" if len(names) == 1 else "actuators"
+        problems.add(f"The {whom} {', '.join(names)} must {need}.")
+    problems.check()
+
+
+def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
+    """What an actuator would have to be or have to be a winch's, after "must"."""
     gain = model.actuator_gainprm[actuator, 0]
     bias = model.actuator_biasprm[actuator]
     force = model.actuator_forcerange[actuator]
@@ -97,7 +112,11 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
     affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
     needs = [
         (on_tendon, "drive a tendon (or have gainprm 0, if it is passive)"),
-        (kind in KINDS, 'have dyntype "integrator" (rate) or "filterexact" (position)'),
+        (
+            kind in KINDS,
+            'have dyntype "integrator" (takes the rate of a rest length) or "filterexact" (takes a rest '
+            "length, as a <position> with timeconst does); forces and tensions cannot be commanded",
+        ),
         (fixed and gain > 0, 'have gaintype "fixed" and gainprm k > 0, the stiffness [N/m]'),
         (
             affine and bias[0] == 0 and np.isclose(bias[1], -gain) and bias[2] <= 0,
@@ -106,9 +125,14 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
         ),
         (
             model.actuator_forcelimited[actuator] and force[0] < 0 and force[1] <= 0,
-            f'only pull: forcelimited and forcerange "-F 0"; got {tuple(force.tolist())}',
+            'only pull, with a forcerange "-F 0"'
+            f"{_counting('force', model.actuator_forcelimited[actuator], force)}; got "
+            f"{tuple(force.tolist())}",
         ),
-        (model.actuator_ctrllimited[actuator], "have a ctrlrange"),
+        (
+            model.actuator_ctrllimited[actuator],
+            f"have a ctrlrange{_counting('ctrl', model.actuator_ctrllimited[actuator], control)}",
+        ),
         (
             KINDS.get(kind) != "rate" or control[0] <= 0 <= control[1],
             f"be able to stand still: its ctrlrange must hold 0; got {control[0]:g} to {control[1]:g}",
@@ -118,19 +142,38 @@ def _check(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
             f"have no ctrlrange below 0: it is a rest length; got {control[0]:g} to {control[1]:g}",
         ),
         (
-            model.actuator_actlimited[actuator] or KINDS.get(kind) == "position",
-            "have an actrange (shortest and longest rest length)",
+            model.actuator_actlimited[actuator] or KINDS.get(kind) != "rate",
+            "have an actrange (shortest and longest rest length)"
+            f"{_counting('act', model.actuator_actlimited[actuator], limits)}",
         ),
         (
             not model.actuator_actlimited[actuator] or limits[0] >= 0,
             f"have no actrange below 0: it is a rest length; got {limits[0]:g} to {limits[1]:g}",
         ),
-        ((model.actuator_gear[actuator] == [1, 0, 0, 0, 0, 0]).all(), "have gear 1"),
-        (model.actuator_actnum[actuator] == 1, "have one activation"),
+        (
+            (model.actuator_gear[actuator] == [1, 0, 0, 0, 0, 0]).all(),
+            "have gear 1 (the same without a gear g: gainprm and biasprm times g^2, forcerange times g, and "
+            "act, actrange and ctrlrange divided by g)",
+        ),
+        (kind not in KINDS or model.actuator_actnum[actuator] == 1, "have one activation"),
     ]
-    for met, need in needs:
-        if not met:
-            raise RobotError(f"The actuator {model.actuator(actuator).name!r} must {need}.")
+    return [need for met, need in needs if not met]
+
+
+def _counting(limit: str, limited: int, limits: Floats) -> str:
+    """What a range that is there lacks to count, if it does not."""
+    if limited or not limits.any():
+        return ""
+    return (
+        f' that counts: {limit}limited is false (by itself, from a default class, or by autolimits="false"), '
+        f'write {limit}limited="true"'
+    )
+
+
+def _check_start(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
+    """Refuse a first rest length that the winch cannot have."""
+    kind = int(model.actuator_dyntype[actuator])
+    limits, control = model.actuator_actrange[actuator], model.actuator_ctrlrange[actuator]
     rest = act[model.actuator_actadr[actuator]]
     # A winch that takes positions holds its own only within its ctrlrange.
     low, high = limits if model.actuator_actlimited[actuator] else (1e-9, np.inf)

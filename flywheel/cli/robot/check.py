@@ -61,6 +61,7 @@ def check(
     """
     from flywheel.dynamics.plant import Plant, settling
     from flywheel.errors import ModelError
+    from flywheel.robots.remarks import remarks
 
     out = console()
     found = _loaded(out, mjcf)
@@ -68,7 +69,7 @@ def check(
     _show_robot(out, found)
     _show_graph(out, found)
     plant = Plant(found, step)
-    for remark in _about_units(plant):
+    for remark in (*_about_units(plant), *remarks(found)):
         out.say(remark, style="yellow")
     if words := beyond_limit(plant):
         out.say(words, style="red")

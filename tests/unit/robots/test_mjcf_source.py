@@ -117,7 +117,7 @@ def test_what_would_take_much_memory_is_refused(xml: str, message: str) -> None:
             ),
             "has a muscle",
         ),
-        (edited((BEGIN, f'{BEGIN}<compiler><lengthrange mode="all"/></compiler>')), "a muscle"),
+        (edited((BEGIN, f'{BEGIN}<compiler><lengthrange mode="all"/></compiler>')), "look for"),
         (edited((BEGIN, f'{BEGIN}<extension><plugin plugin="p"/></extension>')), "needs a plugin"),
         (with_world('<flexcomp name="f" type="grid" count="99 99 1"/>'), "something that bends"),
         (with_world('<attach model="m" body="b" prefix="p"/>'), "reads another file"),
@@ -137,6 +137,12 @@ def test_what_would_take_much_memory_is_refused(xml: str, message: str) -> None:
 def test_what_is_no_robot_of_rigid_bodies_in_one_file_is_refused(xml: str, message: str) -> None:
     with pytest.raises(RobotError, match=message):
         read_robot(xml)
+
+
+@pytest.mark.parametrize("mode", ["", 'mode="none"', 'mode="muscle"'])
+def test_a_search_for_the_lengths_of_muscles_is_accepted_where_there_are_none(mode: str) -> None:
+    element = f'<compiler><lengthrange timestep="0.001" {mode}/></compiler>'
+    assert read_robot(edited((BEGIN, f"{BEGIN}{element}"))).name == "lamp"
 
 
 @pytest.mark.parametrize("load", [load_robot, load_course])

@@ -9,6 +9,7 @@ import pytest
 
 from flywheel.errors import MjcfError, RobotError, UnknownNameError
 from flywheel.robots import load_robot, read_robot
+from flywheel.robots.remarks import remarks
 
 GOOD = """
 <mujoco model="lamp">
@@ -100,9 +101,12 @@ def test_the_example_itself_is_accepted() -> None:
         ([(' act="1"/>', ' act="3"/>')], "'reel' at rest length 3, allowed 0.5 to 2"),
         (
             [('objtype="site" objname="shade"', 'objtype="body" objname="shade"')],
-            "'light' must give",
+            r"no framepos sensor.*'light': not of a site",
         ),
-        ([('objname="shade"/>', 'objname="hook"/>')], "'light' is on a body that cannot move"),
+        (
+            [('objname="shade"/>', 'objname="hook"/>')],
+            r"no framepos sensor.*'light': not of a site that moves",
+        ),
         (
             [('<framepos name="light" objtype="site" objname="shade"/>', "")],
             "no framepos sensor",
@@ -231,6 +235,95 @@ def test_any_strength_of_gravity_and_none_are_accepted(option: str) -> None:
 def test_gravity_that_is_switched_off_has_no_direction() -> None:
     xml = edited(("<worldbody>", OFF_SIDEWAYS))
     assert read_robot(xml).name == "lamp"
+
+
+SERVO = '<position name="reel" tendon="cord" kp="500" gear="2"/>'
+REEL = GOOD[GOOD.index("    <general ") : GOOD.index("  </actuator>")]
+KEY = '<key qpos="0 0 2 1 0 0 0" act="1"/>'
+
+
+def problems(xml: str, error: type[RobotError] = RobotError) -> list[str]:
+    """The problems of an MJCF, as they are numbered."""
+    with pytest.raises(error) as caught:
+        read_robot(xml)
+    assert type(caught.value) is error or error is RobotError
+    return [line.partition(". ")[2] for line in str(caught.value).splitlines() if line]
+
+
+def test_all_problems_are_told_at_once_and_those_of_actuators_before_that_of_the_keyframe() -> None:
+    sensor = '<framepos name="light" objtype="site" objname="shade"/>'
+    found = problems(edited((REEL, SERVO), (KEY, ""), (sensor, "")))
+    assert [words in each for words, each in zip(
+        ("dyntype", "only pull", "a ctrlrange", "gear 1", "no keyframe", "no framepos"), found, strict=True
+    )] == [True] * 6  # fmt: skip
+
+
+def test_a_keyframe_that_does_not_fit_actuators_that_are_no_winches_is_told_after_them() -> None:
+    found = problems(edited((REEL, SERVO)), MjcfError)
+    assert "dyntype" in found[0]
+    assert "MuJoCo cannot compile the MJCF" in found[-1] and "invalid act size" in found[-1]
+    with pytest.raises(MjcfError, match="^MuJoCo cannot compile .*invalid act size"):
+        read_robot(edited((' act="1"/>', ' act="1 1"/>')))
+
+
+def test_what_makes_an_mjcf_no_robot_at_all_is_told_first() -> None:
+    found = problems(edited(("<freejoint/>", ""), (REEL, ""), (KEY, "")))
+    assert found[0] == "No body moves: give 'shade' a <freejoint/>."
+    assert found[1].startswith("The MJCF has no winch")
+    tendons = GOOD[GOOD.index("  <tendon>") : GOOD.index("  <sensor>")]
+    found = problems(edited((tendons, ""), (KEY, "")))
+    assert found[0].startswith("The MJCF has no tendon") and "no winch" in found[1]
+
+
+def test_actuators_that_lack_the_same_are_told_together() -> None:
+    second = REEL.replace("reel", "spool").replace("cord", "stay")
+    both = (REEL, (REEL + second).replace('actlimited="true" actrange="0.5 2"', ""))
+    plain = ('stiffness="20" springlength="0 1.2"', "")
+    with pytest.raises(RobotError, match="^The actuators 'reel', 'spool' must have an actrange"):
+        read_robot(edited(both, plain, (' act="1"/>', ' act="1 1"/>')))
+
+
+@pytest.mark.parametrize("limit", ["ctrl", "act", "force"])
+def test_a_range_that_a_default_switches_off_is_told_as_such(limit: str) -> None:
+    off = f'<default><general {limit}limited="false"/></default><worldbody>'
+    xml = edited(("<worldbody>", off), (f'{limit}limited="true"', ""))
+    with pytest.raises(RobotError, match=f'{limit}limited is false .*write {limit}limited="true"'):
+        read_robot(xml)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        '<framepos name="pose" objtype="body" objname="shade"/>',
+        '<framepos name="pose" objtype="geom" objname="shade"/>',
+        '<framepos name="pose" objtype="site" objname="hook"/>',
+        '<framepos name="pose" objtype="site" objname="shade" reftype="site" refname="hook"/>',
+        '<gyro name="pose" site="shade"/>',
+    ],
+)
+def test_sensors_of_something_else_than_sites_that_move_are_passed_over_and_said(
+    sensor: str,
+) -> None:
+    robot = read_robot(edited(("<sensor>", f"<sensor>{sensor}")))
+    assert [point.name for point in robot.points] == ["light"]
+    (words,) = remarks(robot)
+    assert "passed over: 'pose'" in words
+
+
+def test_the_example_needs_no_remark() -> None:
+    assert list(remarks(read_robot(GOOD))) == []
+
+
+def test_a_tendon_that_is_longer_than_its_range_is_said() -> None:
+    limited = edited(('<spatial name="cord"', '<spatial name="cord" limited="true" range="0 0.7"'))
+    (words,) = remarks(read_robot(limited))
+    assert "'cord' may be 0.7 m long at most (its range), and is 1 m at the keyframe" in words
+    assert not list(remarks(read_robot(limited.replace('"0 0.7"', '"0 1.0"'))))
+
+
+def test_a_structure_without_tension_is_said() -> None:
+    slack = edited((' act="1"/>', ' act="1.6"/>'), ('springlength="0 1.2"', 'springlength="0 2"'))
+    assert any("No cable is taut" in words for words in remarks(read_robot(slack)))
 
 
 def test_a_winch_may_drive_two_cables_that_start_at_different_rest_lengths() -> None:
