@@ -160,6 +160,9 @@ class MultistartSettings:
       finalists: initial states of each window that go on after the elimination.
       eased: of what makes a window loud, what must go with another state if its state is to blame.
       before, after: rounds of a fit before windows are begun elsewhere, and after.
+      going: share of the cost that the last round must take away for a fit to go on: stiff cables make it so
+        rough that it is far from its end after the usual rounds.
+      longest: further rounds of such a fit at most.
     """
 
     stuck: float = 1.3
@@ -172,6 +175,8 @@ class MultistartSettings:
     eased: float = 0.2
     before: int = 2
     after: int = 4
+    going: float = 0.1
+    longest: int = 20
 
 
 @dataclass(frozen=True)
@@ -446,6 +451,8 @@ class CheckSettings:
         still detected: a whole one leaves the valley of the cost where there are contacts.
       pieces: of a window, in which what is left is located.
       half: of what the highest piece exceeds noise by, above which pieces beside it belong to it.
+      astray: times the mean square of an unfitted start, from which a window's fit has not converged.
+      most_astray: share of such windows from which nothing can be said.
     """
 
     rare: float = 1e-3
@@ -453,6 +460,8 @@ class CheckSettings:
     shift: float = 0.5
     pieces: int = 10
     half: float = 0.5
+    astray: float = 4.0
+    most_astray: float = 0.5
     discrepancy: DiscrepancySettings = DiscrepancySettings()
 
 

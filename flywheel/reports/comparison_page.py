@@ -63,10 +63,19 @@ def sentence(found: Comparison, model: Judgement) -> str:
         words += " It would be less if nothing moved."
     if model.fitted is None:
         return words
+    fitted = model.fitted
+    out = ""
+    if fitted.left_out:
+        out = (
+            f" Fits of {fitted.left_out} of {fitted.windows} windows did not converge: they end far worse "
+            "than predictions from measured pasts."
+        )
+    if not fitted.converged:
+        return f"{words}{out}"
     only = "no more than noise" if model.outcome is Outcome.NOISE_ONLY else "more than noise"
     return (
-        f"{words} Where each window begins where it fits best, {only} is left: {model.fitted.noise:.3g} "
-        f"times its variance, with a correlation of {model.fitted.correlation:.2g}."
+        f"{words} Where each window begins where it fits best, {only} is left: {fitted.noise:.3g} "
+        f"times its variance, with a correlation of {fitted.correlation:.2g}.{out}"
     )
 
 

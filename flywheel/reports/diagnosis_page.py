@@ -71,7 +71,10 @@ def sentence(found: Diagnosis) -> str:
     if found.verdict is Verdict.DATA_INSUFFICIENT:
         return "These recordings are too quiet to show any effect of the library."
     if found.verdict is Verdict.NOT_CONVERGED:
-        return "No start was found from which the simulation of these recordings stays finite."
+        return (
+            "No initial states were found that fit: the simulation of these recordings diverges, or most "
+            "windows fit far worse than they did before the fit."
+        )
     if found.verdict is Verdict.OUTSIDE_LIBRARY:
         return _outside(found)
     names = _names(found.answers[0])

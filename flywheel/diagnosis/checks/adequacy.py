@@ -25,6 +25,7 @@ class Adequacy:
       inconstancy: of the fitted sizes over windows: squares of their differences over what noise exceeds
         once in a thousand times, of the worst size; above 1 for sizes that are not the same everywhere.
       beyond_noise: root mean square of what is left beyond noise [m].
+      converged: most windows fit no worse than from the first estimates of their initial states.
     """
 
     noise: float
@@ -33,6 +34,7 @@ class Adequacy:
     correlation: float
     inconstancy: float
     beyond_noise: float
+    converged: bool = True
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ def adequacy(
     """
     windows = fitter.windows
     shape = windows.measured.shape
+    unfitted = fitter.mean_squares(fitter.first_estimate(fit.terms))
     return Adequacy(
         noise=test.left_noise,
         doubt=windows.doubt,
@@ -93,7 +96,27 @@ def adequacy(
         correlation=sample_correlation(test.left, shape),
         inconstancy=_inconstancy(fit, test, by_value, settings),
         beyond_noise=test.beyond_noise(fitter),
+        converged=mostly(~astray(fitter, fit, unfitted, settings), settings),
     )
+
+
+def astray(
+    fitter: Fitter, fit: Fit, unfitted: Floats, settings: CheckSettings = CheckSettings()
+) -> np.ndarray:
+    """(K,) bool: windows whose fits have not converged.
+
+    Args:
+      fitter, fit: the model.
+      unfitted: (K,) mean squares of the same windows with unfitted starts; NaN where not known [sigma^2].
+      settings: tuned numbers.
+    """
+    most = settings.astray * np.maximum(unfitted, 1.0)
+    return np.asarray(fitter.mean_squares(fit) > most)
+
+
+def mostly(converged: np.ndarray, settings: CheckSettings = CheckSettings()) -> bool:
+    """Whether so many of the windows (K,) converged that something can be said."""
+    return bool(1.0 - converged.mean() <= settings.most_astray)
 
 
 def loudest(left: Floats, noisy: np.ndarray, freedom: float) -> float:

@@ -99,7 +99,7 @@ def judged(
     sums = ExactSum.of(squares, axis=1).over(2)
     spread = _span_squares(windows, points)
     if fit_seed is not None and isinstance(dynamics, RestartedPlant):
-        fitted = fitted_starts(dynamics.plant, windows, fit_seed, settings)
+        fitted = fitted_starts(dynamics.plant, windows, squares, fit_seed, settings)
     return Judgement(
         name=subject.name,
         points=points,

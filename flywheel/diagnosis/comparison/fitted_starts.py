@@ -5,9 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from flywheel.diagnosis.checks.adequacy import adequacy
+import numpy as np
+
+from flywheel.diagnosis.checks.adequacy import adequacy, astray, mostly
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
-from flywheel.diagnosis.fitting.model import fitted, fitter_of
+from flywheel.diagnosis.fitting.initial_states import estimated_initial_states
+from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.model import fitted
+from flywheel.diagnosis.fitting.plant_fit import PlantFitter
+from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.results.verdict import only_noise
 from flywheel.diagnosis.selection.candidates import candidates
@@ -15,6 +21,7 @@ from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS
+from flywheel.records import Floats
 
 # Times the noise, below which it is no physics: the robot of a simulator with another time step has as much.
 LOUD = 1.10
@@ -30,12 +37,18 @@ class FittedStarts:
       noise: variance of what is left; 1 for nothing but noise.
       correlation: of what is left, from sample to sample; 0 for noise.
       only_noise: nothing but noise is left, by the limits of a diagnosis.
+      windows: that were fitted.
+      left_out: of these, whose fits did not converge: they end far worse than from measured pasts.
+      converged: most of them did.
     """
 
     rms: float
     noise: float
     correlation: float
     only_noise: bool
+    windows: int
+    left_out: int
+    converged: bool
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -43,25 +56,62 @@ class FittedStarts:
 
 
 def fitted_starts(
-    plant: Plant, windows: ForecastWindows, seed: int, settings: Settings = Settings()
+    plant: Plant,
+    windows: ForecastWindows,
+    squares: Floats,
+    seed: int,
+    settings: Settings = Settings(),
 ) -> FittedStarts:
     """Fit the initial states of windows that tile the recordings.
 
     Args:
       plant: to be tested.
       windows: whose recordings, window length and noise to use.
+      squares: (K, steps, P, 3) errors of its predictions there, from measured pasts [sigma^2].
       seed: of the search for initial states.
       settings: tuned numbers, as of a diagnosis.
     """
-    tracks = windows.tracks
-    used = [tracks[i] for i in sorted(set(windows.recording.tolist()))]
+    tracks, used = windows.tracks, sorted(set(windows.recording.tolist()))
     seconds = windows.steps * windows.dt
-    cut = Windows.cut(plant.robot, used, seconds, windows.sigma, settings.windows)
-    fitter = fitter_of(cut, plant, settings=settings.fitting)
-    fit = fitted(fitter, plant.terms, seed=seed)
+    tiled = [tracks[i] for i in used]
+    cut = Windows.cut(plant.robot, tiled, seconds, windows.sigma, settings.windows)
+    begun = [cut.recordings[i].winch[f] for i, f in zip(cut.recording, cut.first, strict=True)]
+    known = bool(np.isfinite(begun).all()) and not plant.terms  # which may remember what was before
+    first = estimated_initial_states(cut, plant, settings.fitting.initial_states)
+
+    def fitted_in(some: Windows) -> tuple[PlantFitter, Fit]:
+        fitter = PlantFitter(WindowSimulator(some, plant), first, settings.fitting)
+        return fitter, fitted(fitter, plant.terms, seed=seed)
+
+    fitter, fit = fitted_in(cut.apart() if known else cut)
+    unfitted = _mean_squares(cut, np.array(used), windows, squares)
+    stuck = astray(fitter, fit, unfitted, settings.checks)
+    if stuck.any() and not stuck.all():
+        fitter, fit = fitted_in(fitter.windows.without(stuck))
     some, limits = candidates(plant.robot, {ANY: EFFECTS[ANY]}), settings.limits
     search = Search(fitter, some, limits.threshold, settings.selection, seed=seed)
     model = search.score_all(fit)
     left = adequacy(fitter, fit, model.test, model.by_value, settings.checks)
     only = only_noise(replace(limits, max_residual_variance=LOUD), left)
-    return FittedStarts(fitter.rms(fit), left.noise, left.correlation, only)
+    return FittedStarts(
+        rms=fitter.rms(fit),
+        noise=left.noise,
+        correlation=left.correlation,
+        only_noise=only,
+        windows=len(stuck),
+        left_out=int(stuck.sum()),
+        converged=mostly(~stuck, settings.checks),
+    )
+
+
+def _mean_squares(
+    tiled: Windows, used: np.ndarray, windows: ForecastWindows, squares: Floats
+) -> Floats:
+    """(n,) mean squares of the predictions that lie within each tile [sigma^2]; NaN without any."""
+    means = np.nanmean(squares, axis=(1, 2, 3))
+    found = np.full(len(tiled), np.nan)
+    for k, (recording, first) in enumerate(zip(used[tiled.recording], tiled.first, strict=True)):
+        there = (windows.recording == recording) & (np.abs(windows.first - first) < tiled.steps)
+        if there.any():
+            found[k] = means[there].max()
+    return found

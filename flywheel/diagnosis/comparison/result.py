@@ -18,10 +18,14 @@ LEVEL = 0.05  # probability below which an error is more than noise
 
 
 class Outcome(StrEnum):
-    """Whether a model's error is more than noise."""
+    """Verdict on the error of a model; `NOT_CONVERGED` where most fits of starts ended far off."""
 
     NOISE_ONLY = "NOISE_ONLY"
     MORE_THAN_NOISE = "MORE_THAN_NOISE"
+    NOT_CONVERGED = "NOT_CONVERGED"
+
+
+EXIT_CODES = {Outcome.NOISE_ONLY: 0, Outcome.MORE_THAN_NOISE: 1, Outcome.NOT_CONVERGED: 21}
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,8 @@ class Judgement:
     @property
     def outcome(self) -> Outcome:
         """By what fitted starts leave, where they were asked for; else by the predictions."""
+        if self.fitted is not None and not self.fitted.converged:
+            return Outcome.NOT_CONVERGED
         more = self.forecast_is_off if self.fitted is None else not self.fitted.only_noise
         return Outcome.MORE_THAN_NOISE if more else Outcome.NOISE_ONLY
 
@@ -132,8 +138,8 @@ class Comparison:
 
     @property
     def exit_code(self) -> int:
-        """0 where the error of the last model is noise only, else 1."""
-        return int(self.models[-1].outcome is not Outcome.NOISE_ONLY)
+        """0 where the error of the last model is noise only; see `EXIT_CODES`."""
+        return EXIT_CODES[self.models[-1].outcome]
 
     @property
     def persistence_rms(self) -> float:

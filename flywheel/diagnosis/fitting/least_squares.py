@@ -302,7 +302,7 @@ class Fitter(ABC):
         height and tilt are held by what was filled in.
         """
         if not self.windows.filled.any():
-            return np.full(len(self.windows), float(len(self.local_prior)))
+            return np.minimum(self.windows.noisy_in_each, len(self.local_prior)).astype(float)
         by_local = self.rough_jacobian(self.first_estimate()).by_local
         bases = local_bases(by_local, self.local_prior)[:, : by_local.shape[1]]
         return np.asarray(self.windows.squares(bases).sum(axis=(1, 2)))

@@ -131,14 +131,26 @@ def fitted(fitter: Fitter, terms: Terms = (), rounds: int | None = None, seed: i
     settings = fitter.settings.multistart
     fit = fitter.fit(fitter.first_estimate(terms), rounds=settings.before)
     rounds = settings.after if rounds is None else rounds
-    return fitter.fit(fitter.restarted(fit, Restart(seed)), rounds=rounds)
+    return _fitted_on(fitter, fitter.restarted(fit, Restart(seed)), rounds)
+
+
+def _fitted_on(fitter: Fitter, fit: Fit, rounds: int, enough: float = 0.0) -> Fit:
+    """A fit after so many rounds, and after more as long as each takes away a good part of the cost."""
+    settings = fitter.settings.multistart
+    fit = fitter.fit(fit, rounds=rounds - 1, enough=enough)
+    for _ in range(1 + settings.longest):
+        before = fit.cost
+        fit = fitter.fit(fit, rounds=1, enough=enough)
+        if fit.converged or not before - fit.cost >= max(enough, settings.going * before):
+            break
+    return fit
 
 
 def fitted_and_refined(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
     """Initial states that fit, under terms that stay, and a fitter with time steps that will do."""
     settings = fitter.settings.multistart
     fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=settings.before))
-    return fitter, fitter.fit(fitter.restarted(fit, Restart(seed)), rounds=settings.after)
+    return fitter, _fitted_on(fitter, fitter.restarted(fit, Restart(seed)), settings.after)
 
 
 def fitted_as_given(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = True) -> tuple[F, Fit]:
@@ -153,4 +165,4 @@ def fitted_as_given(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = Tru
         return fitter, fit
     fitter, fit = shorter_steps(fitter, fit)
     fit = unstuck(fitter, fit, Restart(seed))
-    return fitter, fitter.fit(fit, rounds=settings.after, enough=fitter.worthwhile(fit))
+    return fitter, _fitted_on(fitter, fit, settings.after, fitter.worthwhile(fit))

@@ -43,6 +43,11 @@ class Recording:
         seen = trajectory.observations
         return cls(seen.points, trajectory.controls, seen.winch)
 
+    def cut(self, begin: int, end: int) -> Recording:
+        """Its steps from one to another."""
+        last = end + 1
+        return Recording(self.points[begin:last], self.controls[begin:end], self.winch[begin:last])
+
 
 @dataclass(frozen=True)
 class Windows:
@@ -139,6 +144,17 @@ class Windows:
         """The same, of models that are off by so much besides noise [m], whatever they have."""
         sigma = float(np.hypot(self.noise, discrepancy))
         return replace(self, sigma=sigma, discrepancy=discrepancy)
+
+    def apart(self) -> Windows:
+        """The same as recordings of their own, so that each begins where its winches were measured."""
+        begun = zip(self.recording, self.first, strict=True)
+        own = (self.recordings[i].cut(f, f + self.steps) for i, f in begun)
+        numbers = np.arange(len(self))
+        return replace(self, recordings=tuple(own), recording=numbers, first=np.zeros_like(numbers))
+
+    def without(self, some: np.ndarray) -> Windows:
+        """The same with nothing measured in windows `some` (K,) bool, in which the model still moves."""
+        return replace(self, measured=np.where(some[:, None, None, None], np.nan, self.measured))
 
     @property
     def noise(self) -> float:

@@ -27,7 +27,8 @@ class Verdict(StrEnum):
     """The answer in a word.
 
     `NOT_CONVERGED` means that the cost of the last model is not finite: no start was found from which the
-    simulation of the recordings stays finite. A search or a fit that ends at a limit on its rounds is judged
+    simulation of the recordings stays finite; or that most windows fit far worse than from their first
+    estimates. A search or a fit that ends at a limit on its rounds is judged
     by what it leaves, so that the answer is likely to be `OUTSIDE_LIBRARY`. The same holds for an effect
     whose true value is beyond the bounds of its fit; `Found.at_bound` tells.
     """
@@ -306,7 +307,7 @@ def verdict_of(
       before, after: what the first and the last model leave.
       law: that explains more than the answer.
     """
-    if not np.isfinite(last.fit.cost):
+    if not np.isfinite(last.fit.cost) or not after.converged:
         return Verdict.NOT_CONVERGED
     matters = not tolerated(limits, after)
     enough = only_noise(limits, after) and not (matters and other_form(limits, law))

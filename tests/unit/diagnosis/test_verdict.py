@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
-from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors
+from flywheel.diagnosis.checks.adequacy import Adequacy, OwnErrors, astray, mostly
 from flywheel.diagnosis.checks.held_out import Errors
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.results.verdict import (
     Found,
     Verdict,
@@ -127,3 +129,19 @@ def test_an_answer_with_most_of_the_error_is_a_part_of_what_is_missing(
     answer = (cast(Found, SimpleNamespace(shown=True)),)
     limits = Limits(partial=partial)
     assert verdict_of(limits, last, answer, before, after, NONE) is Verdict(verdict)
+
+
+def test_nothing_is_said_where_most_fits_ended_above_their_first_estimates() -> None:
+    left = Adequacy(1.0, 0.0, loudest=0.0, correlation=0.0, inconstancy=0.0, beyond_noise=0.0)
+    last = cast(ScoredModel, SimpleNamespace(fit=SimpleNamespace(cost=1.0), scores=()))
+    lost = replace(left, converged=False)
+    assert verdict_of(Limits(), last, (), left, lost, NONE) is Verdict.NOT_CONVERGED
+    assert verdict_of(Limits(), last, (), lost, left, NONE) is not Verdict.NOT_CONVERGED
+
+
+def test_a_window_has_not_converged_where_it_is_far_above_what_it_began_with() -> None:
+    fitter = cast(Fitter, SimpleNamespace(mean_squares=lambda fit: np.array([1.0, 9.0, 9.0, 9.0])))
+    unfitted = np.array([0.1, 2.0, 3.0, np.nan])
+    where = astray(fitter, cast(Fit, None), unfitted)
+    assert where.tolist() == [False, True, False, False]
+    assert mostly(~where) and not mostly(where)
