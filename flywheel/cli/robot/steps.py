@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from flywheel.cli.console import Out, table
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from flywheel.dynamics.plant import Plant, StepError
     from flywheel.dynamics.plant.time_steps import CableDamping
     from flywheel.robots import Robot
@@ -78,7 +79,7 @@ def beyond_limit(plant: Plant) -> str:
 def _limit(integrator: str, timestep: float, damping: CableDamping) -> str:
     """A sentence about the stable limit of an explicit integrator; "" if there is none."""
     limit = damping.limit(integrator)
-    if not np.isfinite(limit):
+    if not math.isfinite(limit):
         return ""
     now, most, alone = (
         f"{rate * step:.3g}"
@@ -101,6 +102,8 @@ def measured(plant: Plant) -> list[StepError]:
     Raises:
       ModelError: a motion diverged in short steps.
     """
+    import numpy as np
+
     from flywheel.control import RandomControls
     from flywheel.dynamics.plant import StepStudy
 
@@ -174,7 +177,7 @@ def _said(error: StepError) -> str:
 
 
 def _millimetres(distance: float) -> str:
-    return _short(1e3 * distance) if np.isfinite(distance) else "diverged"
+    return _short(1e3 * distance) if math.isfinite(distance) else "diverged"
 
 
 def _short(number: float) -> str:
