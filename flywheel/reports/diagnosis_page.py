@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.diagnosis import Diagnosis, Verdict
+from flywheel.diagnosis.checks.first_lengths import FirstLength
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.results.verdict import Alternative, tolerated
 from flywheel.outputs import write_output
@@ -58,6 +59,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         as_built=as_built(found),
         at_bounds=at_bounds(found),
         suspects=suspects(found),
+        first_lengths=first_lengths(found),
         figures=_figures(found),
         about=about,
         limits=LIMITS,
@@ -100,7 +102,48 @@ def _nothing_missing(found: Diagnosis) -> str:
         return f"The {_subject(found)} is {left} off beyond noise, which is tolerated."
     if found.as_built:
         return "No effect is missing: numbers of the MJCF that are all a little off explain these recordings."
+    if found.first_lengths:
+        return f"Nothing beyond noise is left, but {_only_if(found)}."
     return f"The {_subject(found)} explains these recordings: nothing beyond noise is left."
+
+
+def first_lengths(found: Diagnosis) -> str:
+    """Winches that would have to have begun elsewhere; "" for none, or where the verdict's words say it."""
+    if not found.first_lengths or sentence(found).endswith(f"{_only_if(found)}."):
+        return ""
+    said = _only_if(found)
+    return f"{said[0].upper()}{said[1:]}."
+
+
+def _only_if(found: Diagnosis) -> str:
+    """What has to be believed of winches, in words."""
+    by_cables: dict[tuple[str, ...], list[FirstLength]] = {}
+    for each in found.first_lengths:
+        by_cables.setdefault(each.cables, []).append(each)
+    recordings = len(np.unique(found.evidence.recording))
+    shown = [_began(lengths, recordings) for lengths in list(by_cables.values())[:SHOWN]]
+    more = f"; and {rest} more so" if (rest := len(by_cables) - SHOWN) > 0 else ""
+    return f"explained only if {'; and if '.join(shown)}{more}"
+
+
+def _began(lengths: Sequence[FirstLength], recordings: int) -> str:
+    """Where a winch would have to have begun, in some recordings."""
+    first = max(lengths, key=lambda each: abs(each.longer))
+    names = ", ".join(first.cables)
+    way = "longer" if first.longer > 0 else "shorter"
+    begins = "begins elsewhere"
+    like = "a log that begins elsewhere"
+    if all(each.slack for each in lengths):
+        begins, like = "is slack from the beginning", "a cut cable or an empty winch"
+    elif first.longer < 0:
+        begins, like = "is tighter from the beginning", "a cable that is caught"
+    than = "as measured" if first.measured else "in the keyframe"
+    numbers = ", ".join(str(each.recording) for each in lengths)
+    where = f" in recording {numbers}" if len(lengths) < recordings else ""
+    return (
+        f"{names} {begins}{where}: its rest length would be {abs(first.longer):.2g} m {way} than {than}; "
+        f"{like} looks the same"
+    )
 
 
 def _outside(found: Diagnosis) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from flywheel.diagnosis.checks.adequacy import Adequacy
 from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel
+from flywheel.diagnosis.checks.first_lengths import FirstLength
 from flywheel.diagnosis.checks.held_out import Errors
 from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.checks.localisation import Location
@@ -80,6 +81,7 @@ class Diagnosis:
       settings: tuned numbers that it was made with; in JSON, the unusual ones.
       interrupted: this is the best answer that was known when somebody stopped it.
       failures: parts of the search that were lost to a bug.
+      first_lengths: winches by which the recordings are explained only if they began elsewhere.
     """
 
     verdict: Verdict
@@ -107,6 +109,7 @@ class Diagnosis:
     settings: Settings = Settings()
     interrupted: bool = False
     failures: tuple[Failure, ...] = ()
+    first_lengths: tuple[FirstLength, ...] = ()
 
     @property
     def next_experiment(self) -> NextExperiment:
@@ -135,6 +138,7 @@ class Diagnosis:
                 {**each.summary(), "held_back": each.held_back} for each in self.calibration
             ],
             "as_built": None if self.as_built is None else self.as_built.summary(),
+            "first_lengths": [each.summary() for each in self.first_lengths],
             "suspect_parameters": [each.summary() for each in self.suspects],
             "ranking": [ranked(score) for score in self.ranking],
             "threshold": self.threshold,

@@ -20,7 +20,18 @@ def taut_share(plant: Plant, states: State) -> Floats:
       states: (n, T + 1).
     """
     states = states[:, ::EVERY]
-    data, lead = mujoco.MjData(plant.model), states.qpos.shape[:2]
+    return np.asarray(taut(plant, states, plant.winch(states)).mean(axis=(1, 2)))
+
+
+def taut(plant: Plant, states: State, winch: Floats) -> np.ndarray:
+    """(..., C) bool: which cables are longer than their rest length.
+
+    Args:
+      plant: of the states.
+      states: (...); their activations do not count.
+      winch: (..., W) positions [m].
+    """
+    data, lead = mujoco.MjData(plant.model), states.qpos.shape[:-1]
     lengths = np.empty((*lead, len(plant.robot.cables)))
     for index in np.ndindex(lead):
         data.qpos[:] = states.qpos[index]
@@ -28,5 +39,4 @@ def taut_share(plant: Plant, states: State) -> Floats:
         mujoco.mj_comPos(plant.model, data)
         mujoco.mj_tendon(plant.model, data)
         lengths[index] = data.ten_length
-    rest = rest_lengths(plant.robot, plant.winch(states))
-    return np.asarray((lengths > rest).mean(axis=(1, 2)))
+    return np.asarray(lengths > rest_lengths(plant.robot, winch))

@@ -1,0 +1,76 @@
+"""Rest lengths that a fit begins with, far from where the winches were thought to be.
+
+Where unmeasured winches are when a recording begins is fitted beside everything else. A cable that is cut, or
+an empty winch, is then explained: by a rest length that leaves the cable slack all the time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
+from flywheel.dynamics.plant import Plant
+from flywheel.dynamics.plant.tautness import taut
+
+
+@dataclass(frozen=True)
+class FirstLength:
+    """A winch that a recording is explained by only if it began elsewhere.
+
+    Attributes:
+      recording: index.
+      cables: names of the winch's cables.
+      longer: fitted rest length less the one in the keyframe, or as measured [m].
+      measured: whether the winch was measured when the recording began.
+      slack: its cables are slack whenever a window of the recording begins.
+    """
+
+    recording: int
+    cables: tuple[str, ...]
+    longer: float
+    measured: bool
+    slack: bool
+
+    def summary(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "recording": self.recording,
+            "cables": list(self.cables),
+            "longer": self.longer,
+            "unit": "m",
+            "than": "measured" if self.measured else "keyframe",
+            "slack": self.slack,
+        }
+
+
+def far_first_lengths(plant: Plant, fitter: Fitter, fit: Fit) -> tuple[FirstLength, ...]:
+    """Winches whose fitted offsets are beyond what is believed of them, the largest first.
+
+    Args:
+      plant: that was fitted.
+      fitter, fit: the model.
+    """
+    windows, robot = fitter.windows, fitter.windows.robot
+    most = fitter.settings.jacobian.believed * fitter.winch_prior
+    far = np.argwhere(np.abs(fit.initial.winch) > most)
+    if not len(far):
+        return ()
+    tight = taut(plant, fit.initial.mechanics, fit.carried.winch)  # (K, cables)
+    found = []
+    for recording, index in far.tolist():
+        cables = list(robot.winches[index].cables)
+        seen = windows.recordings[recording].winch[0, index]
+        own = windows.recording == recording
+        found.append(
+            FirstLength(
+                recording,
+                tuple(robot.cables[cable].name for cable in cables),
+                float(fit.initial.winch[recording, index]),
+                bool(np.isfinite(seen)),
+                not tight[own][:, cables].any(),
+            )
+        )
+    return tuple(sorted(found, key=lambda each: -abs(each.longer)))
