@@ -14,12 +14,8 @@ import numpy as np
 from flywheel.diagnosis.checks.adequacy import own_errors
 from flywheel.diagnosis.checks.detectability import detectable
 from flywheel.diagnosis.checks.discrepancy import DiscrepancyModel, learned_law, resemblances
-<<<<<<< HEAD
-from flywheel.diagnosis.checks.held_out import Errors, HeldOut, errors
-=======
 from flywheel.diagnosis.checks.first_lengths import far_first_lengths
-from flywheel.diagnosis.checks.held_out import HeldOut, errors
->>>>>>> 15e19a8 (A cable that is explained only by being slack from the beginning is named, with the length by which it would be)
+from flywheel.diagnosis.checks.held_out import Errors, HeldOut, errors
 from flywheel.diagnosis.checks.localisation import localise
 from flywheel.diagnosis.checks.model_discrepancy import model_discrepancy
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
@@ -245,14 +241,6 @@ def _concluded(
     heartbeat("predicting what is held out")
     held = heartbeat.briefly(partial(kept_aside.errors, judged.models[-1].fit.terms), None)
     built = as_built(search, judged.models[-1].fit, judged.effects)
-<<<<<<< HEAD
-=======
-    verdict = judged.verdict
-    if built and verdict is Verdict.NOISE_ONLY and not carries_over(limits, held):
-        verdict = Verdict.OUTSIDE_LIBRARY
-    if judged.rivals and verdict is Verdict.EFFECT:
-        verdict = Verdict.AMBIGUOUS
->>>>>>> 15e19a8 (A cable that is explained only by being slack from the beginning is named, with the length by which it would be)
     fitter, last = search.fitter, judged.models[-1]
     unexplained = judged.verdict in UNEXPLAINED
     # Of effects that are the same everywhere and leave only noise, there is no more to look for.
@@ -283,15 +271,8 @@ def _concluded(
         other_form=other_form(limits, judged.law),
         evidence=Evidence.of(fitter, judged.models, judged.rivals),
         location=localise(fitter, last.test, checks) if left else None,
-<<<<<<< HEAD
-        discrepancy=heartbeat.in_time(law, None, "learning a law for what is left")
-        if left
-        else None,
-        model=under_test.name,
-=======
         discrepancy=heartbeat.in_time(law, None, "a learned law") if left else None,
-        model="" if under_test.model is None else under_test.model.name,
->>>>>>> 15e19a8 (A cable that is explained only by being slack from the beginning is named, with the length by which it would be)
+        model=under_test.name,
         calibration=tuple(e for e in judged.effects if not e.term.asked and e not in built),
         as_built=AsBuiltNumbers(built, known_share(search, last.fit)) if built else None,
         time_steps=TimeSteps(fitter.windows.robot.timestep, tuple(fitter.time_steps.tolist())),
@@ -303,7 +284,6 @@ def _concluded(
     )
 
 
-<<<<<<< HEAD
 def _verdict(limits: Limits, judged: Judged, built: Alternative, held: Errors | None) -> Verdict:
     """The verdict, by how rivals and held-out recordings bear on it."""
     if built and judged.verdict is Verdict.NOISE_ONLY and not carries_over(limits, held):
@@ -311,11 +291,11 @@ def _verdict(limits: Limits, judged: Judged, built: Alternative, held: Errors | 
     if judged.rivals and judged.verdict is Verdict.EFFECT:
         return Verdict.AMBIGUOUS
     return judged.verdict
-=======
+
+
 def _sizes(fit: Fit) -> str:
     names = ", ".join(term.effect.name for term in fit.terms if term.asked)
     return f"how sure sizes of {names} are"
->>>>>>> 15e19a8 (A cable that is explained only by being slack from the beginning is named, with the length by which it would be)
 
 
 def _discrepancy(
