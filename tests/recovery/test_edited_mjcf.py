@@ -15,6 +15,7 @@ from flywheel.effects import EFFECTS
 from flywheel.robots import load_robot
 from tests import draws
 from tests.recovery.edited_mjcf import EDITS, record
+from tests.unit.diagnosis.conftest import QUICK
 
 LIBRARY = {each.__name__: EFFECTS[each.__name__] for each in EDITS}
 SECONDS = 2.0
@@ -27,7 +28,7 @@ def test_an_edit_is_named_placed_and_measured(tmp_path: Path) -> None:
     edit = rng.choice(EDITS)(mujoco.MjSpec.from_string(robot.xml), rng)
     record(robot.xml, edit, SECONDS, rng, tmp_path / "log.csv")
     (log,) = read_recording(tmp_path / "log.csv", robot).episodes
-    found = diagnose(Plant(robot), [log.trajectory], library=LIBRARY)
+    found = diagnose(Plant(robot), [log.trajectory], library=LIBRARY, settings=QUICK)
     named = [(each.effect, each.location) for each in found.answers[0]]
     assert named == [(edit.effect, edit.location)], (seed, found.verdict)
     (answer,) = found.answers[0]

@@ -24,12 +24,13 @@ from flywheel.demo.demonstration import (
     hidden_truth,
 )
 from flywheel.demo.page import steps, truth, worst_window, write_demo
-from flywheel.diagnosis import Verdict
+from flywheel.diagnosis import Verdict, diagnose
 from flywheel.effects import EFFECTS
 from flywheel.reports import diagnosis_video
 from flywheel.reports.diagnosis_video import FARTHEST, MAGNIFIED, SHOT
 from flywheel.robots import load_robot
 from flywheel.truth_simulator import HIDDEN
+from tests.unit.diagnosis.conftest import QUICK
 
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "cable_friction")}
 SHORT = DemoConfig(seconds=0.8, held_out=1, horizon=0.3, draws=40, threads=1)
@@ -50,6 +51,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Demonstration, str, 
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(demonstration, "demonstrate", short)
+        patch.setattr(demonstration, "diagnose", functools.partial(diagnose, settings=QUICK))
         done = CliRunner().invoke(app, shlex.split(COMMAND))
     assert done.exit_code == 0, done.output
     return stories[0], done.stdout, (folder / "new" / "story.html").read_text()
