@@ -10,6 +10,8 @@ import pytest
 
 from flywheel.diagnosis.comparison import Comparison, ForecastWindows, Outcome, Subject, compare
 from flywheel.diagnosis.comparison.first_lengths import with_first_lengths
+from flywheel.diagnosis.comparison.fitted_starts import fitted_starts
+from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.plant import Plant
 from flywheel.records import Floats, Observation, State, Trajectory
@@ -100,3 +102,17 @@ def test_with_fitted_starts_the_verdict_is_what_they_leave(swing: Robot) -> None
     off = dataclasses.replace(judged, fitted=dataclasses.replace(judged.fitted, only_noise=False))
     assert off.outcome is Outcome.MORE_THAN_NOISE
     assert "where it fits best, more than noise is left" in sentence(answer, off)
+
+
+def test_fitted_starts_are_judged_by_the_settings_that_are_given(swing: Robot) -> None:
+    """Of a log that is three times as noisy as is said, all is tolerated, or nothing."""
+    log, _ = driven(swing, seed=3)
+    plant = Plant(swing, DT)
+    windows = with_first_lengths(ForecastWindows.cut(swing, [log], 0.8, 0), plant)
+    windows = dataclasses.replace(windows, sigma=windows.sigma / 3.0)
+    usual, tolerant = (
+        fitted_starts(plant, windows, 0, settings)
+        for settings in (Settings(), changed(Settings(), {"limits.tolerance": 1.0}))
+    )
+    assert (usual.only_noise, tolerant.only_noise) == (False, True)
+    assert usual.noise == tolerant.noise > 4.0

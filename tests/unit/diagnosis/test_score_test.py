@@ -16,10 +16,12 @@ from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.selection.score_test import (
     Prior,
     Projection,
+    ScoredModel,
     ScoreTest,
     score_test,
     smallest_shown,
 )
+from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.settings import CheckSettings, Limits, ScoreSettings
 from flywheel.diagnosis.statistics import chance
 from flywheel.effects import EFFECTS, Terms
@@ -460,6 +462,15 @@ def test_scores_and_smallest_sizes_are_those_of_the_threshold_of_the_test(case: 
         assert after.smallest > before.smallest
         if count == 1:
             assert after.smallest / before.smallest == pytest.approx(7.645 / 6.645)
+
+
+def test_a_model_is_ranked_anew_where_the_threshold_has_risen(case: Case) -> None:
+    """As it does by what a trained model does wrong by itself."""
+    jacobian = Jacobian(case.model.by_local, case.model.by_winch)
+    model = ScoredModel(case.fit, jacobian, None, case.test(), (), ())
+    found = Search(case.model, case.library, threshold=36.0).ranked(model)
+    strict = case.test(threshold=36.0).scores()
+    assert list(found.scores) == sorted(strict, key=lambda score: -score.score)
 
 
 @pytest.mark.parametrize("threshold", [4.0, 25.0, 36.0, 100.0])
