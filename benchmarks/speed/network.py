@@ -16,7 +16,6 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.speed.reference import PlainForward
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.learned import (
@@ -142,6 +141,8 @@ def lean_against_paper(robot: Robot, width: int, seconds: float) -> tuple[Speed,
 
 def fused_against_plain(robot: Robot, config: NetworkConfig, seconds: float) -> tuple[Speed, ...]:
     """The fused forward pass compared with plain PyG: one call of the network alone, at equal weights."""
+    from benchmarks.speed.reference import PlainForward  # PyG takes seconds to import
+
     calls = {
         "plain PyG": _forward_call(robot, config, PlainForward),
         "fused, float32": _forward_call(robot, config, FusedForward),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mlflow import MlflowClient
 
 from flywheel.data import TrajectoryStore
 from flywheel.results import RunResult
@@ -71,6 +70,8 @@ def test_what_the_robot_measured_are_recordings_that_the_next_network_learns_fro
 
 def test_mlflow_has_the_robot_under_fixed_names_and_the_page_of_the_diagnosis(folder: Path) -> None:
     uri = f"sqlite:///{folder / DATABASE}"
+    from mlflow import MlflowClient  # slow to import
+
     client = MlflowClient(tracking_uri=uri, registry_uri=uri)
     runs = [r for e in client.search_experiments() for r in client.search_runs([e.experiment_id])]
     (whole,) = [r for r in runs if r.data.tags.get("flywheel.kind") == "run"]

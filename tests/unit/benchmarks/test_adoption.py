@@ -25,6 +25,7 @@ TINY = (
 )
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_network_is_trained_diagnosed_and_trained_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mlflow import MlflowClient
 
 from benchmarks.diagnosis.bench import examine
 from benchmarks.diagnosis.case_result import CaseResult
@@ -65,6 +64,8 @@ def test_results_that_are_there_are_shown_and_not_made_again(
     assert "NOISE_ONLY 1" in capsys.readouterr().out
     head, rule, row = (there / "table.md").read_text().splitlines()
     assert head.startswith("| hidden") and set(rule) == set("|-") and "NOISE_ONLY 1" in row
+    from mlflow import MlflowClient  # slow to import
+
     client = MlflowClient(tracking_uri=f"sqlite:///{there / DATABASE}")
     (experiment,) = client.search_experiments(filter_string="name != 'Default'")
     (run,) = client.search_runs([experiment.experiment_id])

@@ -166,6 +166,7 @@ def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(
     assert alone_beside((search, model), 0.01, (), more) == needed
 
 
+@pytest.mark.nightly
 def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, ScoredModel]) -> None:
     search, model = begun
     friction = next(s for s in model.scores if s.candidate.label == "cable_friction")

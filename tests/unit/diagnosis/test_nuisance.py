@@ -56,6 +56,7 @@ def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(
     assert adopted == {name: value.in_plant}
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_number_is_not_left_in_the_hollow_that_it_begins_in() -> None:
     """A recording with which a fit from what was said ended there, sure of it and wrong."""

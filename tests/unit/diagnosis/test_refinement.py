@@ -188,6 +188,7 @@ def test_longer_steps_win_if_they_fit_better_from_where_shorter_ones_led_to(
     assert taken is own and after.cost == 900.0
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_better_initial_states_found_in_shorter_steps_are_no_evidence_for_them(
     robot: Robot,

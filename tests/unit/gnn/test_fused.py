@@ -7,7 +7,6 @@ import dataclasses
 import pytest
 import torch
 
-from benchmarks.speed.reference import PlainForward
 from flywheel.dynamics.gnn import NetworkConfig, Simulator
 from flywheel.dynamics.gnn.fused import FusedForward
 
@@ -45,6 +44,8 @@ def relative(a: torch.Tensor, b: torch.Tensor) -> float:
 
 def one_call(robot, config, network, window):
     """(fused, plain) predictions of one call, after the LSTM has seen the past."""
+    from benchmarks.speed.reference import PlainForward  # PyG takes seconds to import
+
     simulator = Simulator(robot, config)
     parts = simulator.parts()
     start = simulator.start(window.past_points, window.past_controls, window.past_winch)

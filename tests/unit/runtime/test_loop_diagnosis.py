@@ -117,6 +117,7 @@ def test_what_predicts_as_well_or_where_the_old_plant_cannot_is_adopted(before, 
     assert stage.unless_worse(note, (), before, after).adopted is adopted
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_plant_that_explains_the_recordings_stays(tmp_path):
     run, _ = bench(tmp_path)
