@@ -81,12 +81,14 @@ def sentence(found: Comparison, model: Judgement) -> str:
 
 def about_lengths(found: Comparison) -> tuple[str, ...]:
     """How the first lengths of winches that were not measured are known; nothing where they were."""
-    windows = found.windows
+    windows, unknown = found.windows, "Where winches were when recordings began was not measured"
     if windows.begun is not None:
+        moved = f"{windows.moved.max():.2g} m"
         return (
-            "Where winches were when recordings began was not measured: it was fitted to the first windows, "
-            f"and is up to {windows.moved.max():.2g} m from the keyframe.",
+            f"{unknown}: it was fitted to the first windows, and is up to {moved} from the keyframe.",
         )
+    if not windows.winches_measured:
+        return (f"{unknown}: it was taken from the keyframe.",)
     return ()
 
 

@@ -1,7 +1,8 @@
 """Where winches were when recordings began, where nobody measured it.
 
-A log may begin in motion, and rest lengths reckoned from the keyframe are then off from its first row to
-its last. As in a diagnosis they are fitted, beside the initial states of the first windows.
+A log that begins with cables as long as at the keyframe began there. Any other may begin in motion, and rest
+lengths reckoned from the keyframe are then off from its first row to its last. As in a diagnosis they are
+fitted, beside the initial states of the first windows.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
+from flywheel.diagnosis.comparison.regions import span_noise, spans
 from flywheel.diagnosis.fitting.model import fitter_of
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
-from flywheel.records import Trajectory
+from flywheel.records import State, Trajectory
 
+SURE = 4.0  # standard deviations of the noise
 WINDOWS = 3  # that lengths are fitted to: later ones are off by more of what the model lacks
 
 
@@ -31,10 +34,11 @@ def with_first_lengths(
       settings: tuned numbers, as of a diagnosis.
 
     Returns:
-      The windows themselves where every winch was measured in the first row, or where no fit is finite.
+      The windows themselves where every winch was measured in the first row, where all logs began at the
+      keyframe, or where no fit is finite.
     """
     first = np.stack([each.trajectory.observations.winch[0] for each in windows.recordings])
-    unknown = ~np.isfinite(first)
+    unknown = ~np.isfinite(first) & ~_at_keyframe(windows, plant, settings)[:, None]
     used = [i for i in sorted(set(windows.recording.tolist())) if unknown[i].any()]
     if not used:
         return windows
@@ -49,7 +53,17 @@ def with_first_lengths(
     offset = np.zeros_like(first)
     offset[used] = fit.initial.winch
     fitted = np.clip(robot.winch_of(robot.keyframe) + offset, robot.rest_low, robot.rest_high)
-    return windows.starting_at(np.where(unknown, fitted, first))
+    return windows.starting_at(np.where(np.isfinite(first), first, fitted))
+
+
+def _at_keyframe(windows: ForecastWindows, plant: Plant, settings: Settings) -> np.ndarray:
+    """(recordings,) bool: cables are as long in the first row as at the keyframe, as far as can be seen."""
+    robot, home = plant.robot, plant.robot.keyframe
+    state = State(home.qpos[None], home.qvel[None], home.act[None])
+    points = np.stack([each.trajectory.observations.points[0] for each in windows.recordings])
+    off = np.abs(spans(robot, points) - spans(robot, plant.observe(state).points))
+    near = settings.fitting.initial_states.winch_prior * robot.length
+    return np.asarray((off <= near + SURE * windows.sigma * span_noise(robot)).all(axis=1))
 
 
 def _first_windows(windows: ForecastWindows, recording: int) -> Trajectory:

@@ -123,6 +123,11 @@ class ForecastWindows:
         return replace(self, begun=begun, _reckoned={})
 
     @property
+    def winches_measured(self) -> bool:
+        """Every winch was measured in the first row of each recording."""
+        return all(np.isfinite(e.trajectory.observations.winch[0]).all() for e in self.recordings)
+
+    @property
     def moved(self) -> Floats:
         """(W,) farthest that winches began from the keyframe, as fitted; 0 where measured [m]."""
         home = self.robot.winch_of(self.robot.keyframe)

@@ -28,18 +28,20 @@ def swing() -> Robot:
     return load_robot(str(SWING))
 
 
-def driven(robot: Robot, seed: int, faster: float = 1.0) -> tuple[Trajectory, Floats]:
+def driven(
+    robot: Robot, seed: int, faster: float = 1.0, begin: int = BEGIN
+) -> tuple[Trajectory, Floats]:
     """The later part of a drive, with unmeasured winches, and where these were (T + 1, W) [m]."""
     rng = np.random.default_rng(seed)
     rates = np.repeat(rng.uniform(-0.09, 0.09, (7, 2)), 100, axis=0)
     plant, home = Plant(robot, DT), robot.keyframe
     start = State(home.qpos[None], home.qvel[None], home.act[None])
     whole = plant.simulate(start, faster * rates[None])
-    points = whole.observations.points[0, BEGIN:]
+    points = whole.observations.points[0, begin:]
     noisy = points + rng.normal(0.0, SIGMA, points.shape)
-    winch = plant.winch(whole.states)[0, BEGIN:]
+    winch = plant.winch(whole.states)[0, begin:]
     seen = Observation(noisy, np.full_like(winch, np.nan))
-    return Trajectory(seen, rates[BEGIN:], DT), winch
+    return Trajectory(seen, rates[begin:], DT), winch
 
 
 def found(robot: Robot, log: Trajectory, *models: Subject, fit_starts: bool = False) -> Comparison:
@@ -69,6 +71,17 @@ def test_winches_that_are_faster_than_told_are_still_more_than_noise(swing: Robo
     answer = found(swing, log, fit_starts=True)
     assert answer.models[0].outcome is Outcome.MORE_THAN_NOISE
     assert answer.models[0].forecast_is_off
+
+
+def test_a_log_that_begins_at_the_keyframe_has_its_lengths_whatever_the_model_is_worth(
+    swing: Robot,
+) -> None:
+    log, _ = driven(swing, seed=1, faster=-1.0, begin=0)
+    answer = found(swing, log)
+    assert answer.windows.begun is None
+    (words,) = about_lengths(answer)
+    assert "taken from the keyframe" in words
+    assert not answer.summary()["first_lengths"]["fitted"]
 
 
 def test_what_was_measured_is_taken_as_it_is(swing: Robot) -> None:
