@@ -24,7 +24,8 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(p for p in (ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
 NAMED = re.compile(r"# (\w+\.py)\n")  # a file of Python, in its first line
-LINE = re.compile(r"flywheel ([^|<>$&;\n]+)(?: && exit 1\ntest \$\? -eq (\d+))?\n|(.*\n)")
+# A run has processes of its own, and so a real shell.
+LINE = re.compile(r"flywheel (?!run \w)([^|<>$&;\n]+)(?: && exit 1\ntest \$\? -eq (\d+))?\n|(.*\n)")
 # Pages with a search over all effects, a whole run, and what tests/unit has in a smaller size.
 LONG = {"own_effect", "robot_runs", "wrong_in_many_ways", "demo"}
 LINK = re.compile(r"\]\(([^)#]+?)(?:#[^)]*)?\)")
