@@ -52,6 +52,7 @@ from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.stepwise import in_time_steps, stepwise
 from flywheel.diagnosis.selection.suspect_parameters import (
     SuspectParameter,
+    far_off_parameters,
     suspect_parameters,
 )
 from flywheel.diagnosis.settings import Limits, Settings
@@ -179,7 +180,8 @@ def _searched(
         fitter, first = under_test.fitted(
             recordings, seconds, None, around, calibrated=not unsure, discrepancy=discrepancy
         )
-        heartbeat.keep(2.0 * held_out * (time.monotonic() - begun))  # as it was, and with an answer
+        # What is held out, as it was and with an answer; and numbers of the MJCF.
+        heartbeat.keep((2.0 * held_out + 3.0) * (time.monotonic() - begun))
         known_already = around is not None or discrepancy > 0.0
         probes = _probes(fitter.windows.robot)
         limits = settings.limits
@@ -248,8 +250,7 @@ def _concluded(
     left = unexplained and (fitter.windows.discrepancy > 0.0 or not nothing)
     suspects: tuple[SuspectParameter, ...] = ()
     if under_test.model is None:
-        numbers = partial(suspect_parameters, search, judged.models, unexplained)
-        suspects = heartbeat.in_time(numbers, (), "asking for numbers of the MJCF")
+        suspects = _suspects(search, judged.models, unexplained)
     law = partial(_discrepancy, fitter, last, kept_aside, under_test)
     rng = np.random.default_rng(under_test.seed)
     sure = partial(heartbeat.each, partial(effects_of, search), what=_sizes)
@@ -291,6 +292,20 @@ def _verdict(limits: Limits, judged: Judged, built: Alternative, held: Errors | 
     if judged.rivals and judged.verdict is Verdict.EFFECT:
         return Verdict.AMBIGUOUS
     return judged.verdict
+
+
+def _suspects(
+    search: Search, models: Sequence[ScoredModel], unexplained: bool
+) -> tuple[SuspectParameter, ...]:
+    """Numbers of the MJCF that may be what is wrong; those that explain more than the answer first."""
+    briefly = search.heartbeat.briefly
+    search.heartbeat("asking for numbers of the MJCF")
+    nothing: tuple[SuspectParameter, ...] = ()
+    fitted = partial(far_off_parameters, search, models)
+    far = briefly(fitted, nothing) if unexplained else nothing
+    names = {each.name for each in far}
+    near = briefly(partial(suspect_parameters, search, models, unexplained), nothing)
+    return (*far, *(each for each in near if each.name not in names))
 
 
 def _sizes(fit: Fit) -> str:

@@ -137,7 +137,7 @@ class CableStiffness(ModelEffect):
     """Cables that are stiffer or softer than the MJCF says, all by the same share."""
 
     name = "cable_stiffness"
-    sizes = (Parameter("share", "-", lambda s: 0.05, low=-15.0, high=40.0),)
+    sizes = (Parameter("share", "-", lambda s: 0.05, low=-19.0, high=380.0),)
     equation = "k (1 + s) of every cable"
     source = "Hooke's law"
     shown_by = "slow strokes of all winches"

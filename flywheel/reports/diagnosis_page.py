@@ -10,7 +10,8 @@ import numpy as np
 from flywheel.diagnosis import Diagnosis, Verdict
 from flywheel.diagnosis.checks.first_lengths import FirstLength
 from flywheel.diagnosis.checks.held_out_gain import Gain
-from flywheel.diagnosis.results.verdict import Alternative, tolerated
+from flywheel.diagnosis.results.verdict import Alternative, Value, tolerated
+from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
 from flywheel.outputs import write_output
 from flywheel.reports.diagnosis_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render
@@ -286,6 +287,7 @@ def at_bounds(found: Diagnosis) -> str:
     """Which fitted values of the answers ended at a bound; "" for none."""
     ended = {
         f"{value.name} of {each.label} is at its bound, {value.in_plant:.4g} {value.unit.strip('-')}".strip()
+        + f" (its interval reaches to {_farther(value):.4g})"
         for answer in found.answers
         for each in answer
         for value in each.at_bound
@@ -303,6 +305,8 @@ def suspects(found: Diagnosis) -> str:
     if not found.suspects:
         return ""
     first, *others = found.suspects
+    if first.explained is not None:
+        return _far_off(first)
     ways = f"{abs(first.off):.1%} {'more' if first.off > 0 else 'less'} of {first.name}"
     does = "more than" if first.more else "nearly as much as"
     explains = f"{does} {first.instead}" if first.instead else "some of what is left"
@@ -312,6 +316,31 @@ def suspects(found: Diagnosis) -> str:
     return (
         f"Or a number of the MJCF is wrong: {ways} would explain {explains} (score {first.score:.0f}).{also} "
         f"If you are not sure of it, ask again with --unsure {first.name}={share}%."
+    )
+
+
+def _farther(value: Value) -> float:
+    """The end of an interval that is farther from zero."""
+    return max(value.low, value.high, key=abs)
+
+
+def _far_off(suspect: SuspectParameter) -> str:
+    """A number of the MJCF that explains more than the answer."""
+    beside = (
+        f", with {suspect.damping:.3g} N s/m more damping of every cable,"
+        if suspect.damping
+        else ""
+    )
+    than = f" more than {suspect.instead}" if suspect.instead else ""
+    bound = (
+        " That is the bound of its fit: the true one may be farther off."
+        if suspect.at_bound
+        else ""
+    )
+    return (
+        f"A number of the MJCF is wrong rather: {suspect.name} of {1.0 + suspect.off:.3g} times what it says"
+        f"{beside} explains {suspect.explained:.0%} of the error beyond noise,{than or ' by itself'}.{bound} "
+        f"Correct the MJCF, or ask with --effects {suspect.name}, before an effect is adopted."
     )
 
 

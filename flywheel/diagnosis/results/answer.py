@@ -95,6 +95,13 @@ class AboutRobot(_Part):
     digest: Name = ""
 
 
+class Suspect(_Part):
+    """A number of the MJCF that may be wrong; `explained` where it explains more than the answer."""
+
+    name: Name
+    explained: StrictFloat | None = None
+
+
 class Answer(_Part):
     """What is read of `Diagnosis.summary()`, or of the JSON of `flywheel diagnose`.
 
@@ -103,6 +110,7 @@ class Answer(_Part):
       answer_set: alternatives, each of effects that act together.
       calibration: what the plant was not sure of.
       interrupted: it is the best answer that was known when somebody stopped the diagnosis.
+      suspect_parameters: numbers of the MJCF that may be what is wrong instead.
       held_out: what was kept to judge the answer by; None for nothing.
       robot: that was diagnosed.
       effects_from: law files that effects were from.
@@ -115,6 +123,7 @@ class Answer(_Part):
     answer_set: tuple[Together, ...] = Field(default=(), max_length=MOST_ANSWERS)
     calibration: Together = ()
     interrupted: bool = False
+    suspect_parameters: tuple[Suspect, ...] = Field(default=(), max_length=MOST_ANSWERS)
     held_out: HeldOut | None = None
     robot: AboutRobot = AboutRobot()
     effects_from: tuple[LawReference, ...] = Field(default=(), max_length=MOST_FILES)
@@ -148,9 +157,9 @@ class Answer(_Part):
 
         It may be one of `EFFECT`; the only one of `PARTIAL`; and the only one beside something else that is
         left, if it explains most of what held-out recordings have beyond noise. The best answer so far of a
-        diagnosis that was interrupted has to be named.
+        diagnosis that was interrupted has to be named; so has any beside a number that explains more.
         """
-        if self.interrupted:
+        if self.interrupted or self._wrong_numbers:
             return False
         if self.verdict == Verdict.EFFECT:
             return True
@@ -177,6 +186,10 @@ class Answer(_Part):
                 for number, alternative in enumerate(alternatives[:MOST_NAMED], 1)
             )
             early = "The diagnosis was interrupted. " if self.interrupted else ""
+            if self._wrong_numbers:
+                early += (
+                    f"Another {self._wrong_numbers} in the MJCF explains more than any effect. "
+                )
             raise DataError(
                 f"{early}The verdict is {self.verdict}: say which answer to adopt. There are {named}."
                 f"{self._too_little()}"
@@ -185,6 +198,11 @@ class Answer(_Part):
         if not 1 <= number <= len(alternatives):
             raise DataError(f"There are answers 1 to {len(alternatives)}, got {number}.")
         return alternatives[number - 1]
+
+    @property
+    def _wrong_numbers(self) -> str:
+        """Numbers of the MJCF that explain more than the answer does; "" for none."""
+        return ", ".join(s.name for s in self.suspect_parameters if s.explained is not None)
 
     def _too_little(self) -> str:
         """How far the only answer is from being adopted unnamed, beside something that no effect explains."""

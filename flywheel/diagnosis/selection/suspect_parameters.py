@@ -6,11 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from flywheel.diagnosis.fitting.least_squares import Fit
 from flywheel.diagnosis.fitting.nuisance import asked
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.score_test import Score, ScoredModel, sensitivities, slices_of
 from flywheel.diagnosis.selection.search import Search, added
-from flywheel.effects import CALIBRATIONS
+from flywheel.effects import CALIBRATIONS, EFFECTS, Term
+
+FAR = (-0.5, 1.0, 3.0, 7.0)  # shares from the best of which a fit of a number begins
+NEAR = 0.999  # of a bound
+STIFFNESS, DAMPING = "cable_stiffness", "cable_damping"
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,9 @@ class SuspectParameter:
       score: like a candidate's.
       instead: what was added where it was asked for; "" where it explains something beside the answer.
       more: it promises more than that explained.
+      explained: share of the error beyond noise that it explained in a fit of its own; None without one.
+      damping: of the cables, that was fitted beside it [N s/m].
+      at_bound: that fit ended at a bound of the number.
     """
 
     name: str
@@ -30,6 +38,9 @@ class SuspectParameter:
     score: float
     instead: str
     more: bool
+    explained: float | None = None
+    damping: float = 0.0
+    at_bound: bool = False
 
     def summary(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -38,6 +49,10 @@ class SuspectParameter:
             "off": self.off,
             "score": self.score,
             "instead_of": self.instead or None,
+            "more": self.more,
+            "explained": self.explained,
+            "cable_damping": self.damping,
+            "at_bound": self.at_bound,
         }
 
 
@@ -68,6 +83,61 @@ def suspect_parameters(
                 more = score.statistic > explained
                 found[name] = SuspectParameter(name, float(off), score.score, instead, more)
     return tuple(sorted(found.values(), key=lambda each: -each.score))
+
+
+def far_off_parameters(
+    search: Search, models: Sequence[ScoredModel]
+) -> tuple[SuspectParameter, ...]:
+    """Numbers that would be far off, and by themselves explain more than the answer, by fits of their own.
+
+    A linearisation says little of a stiffness that is several times the MJCF's. Springs that somebody guessed
+    have a guessed damping, too: a stiffness is fitted with it and without.
+
+    Args:
+      search, models: that led to an answer that leaves something.
+    """
+    settings, fitter = search.settings, search.fitter
+    begun, last = models[0], models[-1]
+    fit = fitter.with_terms(begun.fit, begun.fit.terms)
+    found = []
+    for score in _scores(search, begun):
+        best = _fitted_alone(search, replace(begun, fit=fit), score)
+        term = best.terms[len(fit.terms)]
+        off, (size,) = term.values[0], term.effect.sizes
+        share = (fit.cost - best.cost) / max(fit.cost - fitter.freedom, 1.0)
+        if (
+            abs(off) > settings.suspect_share
+            and share >= settings.screening.explained
+            and best.cost < last.fit.cost - search.threshold
+        ):
+            typical = score.candidate.typical[0]
+            ended = not NEAR * size.low * typical < off < NEAR * size.high * typical
+            instead = _added(search, begun, last) if len(models) > 1 else ""
+            damping = sum(each.values[0] for each in best.terms[len(fit.terms) + 1 :])
+            own = (
+                score.candidate.effect.name,
+                off,
+                score.score,
+                instead,
+                True,
+                share,
+                damping,
+                ended,
+            )
+            found.append(SuspectParameter(*own))
+    return tuple(sorted(found, key=lambda each: -(each.explained or 0.0)))
+
+
+def _fitted_alone(search: Search, model: ScoredModel, score: Score) -> Fit:
+    """A fit with a number from the best of several sizes, a stiffness also with a damping of all cables."""
+    fitter, candidate = search.fitter, score.candidate
+    tried = dict.fromkeys(candidate.term((share / candidate.typical[0],)) for share in FAR)
+    starts = [search.warm_start(model, (*model.fit.terms, term)) for term in tried]
+    fit = search.fit_until(min(starts, key=lambda each: each.cost))
+    if candidate.effect.name != STIFFNESS or any(t.effect.name == DAMPING for t in model.fit.terms):
+        return fit
+    damped = (*fit.terms, Term(EFFECTS[DAMPING], None, (0.0,)))
+    return min(fit, search.fit_until(fitter.with_terms(fit, damped)), key=search.criterion)
 
 
 def _added(search: Search, model: ScoredModel, after: ScoredModel) -> str:

@@ -81,6 +81,14 @@ def test_the_plant_gets_the_value_that_fits_its_own_time_step(tmp_path: Path) ->
         (answer("OUTSIDE_LIBRARY", [GAIN], [FRICTION]), None, "say which answer"),
         (answer("PARTIAL", [GAIN], [FRICTION]), None, "1: winch_gain; 2: cable_friction"),
         (
+            {
+                **answer("PARTIAL", [GAIN]),
+                "suspect_parameters": [{"name": "cable_stiffness", "explained": 0.99}],
+            },
+            None,
+            "Another cable_stiffness in the MJCF explains more than any effect",
+        ),
+        (
             {**answer("OUTSIDE_LIBRARY", [GAIN]), "held_out": None},
             None,
             "Held-out recordings would",

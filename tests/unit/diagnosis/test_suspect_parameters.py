@@ -19,13 +19,14 @@ from flywheel.diagnosis.selection.search import Search
 from flywheel.diagnosis.selection.suspect_parameters import (
     SuspectParameter,
     _scores,
+    far_off_parameters,
     suspect_parameters,
 )
 from flywheel.diagnosis.settings import SelectionSettings
 from flywheel.dynamics.plant import Plant, PlantParameters
 from flywheel.effects import CALIBRATIONS, EFFECTS, Term, Terms
 from flywheel.reports.diagnosis_page import suspects
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import recorded
 
 pytestmark = pytest.mark.slow
@@ -145,6 +146,31 @@ def test_a_number_that_would_have_to_be_far_off_is_not_suspected(stiffer: Scored
     search, model = stiffer
     strict = replace(search, settings=SelectionSettings(suspect_share=0.25 * OFF))
     assert not named(strict, model, with_added(model))
+
+
+@pytest.mark.parametrize("times", [3.0, 8.0])
+def test_a_stiffness_that_is_several_times_the_told_one_is_fitted_and_named(
+    seed: int, times: float
+) -> None:
+    search, model = scored(load_robot("platform4"), seed, cable_stiffness=1.0 / times)
+    (found,) = (
+        each for each in far_off_parameters(search, [model]) if each.name == "cable_stiffness"
+    )
+    assert 1.0 + found.off == pytest.approx(times, rel=0.1), seed
+    assert found.explained == pytest.approx(1.0, abs=0.1), seed
+    assert found.more and not found.at_bound and not found.instead
+    told: Any = SimpleNamespace(suspects=(found,))
+    assert f"cable_stiffness of {1.0 + found.off:.3g} times" in suspects(told)
+    # An answer that explains all is no worse than the number.
+    answer = replace(model, fit=replace(model.fit, cost=search.fitter.freedom))
+    assert not far_off_parameters(search, [model, answer])
+
+
+def test_a_number_at_its_bound_is_said_to_be_there() -> None:
+    number = SuspectParameter("cable_stiffness", 19.0, 9.0, "creep", True, 0.9, 40.0, True)
+    words = suspects(SimpleNamespace(suspects=(number,)))  # type: ignore[arg-type]
+    assert "20 times what it says, with 40 N s/m more damping" in words
+    assert "more than creep" in words and "the bound of its fit" in words
 
 
 def test_a_person_is_told_what_to_do() -> None:
