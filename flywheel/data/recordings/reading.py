@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel import __version__
+from flywheel.data.recordings.cables import Evidence, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
 from flywheel.data.recordings.columns import Log, matched, pick
 from flywheel.data.recordings.geometry import (
@@ -24,6 +25,7 @@ from flywheel.data.recordings.geometry import (
 from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap, read_map
 from flywheel.data.recordings.markers import judged, track
+from flywheel.data.recordings.naming import named
 from flywheel.data.recordings.repeats import mask_repeats
 from flywheel.data.recordings.report import Finding, ImportReport, listed
 from flywheel.data.recordings.table import Told, open_table
@@ -163,9 +165,11 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
     check_commands(log, robot)
     check_winches(log, robot)
     tracked = track(log.points, log.time, robot)
+    tracked = named(tracked, Evidence.of(log, tracked.points, robot), robot)
     check_robot(tracked.ordered, robot)
     check_up(tracked.ordered, robot)
     findings += floating(tracked.ordered, robot)
+    findings += check_frame(Evidence.of(log, tracked.points, robot))
     points, found = judged(tracked, robot, log.time, repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only

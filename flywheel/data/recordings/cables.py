@@ -1,0 +1,384 @@
+"""Cables as witnesses: their lengths between measured points are what winches and MJCF allow, or the log is
+in another frame than the MJCF, or under wrong names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations, permutations, product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.signal import lfilter
+
+from flywheel.data.recordings.columns import Log
+from flywheel.data.recordings.geometry import pairs
+from flywheel.data.recordings.pieces import distance
+from flywheel.data.recordings.report import Finding, listed
+from flywheel.errors import DataError
+from flywheel.records import Floats
+from flywheel.robots import GRAVITY, Attachment, Robot
+from flywheel.rotations import cross, kabsch, rotate, unit
+
+ROWS = 400  # rows that are looked at
+FEWEST = 20  # rows that say something
+MISPLACED = (
+    0.05  # share of a cable's length at the keyframe: its ends may be elsewhere than the MJCF says
+)
+PULLED = 3.0  # weights of the robot, or tensions at the keyframe, that no cable usually bears
+GAIN = (
+    0.3  # share of what a winch has moved since the keyframe that it may have moved less, or more
+)
+ALIKE = 0.01  # relative: two distances on bodies that no log tells apart
+FREE = 7  # numbers of a free body's pose
+STRAIGHT = 1e-6  # share of a body's size: its points are on one line
+CLEARLY = 0.3  # an other explanation leaves at most this share of what is unexplained
+FITS = 0.2  # and at most this share of the cables' motion
+BETTER = 0.5  # names that leave at most this share of what others leave are the right ones
+POOR = 0.2  # share of the cables' motion that is left where an explanation may be doubted
+BALANCED_ROWS = 40  # rows from which mean forces are taken
+UNHELD = 0.1  # share of the weight that may be held by nothing, for all that is wrong with an MJCF
+HANGING = 0.1  # height above the ground at which nothing stands on it, in L
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Rows of a log in which all points were seen, and what the winches did in them.
+
+    Attributes:
+      robot: that it is about.
+      points: (n, P, 3) [m].
+      rest: (n, C) rest lengths of the cables [m]; where `relative`, off by a constant.
+      relative: (C,) cables whose winch nobody measured.
+      fixed: (C,) cables with one end that cannot move.
+      slop: (C,) how far the places of their ends are unsure [m].
+      pulled: (C,) how much longer than its rest length each may be pulled [m].
+      limit: (C,) greatest lengths beyond `rest`, or `highest` where relative, whatever is built wrong [m].
+      lowest, highest: (C,) least and greatest rest lengths that the winches can make [m].
+    """
+
+    robot: Robot
+    points: Floats
+    rest: Floats
+    relative: NDArray[np.bool_]
+    fixed: NDArray[np.bool_]
+    slop: Floats
+    pulled: Floats
+    limit: Floats
+    lowest: Floats
+    highest: Floats
+
+    @classmethod
+    def of(cls, log: Log, points: Floats, robot: Robot) -> Evidence | None:
+        """Evidence of points (N, P, 3) of a log; None where it says nothing."""
+        rows = np.flatnonzero(np.isfinite(points[..., 0]).all(axis=1))
+        if len(rows) < FEWEST or not robot.cables or not robot.free:
+            return None
+        rows = rows[np.linspace(0, len(rows) - 1, min(ROWS, len(rows))).astype(np.int64)]
+        rest, relative = _rest_lengths(log, robot, rows)
+        fixed = [min(end.body for end in cable.ends) < 0 for cable in robot.cables]
+        slop = [sum(_on_line(robot, end)[1] for end in cable.ends) for cable in robot.cables]
+        limits = _limits(robot, rest, relative)
+        return cls(robot, points[rows], rest, relative, np.array(fixed), np.array(slop), *limits)
+
+    def lengths(self, points: Floats) -> Floats:
+        """(n, C) lengths of the cables between points (n, P, 3) [m]."""
+        ends = [[_place(self.robot, points, e) for e in cable.ends] for cable in self.robot.cables]
+        return np.stack([distance(a, b) for a, b in ends], axis=1)
+
+    def unexplained(self, points: Floats) -> float:
+        """Root mean square of how much longer the cables are than their rest lengths and pulls explain [m].
+
+        Of those whose rest lengths are only known but for a constant, it is how much they change otherwise.
+        """
+        off = self.lengths(points) - self.rest
+        beyond = np.maximum(off - self.pulled - self.slop, 0.0)
+        found = np.where(self.relative, off - off.mean(axis=0), beyond)
+        return float(np.sqrt((found**2).mean()))
+
+    @property
+    def certain(self) -> bool:
+        """The cables fit the points under their present names."""
+        return self.unexplained(self.points) < FITS * self.motion()
+
+    def motion(self) -> float:
+        """Root mean square change of the rest lengths in the log [m]."""
+        return float(np.sqrt(self.rest.var(axis=0).mean()))
+
+    def too_long(self, points: Floats) -> Floats:
+        """(C,) how much longer each cable usually is than can be [m]; at most 0 where it may be."""
+        lengths = self.lengths(points) - self.slop
+        beyond = np.where(self.relative, lengths - self.highest, lengths - self.rest)
+        return np.asarray(np.median(beyond, axis=0) - self.limit)
+
+    def taut(self, points: Floats) -> NDArray[np.bool_]:
+        """(n, C) where each cable may pull."""
+        longest = np.where(self.relative, self.lowest, self.rest) - self.limit - self.slop
+        return np.asarray(self.lengths(points) > longest)
+
+    def unheld(self, points: Floats) -> float:
+        """Share of the weight that no pull of the cables can hold on average, as forces and torques.
+
+        What moves to and fro is held on average, however the pull of each cable changes.
+        """
+        rows = np.linspace(0, len(points) - 1, BALANCED_ROWS).astype(np.int64)
+        taut, points, bodies = self.taut(points)[rows], points[rows], self.robot.bodies
+        columns = np.zeros((len(rows), len(self.robot.cables), 6 * len(bodies)))
+        wanted = np.zeros(6 * len(bodies))
+        for index, body in enumerate(bodies):
+            wanted[6 * index + 2] = body.mass
+        for number, cable in enumerate(self.robot.cables):
+            places = [_place(self.robot, points, end) for end in cable.ends]
+            along = unit(places[1] - places[0])
+            for end, place, pull in zip(cable.ends, places, (along, -along), strict=True):
+                if end.body >= 0:
+                    body = bodies[end.body]
+                    middle = _place(self.robot, points, Attachment(end.body, body.com, end.point))
+                    lever = 2 * cross(place - middle, pull) / self.robot.length
+                    own = slice(6 * end.body, 6 * end.body + 6)
+                    columns[:, number, own] += np.concatenate([pull, lever], axis=1)
+        columns[~taut] = 0.0
+        _, left = nnls(columns.reshape(-1, columns.shape[-1]).T, wanted / wanted.sum())
+        return float(left)
+
+    def hangs(self, points: Floats) -> bool:
+        """Nothing but cables can hold the robot."""
+        radius = np.array([point.radius for point in self.robot.points])
+        lowest = np.median((points[..., 2] - radius).min(axis=1))
+        return bool(self.fixed.any()) and (
+            not self.robot.grounded or lowest > HANGING * self.robot.length
+        )
+
+    def wrong(self, points: Floats) -> str:
+        """Why the points cannot be where they are said to be; "" where they can."""
+        if not self.fixed.any():
+            return ""
+        long = self.too_long(points)
+        if (long[self.fixed] > 0).mean() >= 0.5:
+            return self._told(points, long)
+        if self.hangs(points) and (left := self.unheld(points)) > UNHELD:
+            return self._told_held(points, left)
+        return ""
+
+    def _told(self, points: Floats, long: Floats) -> str:
+        lengths = np.median(self.lengths(points), axis=0)
+        return listed(
+            [
+                f"{self.robot.cables[i].name} would usually be {lengths[i]:.3g} m long, at most "
+                f"{lengths[i] - long[i]:.3g} m are possible"
+                for i in np.flatnonzero(self.fixed & (long > 0))
+            ],
+            3,
+        )
+
+    def _told_held(self, points: Floats, left: float) -> str:
+        slack = ~self.taut(points).any(axis=0)
+        if slack[self.fixed].all():
+            return "all of them would be slack, and nothing would hold the robot"
+        return f"they could not hold the robot where it would be ({left:.0%} of its weight)"
+
+
+def check_frame(evidence: Evidence | None) -> list[Finding]:
+    """Findings about single cables that the points contradict.
+
+    Raises:
+      DataError: the cables from fixed points say that the log has other axes, or another origin.
+    """
+    if evidence is None:
+        return []
+    points, why = evidence.points, evidence.wrong(evidence.points)
+    axes = _exchanged(evidence) or _better_axes(evidence, bool(why))
+    if why or axes:
+        why = why or "the cables' lengths do not change as the winches made them"
+        hint = f" {axes}" if axes else ""
+        raise DataError(
+            f"the points do not fit the cables from fixed points: {why}. Which of the log's axes points "
+            f"up, and where is its origin?{hint} See axes and origin of the map."
+        )
+    long = evidence.too_long(points)
+    words = (
+        "usually {:.3g} m longer than it can be: is it cut or hung elsewhere, or the frame wrong?"
+    )
+    return [
+        Finding("cable", "noted", evidence.robot.cables[i].name, 0, words=words.format(long[i]))
+        for i in np.flatnonzero(evidence.fixed & (long > 0))
+    ]
+
+
+def better_names(
+    evidence: Evidence, others: Iterable[NDArray[np.int64]]
+) -> NDArray[np.int64] | None:
+    """The other order (P,) of the points with which the cables fit clearly better; None if there is none.
+
+    Args:
+      evidence: of the points in their present order.
+      others: the orders that are possible.
+    """
+    here = evidence.unexplained(evidence.points)
+    tried = [(evidence.unexplained(evidence.points[:, order]), tuple(order)) for order in others]
+    best, order = min(tried, default=(np.inf, ()))
+    return np.array(order) if best < BETTER * here else None
+
+
+def alike(robot: Robot) -> list[NDArray[np.int64]]:
+    """Orders (P,) in which two points of a body, or two bodies, are exchanged that are alike."""
+    found, own = [], np.arange(len(robot.points))
+    for first, one in enumerate(robot.bodies):
+        for a, b in combinations(one.points, 2):
+            found.append(own.copy())
+            found[-1][[a, b]] = [b, a]
+        for other in robot.bodies[first + 1 :]:
+            if len(one.points) == len(other.points) > 0:
+                found.append(own.copy())
+                found[-1][[*one.points, *other.points]] = [*other.points, *one.points]
+    rods = pairs(robot)
+    apart = {(rod.a, rod.b): rod.distance for rod in rods}
+
+    def same(order: NDArray[np.int64]) -> bool:
+        there = [apart.get((min(a, b), max(a, b))) for a, b in order[[[r.a, r.b] for r in rods]]]
+        return all(
+            d is not None and abs(d / rod.distance - 1) < ALIKE
+            for d, rod in zip(there, rods, strict=True)
+        )
+
+    return [order for order in found if not rods or same(order)]
+
+
+def _clearly(here: float, there: float, motion: float) -> bool:
+    """One explanation leaves much, another one hardly anything."""
+    return here > POOR * motion and there < CLEARLY * here and there < FITS * motion
+
+
+def _exchanged(evidence: Evidence) -> str:
+    """The points whose exchange would make the cables fit, as a sentence; "" if there are none."""
+    here, motion = evidence.unexplained(evidence.points), evidence.motion()
+    order = better_names(evidence, alike(evidence.robot)) if here > POOR * motion else None
+    if order is None or not _clearly(here, evidence.unexplained(evidence.points[:, order]), motion):
+        return ""
+    names = [point.name for point in evidence.robot.points]
+    told = [f"{names[i]} with {names[j]}" for i, j in enumerate(order) if i < j]
+    return f"They would fit if the columns of {listed(told)} were exchanged in the map."
+
+
+def _better_axes(evidence: Evidence, impossible: bool) -> str:
+    """The names of the log's axes with which the cables would fit, as a sentence; "" if no others do."""
+    here, motion = evidence.unexplained(evidence.points), evidence.motion()
+    if not evidence.fixed.any() or not (impossible or here > POOR * motion):
+        return ""
+    found = []
+    for axes, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
+        turned = evidence.points[..., axes] * signs
+        if not evidence.wrong(turned):
+            told = [
+                f"{a}: {'-' if s < 0 else ''}{AXES[b]}"
+                for a, b, s in zip(AXES, axes, signs, strict=True)
+            ]
+            mirrored = np.linalg.det(np.eye(3)[list(axes)] * signs) < 0
+            found.append((evidence.unexplained(turned), mirrored, ", ".join(told)))
+    if not found:
+        return ""
+    best, mirrored, told = min(found)
+    if not _clearly(here, best, motion):
+        return ""
+    # A flat motion fits a mirrored frame, too: the one that a map may have is meant.
+    near = [each for each in sorted(found) if each[0] < 2 * best and not each[1]]
+    if near:
+        return f"With axes: {{{near[0][2]}}} they would fit."
+    return f"They would fit if the log were mirrored: {{{told}}}."
+
+
+def _rest_lengths(
+    log: Log, robot: Robot, rows: NDArray[np.int64]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """(n, C) rest lengths in some rows [m], and (C,) which are only known but for a constant."""
+    kept = np.array([cable.rest_length for cable in robot.cables])
+    rest, relative = np.tile(kept, (len(rows), 1)), np.zeros(len(kept), bool)
+    steps = np.diff(log.time)
+    for index, winch in enumerate(robot.winches):
+        told, measured, cables = (
+            log.controls[:-1, index],
+            log.winch[rows, index],
+            list(winch.cables),
+        )
+        relative[cables] = winch.kind == "rate" and not np.isfinite(measured).all()
+        if np.isfinite(measured).all():
+            moved = measured - kept[cables[0]]
+        elif winch.kind == "rate":
+            moved = np.concatenate([[0.0], np.cumsum(told * steps)])[rows]
+        else:
+            moved = _lagged(told, float(np.median(steps)), winch.time_constant)[rows]
+            moved = moved - kept[cables[0]]
+        rest[:, cables] += moved[:, None]
+    return rest, relative
+
+
+def _lagged(told: Floats, step: float, constant: float) -> Floats:
+    """(N + 1,) what follows commands (N,), one a step [s], with a first-order lag of a time constant [s]."""
+    share = float(np.exp(-step / constant)) if constant > 0 else 0.0
+    after, _ = lfilter([1 - share], [1, -share], told, zi=[share * told[0]])
+    return np.concatenate([told[:1], after])
+
+
+def _limits(
+    robot: Robot, rest: Floats, relative: NDArray[np.bool_]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """(C,) `pulled`, `limit`, `lowest` and `highest` of each cable, as in Evidence [m]."""
+    kept = np.array([cable.rest_length for cable in robot.cables])
+    lowest, highest = kept.copy(), kept.copy()
+    for winch in robot.winches:
+        shift = kept[list(winch.cables)] - kept[winch.cables[0]]
+        lowest[list(winch.cables)] = winch.rest_range[0] + shift
+        highest[list(winch.cables)] = winch.rest_range[1] + shift
+    at_keyframe = _lengths(robot, robot.keyframe.qpos.reshape(1, -1, FREE))[0]
+    stiff = np.array([cable.stiffness for cable in robot.cables])
+    weight = GRAVITY * sum(body.mass for body in robot.bodies)
+    pull = PULLED * np.maximum(weight, stiff * (at_keyframe - kept)) / stiff
+    # A winch may pay out another length than it is told or measures.
+    gain = np.where(relative, 0.0, GAIN * np.median(np.abs(rest - kept), axis=0))
+    return pull, pull + MISPLACED * at_keyframe + gain, lowest, highest
+
+
+def _lengths(robot: Robot, poses: Floats) -> Floats:
+    """(n, C) lengths of the cables between bodies at poses (n, bodies, 7) [m]."""
+
+    def place(end: Attachment) -> Floats:
+        if end.body < 0:
+            return np.broadcast_to(end.offset, (len(poses), 3))
+        pose = poses[:, end.body]
+        return np.asarray(pose[:, :3] + rotate(pose[:, 3:], end.offset))
+
+    ends = [[place(end) for end in cable.ends] for cable in robot.cables]
+    return np.stack([distance(a, b) for a, b in ends], axis=1)
+
+
+def _on_line(robot: Robot, end: Attachment) -> tuple[Floats | None, float]:
+    """(n,) weights of the body's points that give the end's place, and how far it may be from there [m].
+
+    None where the body's points tell its whole pose.
+    """
+    if end.body < 0:
+        return None, 0.0
+    offsets = robot.offsets_of(robot.bodies[end.body])
+    here, size = offsets - offsets.mean(axis=0), np.linalg.norm(offsets - offsets.mean(axis=0))
+    if np.linalg.matrix_rank(here, tol=max(STRAIGHT * size, 1e-12)) > 1:
+        return None, 0.0
+    weights = np.linalg.pinv(here.T, rcond=STRAIGHT) @ (end.offset - offsets.mean(axis=0))
+    weights = 1 / len(offsets) + weights - weights.mean()
+    return weights, float(np.linalg.norm(weights @ offsets - end.offset))
+
+
+def _place(robot: Robot, points: Floats, end: Attachment) -> Floats:
+    """(n, 3) where a cable ends that is between points (n, P, 3) [m]."""
+    if end.body < 0:
+        return np.broadcast_to(end.offset, (len(points), 3))
+    own = points[:, list(robot.bodies[end.body].points)]
+    weights, _ = _on_line(robot, end)
+    if weights is not None:
+        return np.asarray(np.einsum("k,nkd->nd", weights, own))
+    offsets = robot.offsets_of(robot.bodies[end.body])
+    middle, center = offsets.mean(axis=0), own.mean(axis=1)
+    turn = kabsch(offsets - middle, own - center[:, None])
+    return np.asarray(center + rotate(turn, end.offset - middle))
