@@ -26,6 +26,7 @@ from flywheel.data.recordings.grid import check_steps, most_rows, on_grid
 from flywheel.data.recordings.mapping import RecordingMap, read_map
 from flywheel.data.recordings.markers import judged, track
 from flywheel.data.recordings.naming import named
+from flywheel.data.recordings.noise import noisy_commands
 from flywheel.data.recordings.repeats import mask_repeats
 from flywheel.data.recordings.report import Finding, ImportReport, listed
 from flywheel.data.recordings.table import Told, open_table
@@ -163,6 +164,7 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
     findings += mask_repeats(log, robot)
     check_units(log.points, robot)
     check_commands(log, robot)
+    findings += noisy_commands(log, robot)
     check_winches(log, robot)
     tracked = track(log.points, log.time, robot)
     tracked = named(tracked, Evidence.of(log, tracked.points, robot), robot)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel.data.recordings.columns import Log
+from flywheel.data.recordings.noise import last_digit, white_noise
 from flywheel.data.recordings.report import Finding
 from flywheel.records import Floats
 from flywheel.robots import Robot
@@ -20,11 +21,6 @@ FINEST = 1e-7  # smallest change that is one, in L: no tracker is finer
 CHANCE = 1e-6  # of a log in which a run of repeats, or their number, comes by chance
 SURE_STEPS = 20.0  # least last digits per sample at which a marker moves, noise aside
 LIKELY = 0.05  # chance of a repeat from which on single ones say nothing
-WINDOW = 16  # samples over which noise is looked at
-QUIET = 0.25  # share of the windows, those with the least noise
-WHITE = 0.7  # least ratio of sixth to fourth differences, of white noise 1; below it is motion
-MANY = 20_000  # samples of which the digits are looked at
-SQUARES = {4: 70.0, 6: 924.0}  # variance of white noise's differences of that order
 
 
 def mask_repeats(log: Log, robot: Robot) -> list[Finding]:
@@ -56,8 +52,8 @@ def _stale(values: Floats, finest: float) -> NDArray[np.bool_]:
     index = np.cumsum(new) - 1  # of the sample that is repeated
     samples = values[seen[new]]
     repeats = np.bincount(index) - 1
-    digit = _last_digit(samples, finest)
-    noisy = _chance(np.sqrt(2) * _noise(samples, digit), digit)
+    digit = last_digit(samples, finest)
+    noisy = _chance(np.sqrt(2) * white_noise(samples, digit), digit)
     chance = np.minimum(noisy, _chance(_least_steps(samples, SURE_STEPS * digit), digit))
     sure = len(values) * chance**repeats < CHANCE
     # Repeats that are too few in a run may be too many in all.
@@ -72,43 +68,6 @@ def _equal(some: Floats, others: Floats) -> NDArray[np.bool_]:
     """(n,) which samples (n, 3) are the same."""
     x, y, z = (some[:, axis] == others[:, axis] for axis in range(3))
     return np.asarray(x & y & z)
-
-
-def _last_digit(values: Floats, finest: float) -> Floats:
-    """(3,) least change of each coordinate from one of its values (M, 3) to the next [m]."""
-    found = np.full(3, finest)
-    for axis, column in enumerate(values[:: 1 + len(values) // MANY].T):
-        steps = np.diff(np.unique(column))
-        steps = steps[steps > finest]
-        if len(steps):
-            found[axis] = max(finest, min(float(steps.min()), _decimal(column, finest)))
-    return found
-
-
-def _decimal(values: Floats, finest: float) -> float:
-    """The largest power of ten that all values (M,) are multiples of; else about `finest` [m]."""
-    found = 1.0
-    while found > finest and (np.abs(values - found * np.rint(values / found)) > finest / 2).any():
-        found /= 10
-    return found
-
-
-def _noise(values: Floats, digit: Floats) -> Floats:
-    """(3,) standard deviation of the noise on values (M, 3) in their quietest parts; 0 where there is none.
-
-    Rounding to a last digit (3,) is none, nor is a motion that is smooth from sample to sample.
-    """
-    levels = []
-    for order, square in SQUARES.items():
-        rough = np.diff(values, n=order, axis=0) / np.sqrt(square)
-        if len(rough) < WINDOW // 2:
-            return np.zeros(3)
-        size = min(WINDOW, len(rough))
-        parts = rough[: len(rough) // size * size].reshape(-1, size, 3)
-        levels.append(np.quantile(np.sqrt((parts**2).mean(axis=1)), QUIET, axis=0))
-    fourth, sixth = levels
-    beyond = np.sqrt(np.maximum(fourth**2 - digit**2 / 12, 0))
-    return np.where((sixth > WHITE * fourth) & (beyond > digit / 2), beyond, 0.0)
 
 
 def _least_steps(samples: Floats, least: Floats) -> Floats:
