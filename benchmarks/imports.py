@@ -42,6 +42,9 @@ ALARMS = {
     "cable",
 }  # kinds of findings that a clean log has not
 SAME = 1e-9  # [m]
+FLAT = (
+    0.03  # height of another frame that is not told apart from the ground, in lengths of the robot
+)
 
 BEAM = """
     <body name="beam{0}" pos="0 {1} 1">
@@ -161,6 +164,8 @@ def frozen(points: Floats, robot: Robot, rng: np.random.Generator) -> Spoilt:
         )
         begin = int(rng.integers(0, len(points) - 5))
         end = begin + int(rng.integers(5, 150))
+        if np.isnan(right[max(0, begin - 1) : end + 1, some]).any():
+            continue  # a time that ends while another lasts would begin with an old sample
         found[begin:end, some] = found[begin, some]
         right[begin + 1 : end, some] = np.nan
     return Spoilt(found, right)
@@ -170,7 +175,10 @@ def held(points: Floats, robot: Robot, rng: np.random.Generator) -> Spoilt:
     """A slower tracker, also one whose rate does not divide the log's, some samples being lost."""
     every = rng.choice([2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 100 / 30, 100 / 60, 100 / 24])
     index = np.arange(len(points))
-    new = np.minimum(np.ceil(np.floor(index / every) * every).astype(int), index)
+    _, first, tick = np.unique(
+        (index / every + 1e-9).astype(int), return_index=True, return_inverse=True
+    )
+    new = first[tick]
     found, right = points[new], points.copy()
     right[new != index] = np.nan
     lost = (rng.random(points.shape[:2]) < rng.choice([0.0, 0.1]))[new]  # by the tracker
@@ -223,7 +231,7 @@ def harmless(spoilt: Spoilt, robot: Robot) -> bool:
     if not spoilt.frame or robot.tethered:
         return False
     off = spoilt.points[..., 2] - spoilt.right[..., 2]
-    return bool(np.abs(off).max() < 1e-6)
+    return bool(np.abs(off).max() < FLAT * robot.length)
 
 
 def _write(path: Path, points: Floats, made: HiddenRecording, robot: Robot) -> None:

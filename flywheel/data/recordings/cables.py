@@ -120,7 +120,7 @@ class Evidence:
         return np.asarray(self.lengths(points) > longest)
 
     def unheld(self, points: Floats) -> float:
-        """Share of the weight that no pull of the cables can hold on average, as forces and torques.
+        """Share of each body's weight that no pull of the cables can hold on average, as forces and torques.
 
         What moves to and fro is held on average, however the pull of each cable changes.
         """
@@ -128,8 +128,7 @@ class Evidence:
         taut, points, bodies = self.taut(points)[rows], points[rows], self.robot.bodies
         columns = np.zeros((len(rows), len(self.robot.cables), 6 * len(bodies)))
         wanted = np.zeros(6 * len(bodies))
-        for index, body in enumerate(bodies):
-            wanted[6 * index + 2] = body.mass
+        wanted[2::6] = 1.0
         for number, cable in enumerate(self.robot.cables):
             places = [_place(self.robot, points, end) for end in cable.ends]
             along = unit(places[1] - places[0])
@@ -139,10 +138,10 @@ class Evidence:
                     middle = _place(self.robot, points, Attachment(end.body, body.com, end.point))
                     lever = 2 * cross(place - middle, pull) / self.robot.length
                     own = slice(6 * end.body, 6 * end.body + 6)
-                    columns[:, number, own] += np.concatenate([pull, lever], axis=1)
+                    columns[:, number, own] += np.concatenate([pull, lever], axis=1) / body.mass
         columns[~taut] = 0.0
-        _, left = nnls(columns.reshape(-1, columns.shape[-1]).T, wanted / wanted.sum())
-        return float(left)
+        _, left = nnls(columns.reshape(-1, columns.shape[-1]).T, wanted)
+        return float(left / np.sqrt(len(bodies)))
 
     def hangs(self, points: Floats) -> bool:
         """Nothing but cables can hold the robot."""

@@ -23,7 +23,8 @@ SLACK = 1e-6  # share of a range: rounding in the log
 DEGREES = np.pi / 180
 FEW = 0.01  # share of the values: too few to suggest another unit
 FILLED = 0.1  # share of a range that values in the right unit use at least
-HIGH = 0.1  # height above the ground at which a robot stands on it, in L
+HIGH = 0.03  # height above the ground, or depth below it, of a robot that stands on it, in L
+HIGH_TETHERED = 0.1  # the same where cables may hold it
 
 
 @dataclass(frozen=True)
@@ -153,16 +154,20 @@ def check_up(points: Floats, robot: Robot) -> None:
 
 
 def floating(points: Floats, robot: Robot) -> list[Finding]:
-    """A note where a robot that can touch the ground is never near it: is it at 0?"""
+    """A note where a robot that can touch the ground is never near it, or below it: is it at 0?"""
     radius = np.array([point.radius for point in robot.points])
     height = points[..., radius > 0, 2] - radius[radius > 0]
     height = height[np.isfinite(height)]
     if not robot.grounded or len(height) == 0:
         return []
     lowest = float(np.percentile(height, 1))
-    if lowest < HIGH * robot.length:
+    if abs(lowest) < (HIGH_TETHERED if robot.tethered else HIGH) * robot.length:
         return []
-    words = f"never nearer to the ground than {lowest:.3g} m: is z up, and the ground at 0?"
+    words = (
+        f"never nearer to the ground than {lowest:.3g} m: is z up, and the ground at 0?"
+        if lowest > 0
+        else f"down to {-lowest:.3g} m below the ground: is it at 0?"
+    )
     return [Finding("height", "noted", "", 0, words=words)]
 
 

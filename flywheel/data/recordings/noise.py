@@ -15,6 +15,7 @@ QUIET = 0.25  # share of the windows, those with the least noise
 WHITE = 0.7  # least ratio of sixth to fourth differences, of white noise 1; below it is motion
 SQUARES = {4: 70.0, 6: 924.0}  # variance of white noise's differences of that order
 FINEST = 1e-6  # share of a command's range: a smaller change is none
+EVERY = 0.9  # share of the rows in which a command changes, if it is by noise
 NOISY = 0.01  # share of a command's range from which its noise is told
 
 
@@ -23,6 +24,7 @@ def noisy_commands(log: Log, robot: Robot) -> list[Finding]:
     used, span = log.controls[:-1], robot.control_high - robot.control_low
     digit = last_digit(used / span, FINEST)
     share = white_noise(used / span, digit)
+    each = (np.abs(np.diff(used / span, axis=0)) > digit).mean(axis=0) > EVERY
     told = (
         "changes at random in every row, by a standard deviation of {:.3g} {}: was it measured? What the "
         "winch was told belongs here; noise on it makes a right model look wrong"
@@ -37,7 +39,7 @@ def noisy_commands(log: Log, robot: Robot) -> list[Finding]:
                 share[index] * span[index], "m/s" if robot.winches[index].kind == "rate" else "m"
             ),
         )
-        for index in np.flatnonzero(share > NOISY)
+        for index in np.flatnonzero(each & (share > NOISY))
     ]
 
 
