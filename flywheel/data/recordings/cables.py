@@ -174,8 +174,7 @@ class Evidence:
         )
 
     def _told_held(self, points: Floats, left: float) -> str:
-        slack = ~self.taut(points).any(axis=0)
-        if slack[self.fixed].all():
+        if not self.taut(points)[:, self.fixed].any():
             return "all of them would be slack, and nothing would hold the robot"
         return f"they could not hold the robot where it would be ({left:.0%} of its weight)"
 
@@ -279,14 +278,14 @@ def _better_axes(evidence: Evidence, impossible: bool) -> str:
             found.append((evidence.unexplained(turned), mirrored, ", ".join(told)))
     if not found:
         return ""
-    best, mirrored, told = min(found)
+    best, _, axes_told = min(found)
     if not _clearly(here, best, motion):
         return ""
     # A flat motion fits a mirrored frame, too: the one that a map may have is meant.
     near = [each for each in sorted(found) if each[0] < 2 * best and not each[1]]
     if near:
         return f"With axes: {{{near[0][2]}}} they would fit."
-    return f"They would fit if the log were mirrored: {{{told}}}."
+    return f"They would fit if the log were mirrored: {{{axes_told}}}."
 
 
 def _rest_lengths(
@@ -362,7 +361,7 @@ def _on_line(robot: Robot, end: Attachment) -> tuple[Floats | None, float]:
         return None, 0.0
     offsets = robot.offsets_of(robot.bodies[end.body])
     here, size = offsets - offsets.mean(axis=0), np.linalg.norm(offsets - offsets.mean(axis=0))
-    if np.linalg.matrix_rank(here, tol=max(STRAIGHT * size, 1e-12)) > 1:
+    if np.linalg.matrix_rank(here, tol=max(STRAIGHT * float(size), 1e-12)) > 1:
         return None, 0.0
     weights = np.linalg.pinv(here.T, rcond=STRAIGHT) @ (end.offset - offsets.mean(axis=0))
     weights = 1 / len(offsets) + weights - weights.mean()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +30,11 @@ def named(tracked: Tracked, evidence: Evidence | None, robot: Robot) -> Tracked:
       DataError: they change often, and nothing tells which order is right.
     """
     orders, share = _common(tracked)
-    inverse = [np.argsort(order) for order in orders]
-    possible = [_same_distances(tracked, order, robot) for order in inverse]
-    orders, share, inverse = (
-        [each for each, may in zip(found, possible, strict=True) if may]
-        for found in (orders, share, inverse)
-    )
+    may = [_same_distances(tracked, np.argsort(order), robot) for order in orders]
+    orders, share = list(compress(orders, may)), list(compress(share, may))
     if not orders:
         return tracked
-    best = better_names(evidence, inverse) if evidence else None
+    best = better_names(evidence, map(np.argsort, orders)) if evidence else None
     if best is None and (evidence is None or not evidence.certain):
         best = _commonest(tracked, orders, share, robot)
     return tracked if best is None else _renamed(tracked, best)
