@@ -38,7 +38,7 @@ from flywheel.reports.diagnosis_page import sentence as diagnosed_words
 from flywheel.robot_link import RobotLink, StandInConfig
 from flywheel.robot_link.opening import SIMULATED, open_link
 from flywheel.robots import Robot
-from flywheel.runtime.pool.progress import Progress, Stage, notes_of
+from flywheel.runtime.pool.progress import Progress, Stage
 from flywheel.truth_simulator import HIDDEN, EffectTruth, HiddenEffect
 from flywheel.truth_simulator.scripts import script
 from flywheel.truth_simulator.written import PLACE, SIZE, hidden_effects
@@ -195,7 +195,7 @@ def demonstrate(
     before = _compared(Subject.of_plant(GIVEN, plant), held_out, seed, config, progress)
     with progress.stage("diagnose", 1.0) as stage:
         others = list(held_out.values())
-        found = diagnose(plant, fit, others, library, progress=notes_of(stage.update))
+        found = diagnose(plant, fit, others, library, progress=stage.update)
     progress.say(f"{found.verdict}: {diagnosed_words(found)}")
     adopted, why = adopted_effects(found)
     progress.say(why)

@@ -22,7 +22,7 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, calibrated, unsure_terms
 from flywheel.diagnosis.fitting.subject import Subject
-from flywheel.diagnosis.heartbeat import Heartbeat, never
+from flywheel.diagnosis.heartbeat import PHASES, Heartbeat, never
 from flywheel.diagnosis.judgement import (
     UNEXPLAINED,
     Judged,
@@ -71,7 +71,7 @@ def diagnose(
     settings: Settings = Settings(),
     window_seconds: float | None = None,
     seed: int = 0,
-    progress: Callable[[str], None] = lambda note: None,
+    progress: Callable[[float, str], None] = lambda share, note: None,
     model: Subject | None = None,
     unsure: Mapping[str, float] = MappingProxyType({}),
     stop: Callable[[], bool] = never,
@@ -87,7 +87,8 @@ def diagnose(
       settings: tuned numbers, what counts as seen among them (`Limits`).
       window_seconds: length of the windows [s]; None for what suits the robot.
       seed: of the search for initial states.
-      progress: told what has been done, every few seconds.
+      progress: told the share of the time that is over, by what phases of this search took so far, and what
+        is being done, every few seconds.
       model: a trained model to be tested in the plant's stead, which then only says what effects would
         change, see `network_fit`.
       unsure: what the plant is not sure of, see `unsure_terms`: fitted beside everything else, within
@@ -155,6 +156,7 @@ def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Sea
             break
         heartbeat("no model comes down to the noise: counting in what the best one leaves, too")
         known = found
+        heartbeat.phase("fit", *PHASES[1:])
         again = partial(search, discrepancy=known)
         searched = heartbeat.in_time(again, searched, "counting in what models are off besides")
     return searched
@@ -183,6 +185,7 @@ def _searched(
         # What is held out, as it was and with an answer; and numbers of the MJCF.
         heartbeat.keep((2.0 * held_out + 3.0) * (time.monotonic() - begun))
         known_already = around is not None or discrepancy > 0.0
+        heartbeat.phase("score")
         probes = _probes(fitter.windows.robot)
         limits = settings.limits
         search = Search(
@@ -209,6 +212,7 @@ def _searched(
             limits = beyond(limits, own)
             search = replace(search, threshold=limits.threshold)
             scored = search.ranked(scored)
+        heartbeat.phase("search")
         search, models = stepwise(search, scored)
         if len(models) == 1 or heartbeat.stopped():
             break
@@ -239,7 +243,9 @@ def _concluded(
     """What a search says; only the most needed of it where that was interrupted."""
     search, limits, checks = searched.search, searched.limits, searched.checks
     kept_aside = HeldOut(under_test, held_out, search.fitter.windows)
+    heartbeat.phase("judge")
     judged = judge_in_time(searched, kept_aside, under_test.seed, heartbeat)
+    heartbeat.phase("conclude")
     heartbeat("predicting what is held out")
     held = heartbeat.briefly(partial(kept_aside.errors, judged.models[-1].fit.terms), None)
     built = as_built(search, judged.models[-1].fit, judged.effects)

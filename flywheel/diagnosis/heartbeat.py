@@ -16,6 +16,10 @@ S = TypeVar("S")
 T = TypeVar("T")
 SECONDS = 5.0  # between two signs
 GRACE = 10.0  # for what is left to be done when a search was stopped [s]
+# What phases of a search take, in times of its first fit, before any of them is known better.
+WEIGHTS = {"fit": 1.0, "score": 0.5, "search": 4.0, "judge": 1.5, "conclude": 1.5}
+PHASES = tuple(WEIGHTS)
+LATE = 0.25  # of the time that a phase took longer than expected, that it goes on for
 MOST_KEPT = 0.25  # of a limited time, for what is done at the end
 FRAMES = 4  # of a failure that are named
 
@@ -64,7 +68,7 @@ class Heartbeat:
     Once it is to end, what is left has `GRACE`; what has to be done all the same takes what it takes.
 
     Args:
-      progress: told.
+      progress: told the share of the time that is over, as far as that is known, and what is being done.
       clock: for tests.
       stop: asked whether that which computes is to end early.
       seconds: after which it is to end, from now on [s].
@@ -75,13 +79,16 @@ class Heartbeat:
 
     def __init__(
         self,
-        progress: Callable[[str], None] = lambda note: None,
+        progress: Callable[[float, str], None] = lambda share, note: None,
         clock: Callable[[], float] = time.monotonic,
         stop: Callable[[], bool] = never,
         seconds: float = math.inf,
     ) -> None:
         self._progress, self._clock, self._stop = progress, clock, stop
         self._note, self._last = "beginning", clock()
+        self._begun = self._phase_begun = clock()
+        self._phase, self._ahead = PHASES[0], PHASES[1:]
+        self._took: dict[str, list[float]] = {}
         self._limit, self._end, self._kept = seconds, clock() + seconds, 0.0
         self._over = math.inf  # when what may be left undone is
         self._stopped = self._heard = False
@@ -91,6 +98,30 @@ class Heartbeat:
     def stopped(self) -> bool:
         """Whether `again` has said so: what is left is to be short."""
         return self._stopped
+
+    def phase(self, name: str, *ahead: str) -> None:
+        """Another phase begins: of those ahead, or, after the search was begun anew, of these.
+
+        How long it took the last time, or what others took, says how long it will.
+        """
+        now = self._clock()
+        self._took.setdefault(self._phase, []).append(now - self._phase_begun)
+        rest = self._ahead[self._ahead.index(name) + 1 :] if name in self._ahead else ()
+        self._phase, self._ahead, self._phase_begun = name, ahead or rest, now
+
+    def left(self) -> float:
+        """The time that is probably left, from how long the phases of this search took so far [s]."""
+        now = self._clock()
+        spent = now - self._phase_begun
+        known = [(WEIGHTS[name], sum(took) / len(took)) for name, took in self._took.items()]
+        known = known or [(WEIGHTS[self._phase], (1.0 + LATE) * spent)]
+        unit = sum(took for _, took in known) / sum(weight for weight, _ in known)
+
+        def expected(name: str) -> float:
+            return self._took[name][-1] if name in self._took else WEIGHTS[name] * unit
+
+        here = max(expected(self._phase) - spent, LATE * spent)
+        return max(0.0, min(here + sum(map(expected, self._ahead)), self._end - now))
 
     def keep(self, seconds: float) -> None:
         """Keep so much of the time, if that is limited, for what is done at the end [s]."""
@@ -161,7 +192,8 @@ class Heartbeat:
     def __call__(self, note: str) -> None:
         """Something else is being done."""
         self._note, self._last = note, self._clock()
-        self._progress(note)
+        past, left = self._clock() - self._begun, self.left()
+        self._progress(past / (past + left) if past + left > 0.0 else 0.0, note)
 
     def again(self) -> None:
         """It goes on; to be called often.

@@ -124,7 +124,7 @@ def diagnose(
     from flywheel.outputs import check_outputs
     from flywheel.reports.diagnosis_page import write_diagnosis
     from flywheel.runtime.pool.interrupts import StopRequest
-    from flywheel.runtime.pool.progress import console_progress, notes_of
+    from flywheel.runtime.pool.progress import console_progress
 
     others, laws, known = held_out or [], effects_from or [], unsure_of(unsure or [])
     check_outputs({"page": page, "JSON": json}, inputs=[*recordings, *others, *laws, robot])
@@ -141,7 +141,7 @@ def diagnose(
     limit = math.inf if minutes is None else 60.0 * minutes
     with StopRequest() as stop:  # until the answer is written
         with console_progress().stage("diagnose", 1.0) as stage:
-            told = notes_of(stage.update), tested, known, stop, limit
+            told = stage.update, tested, known, stop, limit
             found = diagnosis.diagnose(plant, logs, kept_aside, asked, tuned, window, 0, *told)
         _show(out, found, _again(robot, laws))
         about = _about(plant, found, recordings, others) | library.about

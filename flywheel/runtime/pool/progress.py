@@ -11,15 +11,17 @@ from typing import Protocol
 from rich.console import Console
 from rich.progress import (
     BarColumn,
+    ProgressColumn,
     SpinnerColumn,
+    Task,
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 from rich.progress import (
     Progress as RichProgress,
 )
+from rich.text import Text
 
 from flywheel.outputs import printable
 
@@ -59,25 +61,6 @@ class PieceOfStage:
     def update(self, done: float, note: str = "") -> None:
         """Report that `done` of the piece is done."""
         self.whole.update(self.before + done, note)
-
-
-TYPICAL_NOTES = 20  # of a piece of work whose number of steps is not known beforehand
-
-
-def notes_of(update: Callable[[float, str], None]) -> Callable[[str], None]:
-    """Progress of work with an unknown number of steps: each note moves the fraction closer to one.
-
-    Args:
-      update: receives the completed fraction, and the note.
-    """
-    taken = 0
-
-    def note(words: str) -> None:
-        nonlocal taken
-        taken += 1
-        update(taken / (taken + TYPICAL_NOTES), words)
-
-    return note
 
 
 class Quiet:
@@ -174,11 +157,21 @@ class Bars:
             BarColumn(),
             TaskProgressColumn(show_speed=True),
             TimeElapsedColumn(),
-            TimeRemainingColumn(),
+            _TimeLeft(),
             TextColumn("{task.fields[note]}", markup=False),
         )
         with RichProgress(*columns, console=self._console, refresh_per_second=4) as bars:
             yield _StageBar(bars, bars.add_task(title, total=total, note=""))
+
+
+class _TimeLeft(ProgressColumn):
+    """The time left by the share that is done, as plain lines have it."""
+
+    def render(self, task: Task) -> Text:
+        share, past = task.completed / max(task.total or 0.0, 1e-9), task.elapsed or 0.0
+        return Text(
+            clock_face(past / share - past) if 0.0 < share < 1.0 else "", "progress.remaining"
+        )
 
 
 class _StageBar:

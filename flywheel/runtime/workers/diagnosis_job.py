@@ -10,7 +10,6 @@ from flywheel.effects import Effect
 from flywheel.records import Episode, Trajectory
 from flywheel.runtime.config.run_config import DiagnoseConfig
 from flywheel.runtime.pool.heartbeat import Heartbeat
-from flywheel.runtime.pool.progress import notes_of
 from flywheel.runtime.workers.episode_plan import Effects
 
 
@@ -43,7 +42,7 @@ def diagnose_plant(
         excerpt(held_out, config.seconds, config.episode_seconds),
         library,
         window_seconds=config.window_seconds,
-        progress=notes_of(heartbeat.progress),
+        progress=heartbeat.progress,
         unsure={name: share for name, share in config.unsure.items() if name not in has},
     )
 

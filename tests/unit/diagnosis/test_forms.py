@@ -97,7 +97,7 @@ def test_winches_that_wind_up_less_than_they_are_told_have_a_gain(robot: Robot, 
 def test_sizes_that_gain_nothing_elsewhere_become_one_size(robot: Robot, seed: int) -> None:
     hidden = of(robot, EFFECTS["cable_friction"], 4.0)
     logs = [recorded(robot, (hidden,), seed + i) for i in range(2)]
-    heartbeat = Heartbeat(lambda note: None)
+    heartbeat = Heartbeat()
     under_test = ModelUnderTest(Plant(robot), None, seed, heartbeat.again, QUICK)
     searched = _searched(under_test, logs, 0.4, candidates(robot, FEW), (), heartbeat)
     search, last = searched.search, searched.models[-1].fit

@@ -8,7 +8,15 @@ import pytest
 
 from flywheel.diagnosis import diagnose, judgement
 from flywheel.diagnosis.fitting.least_squares import Fit
-from flywheel.diagnosis.heartbeat import GRACE, MOST_KEPT, SECONDS, Heartbeat, Interrupted
+from flywheel.diagnosis.heartbeat import (
+    GRACE,
+    MOST_KEPT,
+    PHASES,
+    SECONDS,
+    WEIGHTS,
+    Heartbeat,
+    Interrupted,
+)
 from flywheel.diagnosis.results.answer import Answer
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
@@ -24,7 +32,7 @@ from tests.unit.diagnosis.conftest import QUICK, recorded
 
 def test_what_goes_on_is_said_again_but_not_all_the_time() -> None:
     now, told = [0.0], []
-    heartbeat = Heartbeat(told.append, lambda: now[0])
+    heartbeat = Heartbeat(lambda share, note: told.append(note), lambda: now[0])
     for _ in range(10):
         heartbeat.again()
         now[0] += SECONDS / 4
@@ -40,7 +48,7 @@ def test_who_is_to_stop_hears_of_it_once() -> None:
     """What is left to be done must come to its end."""
     told: list[str] = []
     asked = iter([False, True])
-    heartbeat = Heartbeat(told.append, lambda: 0.0, lambda: next(asked))
+    heartbeat = Heartbeat(lambda share, note: told.append(note), lambda: 0.0, lambda: next(asked))
     heartbeat.again()
     assert not heartbeat.stopped()
     with pytest.raises(Interrupted):
@@ -73,6 +81,34 @@ def test_when_time_is_up_what_is_left_is_done_briefly_or_not_at_all_and_what_mus
     assert heartbeat.briefly(lambda: takes(GRACE), "not done") == "not done"
     with pytest.raises(Interrupted):
         heartbeat.in_grace(lambda: takes(GRACE))
+
+
+def test_the_time_left_comes_from_how_long_the_phases_of_this_search_took() -> None:
+    now, told = [0.0], []
+    heartbeat = Heartbeat(lambda share, note: told.append(share), lambda: now[0])
+    lefts = []
+    for seconds, name in ((10.0, "score"), (5.0, "search"), (0.0, "")):
+        now[0] += seconds
+        if name:
+            heartbeat.phase(name)
+        lefts.append(heartbeat.left())
+    rest = {name: 10.0 * weight for name, weight in WEIGHTS.items()}
+    ahead = rest["search"] + rest["judge"] + rest["conclude"]
+    assert lefts == pytest.approx([rest["score"] + ahead, ahead, ahead])
+    now[0] += rest["search"] / 2
+    assert heartbeat.left() == pytest.approx(ahead - rest["search"] / 2)
+    now[0] += 10 * rest["search"]  # later than expected, it moves on
+    late = heartbeat.left()
+    now[0] += 60.0
+    assert heartbeat.left() > late
+    heartbeat.phase("fit", *PHASES[1:])  # begun anew, it takes as long as it took
+    took = now[0] - 15.0
+    assert heartbeat.left() > 15.0 + took
+    heartbeat("fitting")
+    assert told[-1] == pytest.approx(now[0] / (now[0] + heartbeat.left()))
+    limited = Heartbeat(clock=lambda: now[0], seconds=30.0)
+    now[0] += 10.0
+    assert limited.left() == pytest.approx(20.0)
 
 
 def test_a_part_that_fails_costs_itself_and_is_remembered() -> None:
@@ -133,7 +169,15 @@ def test_who_is_stopped_gives_the_best_answer_so_far(found: bool) -> None:
         fitted = next((k for k, each in enumerate(told) if each.startswith("fitting")), len(told))
         return any(each.startswith("scored" if found else "fitting") for each in told[fitted:])
 
-    answer = diagnose(Plant(robot), [log], [log], few, QUICK, progress=told.append, stop=stop)
+    answer = diagnose(
+        Plant(robot),
+        [log],
+        [log],
+        few,
+        QUICK,
+        progress=lambda share, note: told.append(note),
+        stop=stop,
+    )
     assert answer.interrupted
     assert answer.exit_code == 130
     assert [each.effect for each in answer.answers[0]] == ["winch_gain"] * found
@@ -167,7 +211,7 @@ def test_no_part_of_a_diagnosis_is_silent_for_long(monkeypatch) -> None:
     seen = track.observations.points[0] + rng.normal(size=track.observations.points[0].shape) * 0.01
     log = type(track)(type(track.observations)(seen, np.full((101, 6), np.nan)), controls, track.dt)
     few = {name: EFFECTS[name] for name in ("slope", "winch_gain")}
-    diagnose(plant, [log], [log], few, QUICK, progress=told.append)
+    diagnose(plant, [log], [log], few, QUICK, progress=lambda share, note: told.append(note))
     assert told
     assert len(steps) > 20
     assert steps[-1] == len(told)  # also after the last note: what is held out is simulated, too

@@ -100,5 +100,5 @@ def test_recordings_that_cannot_be_judged_by_are_refused_before_the_search(
     notes: list[str] = []
     log = recorded(robot, (), seed)
     with pytest.raises(DataError, match=f"Held-out recordings: .*{said}"):
-        diagnose(Plant(robot), [log], [wrong(log)], progress=notes.append)
+        diagnose(Plant(robot), [log], [wrong(log)], progress=lambda share, note: notes.append(note))
     assert not notes, seed

@@ -1,6 +1,6 @@
 """What people see while they wait."""
 
-from flywheel.runtime.pool.progress import Lines, PieceOfStage, clock_face, notes_of
+from flywheel.runtime.pool.progress import Lines, PieceOfStage, clock_face
 
 
 def test_plain_lines_tell_share_rate_and_time_left():
@@ -40,13 +40,3 @@ def test_a_piece_of_a_stage_goes_on_where_the_one_before_it_ended():
 
 def test_times_read_like_a_clock():
     assert [clock_face(s) for s in (0, 59.6, 61, 3661)] == ["0:00", "1:00", "1:01", "1:01:01"]
-
-
-def test_notes_of_work_of_unknown_length_come_nearer_to_its_end_and_never_there():
-    told: list[tuple[float, str]] = []
-    note = notes_of(lambda share, words: told.append((share, words)))
-    for number in range(100):
-        note(f"step {number}")
-    shares = [share for share, _ in told]
-    assert shares == sorted(set(shares)) and shares[0] > 0 and shares[-1] < 1
-    assert told[-1][1] == "step 99"
