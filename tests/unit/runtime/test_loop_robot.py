@@ -49,6 +49,7 @@ def _timeless(value: object) -> object:
     return [_timeless(each) for each in value] if isinstance(value, list) else value
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_transcripts_of_a_run_give_the_same_run_without_a_robot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
