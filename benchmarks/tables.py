@@ -23,7 +23,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from benchmarks import adoption, demo, navigation, networks, residual, robot
+from benchmarks import adoption, demo, navigation, networks, residual, robot, steps
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
@@ -33,6 +33,7 @@ from benchmarks.navigation import EpisodeRow, ModelRow
 from benchmarks.residual import ResidualRow, ResidualStudy
 from benchmarks.robot import DriveRow, ErrorRow
 from benchmarks.rows import RESULTS, other_rows, read_rows, values_of, write_rows
+from benchmarks.steps import REST_CSV, STEPS_CSV, RestRow, StepRow
 from benchmarks.sysid import table as sysid
 from benchmarks.sysid.study import CaseStudy
 from benchmarks.sysid.table import ContenderRow
@@ -97,6 +98,9 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "robot-errors-cogging": lambda: robot_errors("cogging"),
     "robot-errors-rod_flex": lambda: robot_errors("rod_flex"),
     "networks": networks.table,
+    "steps": lambda: steps.motions_table(read_rows(StepRow, STEPS_CSV)),
+    "steps-others": lambda: steps.others_table(read_rows(StepRow, STEPS_CSV)),
+    "steps-rest": lambda: steps.rest_table(read_rows(RestRow, REST_CSV)),
     "sysid": lambda: sysid.table(read_rows(ContenderRow, SYSID)),
     "navigation": lambda: navigation.run_table(
         "s_course_from_little",

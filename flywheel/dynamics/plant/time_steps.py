@@ -9,10 +9,13 @@ import mujoco
 import numpy as np
 from scipy.linalg import eigh
 
+from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.refined import with_steps
+from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.errors import ModelError
 from flywheel.records import Floats, State
+from flywheel.robots import GRAVITY
 
 MOST = 0.9  # share of the distances that are below `StepError.most`
 # Step times rate of decay from which on explicit damping feeds motion [-]. Other integrators are implicit in
@@ -29,6 +32,7 @@ class StepError:
       timestep: [s].
       median, most: distance of tracked points from where they should be, and what 90 % are below;
         infinite where a motion diverged [m].
+      energy: median error of the mechanical energy; NaN where a motion diverged [J].
       speed: simulated seconds for a second of one CPU; 0 where a motion diverged.
     """
 
@@ -36,6 +40,7 @@ class StepError:
     timestep: float
     median: float
     most: float
+    energy: float
     speed: float
 
 
@@ -56,7 +61,7 @@ class StepStudy:
         self, plant: Plant, start: State, controls: Floats, integrator: str, timestep: float
     ) -> None:
         self.plant, self._start, self._controls = plant, start, controls
-        self._right = self._ends(with_steps(plant, integrator, timestep))
+        self._points, self._energy = self._ends(with_steps(plant, integrator, timestep))
 
     def error(self, integrator: str, timestep: float) -> StepError:
         """The error of an integrator with some step [s].
@@ -67,18 +72,45 @@ class StepStudy:
         plant = with_steps(self.plant, integrator, timestep)
         began = time.process_time()
         try:
-            ends = self._ends(plant)
+            points, held = self._ends(plant)
         except ModelError:
-            return StepError(integrator, timestep, np.inf, np.inf, 0.0)
+            return StepError(integrator, timestep, np.inf, np.inf, np.nan, 0.0)
         taken = time.process_time() - began
-        apart = np.linalg.norm(ends - self._right, axis=-1)
+        apart = np.linalg.norm(points - self._points, axis=-1)
         median, most = (float(np.quantile(apart, share)) for share in (0.5, MOST))
         simulated = self._controls.shape[0] * self._controls.shape[1] * plant.dt
-        return StepError(integrator, timestep, median, most, simulated / taken)
+        lost = float(np.median(np.abs(held - self._energy)))
+        return StepError(integrator, timestep, median, most, lost, simulated / taken)
 
-    def _ends(self, plant: Plant) -> Floats:
-        """(B, P, 3) where tracked points end [m]."""
-        return plant.simulate(self._start, self._controls).observations.points[:, -1]
+    def _ends(self, plant: Plant) -> tuple[Floats, Floats]:
+        """(B, P, 3) where tracked points end [m], and with which energies (B,) [J]."""
+        moved = plant.simulate(self._start, self._controls)
+        assert moved.states is not None
+        return moved.observations.points[:, -1], energy(plant, moved.states[:, -1])
+
+
+def energy(plant: Plant, states: State) -> Floats:
+    """(B,) kinetic energy, of height and of the cables' springs in states (B,) [J].
+
+    Args:
+      plant: with one set of parameters.
+      states: its states.
+    """
+    model, robot, parameters = plant.model, plant.robot, plant.parameters
+    assert isinstance(parameters, PlantParameters)
+    data, inertia = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    stiffness = np.array([cable.stiffness for cable in robot.cables])
+    stiffness *= parameters.cable_stiffness
+    rest, found = rest_lengths(robot, plant.winch(states)), np.empty(len(states.qpos))
+    for row in range(len(found)):
+        data.qpos[:], data.qvel[:] = states.qpos[row], states.qvel[row]
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, inertia)
+        stretch = np.maximum(data.ten_length - rest[row], 0.0)
+        moving = data.qvel @ inertia @ data.qvel / 2
+        height = GRAVITY * (model.body_mass * data.xipos[:, 2]).sum()
+        found[row] = moving + height + (stiffness * stretch**2).sum() / 2
+    return found
 
 
 @dataclass(frozen=True)

@@ -251,7 +251,7 @@ def test_damping_that_is_too_much_for_the_steps_is_named_with_its_limit(tmp_path
 
 
 def step_error(integrator: str, timestep: float, median: float, most: float = 1.0) -> StepError:
-    return StepError(integrator, timestep, median, most, 100.0)
+    return StepError(integrator, timestep, median, most, 1.0, 100.0)
 
 
 PRISM = load_robot("prism3")  # 2.95 m long

@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flywheel.dynamics.plant import Plant, StepStudy, cable_damping
+from flywheel.dynamics.plant import Plant, PlantParameters, StepStudy, cable_damping
+from flywheel.dynamics.plant.time_steps import energy
 from flywheel.robots import GRAVITY, Robot, load_robot
 from tests.physics.small_robots import HEIGHT, MASS, REST, STIFFNESS, hanging
 
 FALL, EXACT = 0.4, 0.0001  # [s]
 DAMPING = 400.0  # of a cable [N s/m]
 NUDGE = 0.01  # [m/s]
+STRETCH, SPEED = 0.3, 0.7  # [m], [m/s]
 
 
 def held(plant: Plant, seconds: float) -> np.ndarray:
@@ -39,6 +41,8 @@ def test_a_fall_ends_as_far_off_as_the_steps_of_euler_bring_it(
     assert error.median == pytest.approx(GRAVITY * FALL * (timestep - EXACT) / 2, rel=1e-6)
     assert error.most == error.median
     assert error.speed > 0.0
+    faster = GRAVITY * (timestep - EXACT) / 2  # than the place says
+    assert error.energy == pytest.approx(MASS * GRAVITY * faster * FALL, rel=1e-6)
     assert (error.integrator, error.timestep) == (integrator, timestep)
 
 
@@ -54,6 +58,7 @@ def test_steps_that_diverge_are_infinitely_far_off() -> None:
     study = StepStudy(plant, plant.rest(), held(plant, 1.0), "Euler", 0.001)
     error = study.error("Euler", 0.05)
     assert (error.median, error.most, error.speed) == (np.inf, np.inf, 0.0)
+    assert np.isnan(error.energy)
 
 
 def test_the_damping_of_one_cable_is_known_by_its_mass() -> None:
@@ -89,3 +94,18 @@ def test_a_robot_without_damping_has_no_limit() -> None:
     found = cable_damping(Plant(hanging()))
     assert found.rate == 0.0
     assert found.limit("Euler") == np.inf
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 2.0])
+def test_energy_is_that_of_speed_height_and_a_taut_cable(stiffer: float) -> None:
+    plant = Plant(
+        hanging(z=HEIGHT - REST - STRETCH), 0.01, PlantParameters(cable_stiffness=stiffer)
+    )
+    state = plant.rest(2)
+    state.qvel[:, 2] = SPEED
+    state.qpos[1, 2] = HEIGHT - REST + 0.1  # slack
+    found = energy(plant, state)
+    moving = MASS * SPEED**2 / 2
+    taut = stiffer * STIFFNESS * STRETCH**2 / 2
+    assert found[0] == pytest.approx(moving + MASS * GRAVITY * (HEIGHT - REST - STRETCH) + taut)
+    assert found[1] == pytest.approx(moving + MASS * GRAVITY * (HEIGHT - REST + 0.1))
