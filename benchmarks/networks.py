@@ -5,8 +5,9 @@
 
 The training is a run of `configs/networks/ROBOT.yaml`. Where a shipped robot has changed a little, the
 network that was shipped with it before can go on with data of the robot as it is now: the same data but for
-the planned episodes, and one training. The errors are of episodes with random controls that no training has
-seen: on the plant of the MJCF, on those of the training, and on others that are drawn alike.
+the planned episodes, one training, and the mean of the weights before and after it. The errors are of
+episodes with random controls that no training has seen: on the plant of the MJCF, on those of the training,
+and on others that are drawn alike.
 """
 
 from __future__ import annotations
@@ -204,6 +205,21 @@ def continued(config: RunConfig, folder: Path, steps: int) -> RunConfig:
     )
 
 
+def midway(begun: Path, trained: Path, robot: Robot, path: Path) -> None:
+    """Write the mean of two weights: about as good as the better one of both on each group of plants.
+
+    Args:
+      begun, trained: what a training began with, and what came of it.
+      robot: of both.
+      path: to be written.
+    """
+    networks = [load_weights(each, robot) for each in (begun, trained)]
+    first, second = map(weights_arrays, networks)
+    mean = {name: (first[name] + second[name]) / 2 for name in first}
+    made = network_from_arrays(robot, networks[0].config, mean)
+    save_weights(made, path, read_about(trained)["snapshot"])
+
+
 def card(opened: OpenRun, weights: Path) -> ModelCard:
     """The card of a run's champion."""
     config, champion = opened.config, opened.champion()
@@ -263,8 +279,11 @@ def main() -> None:
     opened, weights = open_run(asked.folder), FOLDER / f"{asked.robot}.npz"
     made = opened.folder.weights(opened.champion().iteration, "mppi")
     FOLDER.mkdir(exist_ok=True)
-    shutil.copyfile(made, weights)
-    shutil.copyfile(made.with_suffix(".json"), weights.with_suffix(".json"))
+    if begun := opened.config.training.start_from:
+        midway(Path(begun), made, opened.robot, weights)
+    else:
+        shutil.copyfile(made, weights)
+        shutil.copyfile(made.with_suffix(".json"), weights.with_suffix(".json"))
     text = yaml.safe_dump(card(opened, weights).model_dump(mode="json"), sort_keys=False)
     weights.with_suffix(".yaml").write_text(text, encoding="utf-8")
     print(text)

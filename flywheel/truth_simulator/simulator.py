@@ -1,9 +1,9 @@
 """The truth simulator: one robot with hidden effects, a plain loop over small steps.
 
 It is another implementation of the same physics as `flywheel.dynamics.plant`, on purpose: cables and
-winches are worked out here and not by MuJoCo, the time step is a fifth, the integrator and the contact
-solver are others, and it shares no code with the library of effects. A diagnosis that explains its
-recordings has not been graded with its own answer key.
+winches are worked out here and not by MuJoCo, the time step is a fifth, the contact solver is another,
+and it shares no code with the library of effects. A diagnosis that explains its recordings has not been
+graded with its own answer key.
 """
 
 from __future__ import annotations

@@ -9,10 +9,19 @@ import numpy as np
 import pytest
 
 from flywheel.diagnosis.fitting.least_squares import Fit
+from flywheel.diagnosis.fitting.model import fitter_of
 from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.simulation import HASTY, WindowSimulator
+from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.dynamics.plant import Plant, hasty, refined
+from flywheel.dynamics.plant.refined import with_steps
 from flywheel.robots import Robot
+
+
+@pytest.fixture(scope="module")
+def fitter(robot: Robot, windows: Windows) -> PlantFitter:
+    """With a plant that is implicit: hasty steps are others than its own."""
+    return fitter_of(windows, with_steps(Plant(robot), "implicitfast", robot.timestep))
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +58,7 @@ def test_precise_ones_are_those_of_each_windows_time_steps(
 ) -> None:
     fit = fitter.first_estimate()
     own, mixed = fitter.jacobian(fit), finer.jacobian(finer.with_terms(fit, ()))
-    plant = refined(Plant(fitter.windows.robot), 2)
+    plant = refined(fitter.simulator.plant, 2)
     short = PlantFitter(WindowSimulator(fitter.windows, plant), fitter.first)
     shorter = short.jacobian(short.with_terms(fit, ()))
     for name in ("by_local", "by_winch"):
@@ -89,7 +98,7 @@ def test_windows_that_diverge_in_hasty_steps_keep_their_own(
 
 
 def test_hasty_steps_are_explicit_and_a_plant_that_has_them_keeps_them(robot: Robot) -> None:
-    plant = Plant(robot)
+    plant = with_steps(Plant(robot), "implicitfast", robot.timestep)
     explicit = hasty(plant)
     assert plant.model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert explicit.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
