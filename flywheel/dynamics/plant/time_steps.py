@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.linalg import eigh
 
 from flywheel.dynamics.plant.parameters import PlantParameters
 from flywheel.dynamics.plant.plant import Plant
@@ -147,7 +146,8 @@ def cable_damping(plant: Plant) -> CableDamping:
         mujoco.mj_fwdVelocity(model, data)
         along[:, column] = data.ten_velocity
     damping = np.array([cable.damping for cable in robot.cables])
-    own = damping * (along * np.linalg.solve(inertia, along.T).T).sum(axis=1)
-    rates = eigh(along.T @ (damping[:, None] * along), inertia, eigvals_only=True)
+    eased = np.linalg.solve(inertia, along.T)  # what a newton along a cable does to each speed
+    own = damping * (along.T * eased).sum(axis=0)
+    rates = np.linalg.eigvals((eased * damping) @ along).real
     worst = int(own.argmax())
-    return CableDamping(float(rates[-1]), robot.cables[worst].name, float(own[worst]))
+    return CableDamping(float(rates.max()), robot.cables[worst].name, float(own[worst]))
