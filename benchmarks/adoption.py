@@ -1,14 +1,14 @@
-"""From a hidden effect to a better network: the whole loop, beside what the answer itself would have given.
+"""From a hidden effect to a better network: the whole loop, compared with the true effect in place
+of the answer.
 
     python -m benchmarks.adoption OUT_FOLDER
 
-A network is trained on a plant. Another simulator hides an effect of twice the typical size; the plant is
-diagnosed by its recordings, as in a run of the flywheel, what is found is adopted, data are simulated anew,
-and the network is trained on.
-How much nearer it comes to further recordings, over how near it comes when it is trained on with the true
-effect, is the share of the gap that is closed. Everything that is there already is kept: networks, data,
-and one JSON file per case. `python -m benchmarks.tables collect adoption OUT_FOLDER` takes the results over
-into benchmarks/results/.
+A network is trained on a plant. Another simulator hides an effect of twice the typical size; the
+plant is diagnosed with its recordings, as in a run of the flywheel, the answer is adopted, data are
+simulated anew, and the network is trained further. Its improvement on further recordings, relative
+to that of training with the true effect, is the share of the gap that is closed. Existing networks,
+data and JSON files are reused. `python -m benchmarks.tables collect adoption OUT_FOLDER` imports
+the results into benchmarks/results/.
 """
 
 from __future__ import annotations
@@ -74,12 +74,13 @@ class AdoptionStudy(ResultRecord):
 
     Attributes:
       name: of the case.
-      truth: what was hidden.
+      truth: hidden effect.
       verdict: of the diagnosis.
-      adopted: labels of the effects that were.
-      problem: why nothing was, or "".
-      before, after, ceiling: RMSE/L of the centre of mass over the first horizon on further recordings, of
-        the network as it was, trained on with what was found, and trained on with the truth [%].
+      adopted: labels of the adopted effects.
+      problem: reason for no adoption, or "".
+      before, after, ceiling: RMSE/L of the centre of mass over the first horizon on further
+        recordings, of the initial network, trained further with the answer, and trained further
+        with the truth [%].
       shorter: the same three over the second horizon [%].
       rotation: the same three in rotation, over the first horizon [deg].
     """
@@ -97,9 +98,9 @@ class AdoptionStudy(ResultRecord):
 
     @property
     def closed(self) -> float:
-        """Share of the gap between the network as it was and the one that was told the truth.
+        """Share of the gap between the initial network and the one trained with the truth.
 
-        Not a number where there is none: being told the truth made the network no better.
+        Not a number without a gap: the truth made the network no better.
         """
         gap = self.before - self.ceiling
         return (self.before - self.after) / gap if gap > 0 else float("nan")
@@ -111,14 +112,15 @@ class AdoptionRow:
 
     Attributes:
       name: of the case.
-      hidden: what was hidden, in words.
+      hidden: hidden effect, in words.
       seed: of the case and of the networks.
       verdict: of the diagnosis.
-      adopted: labels of the effects that were adopted, or why none was.
+      adopted: labels of the adopted effects, or the reason for none.
       before, after, ceiling: see `AdoptionStudy` [%].
-      closed: share of the gap that is closed; empty where there is no gap.
+      closed: share of the gap that is closed; empty without a gap.
       before_shorter, after_shorter, ceiling_shorter: errors over the second horizon [%].
-      before_rotation, after_rotation, ceiling_rotation: errors in rotation, over the first horizon [deg].
+      before_rotation, after_rotation, ceiling_rotation: errors in rotation, over the first horizon
+        [deg].
     """
 
     name: str
@@ -140,12 +142,12 @@ class AdoptionRow:
 
 @dataclass(frozen=True)
 class Bench:
-    """Where networks are trained.
+    """Training of networks.
 
     Attributes:
       config: of data, network and training.
-      folder: everything is kept here.
-      progress: shows people how far it is.
+      folder: of all files.
+      progress: display for people.
     """
 
     config: RunConfig
@@ -153,7 +155,7 @@ class Bench:
     progress: Progress
 
     def network(self, name: str, effects: Effects, initial: Path | None = None) -> Path:
-        """Weights of a network trained, or trained on, with data of a plant with effects."""
+        """Weights of a network trained, or trained further, with data of a plant with effects."""
         store, robot = TrajectoryStore(self.folder / f"store-{name}"), load_robot(self.config.model)
         if "data" not in store.snapshots():
             store.seal("data", self._recorded(name, store, effects), parent=None)
@@ -242,7 +244,7 @@ def study(bench: Bench, case: Case) -> AdoptionStudy:
 
 
 def _answer(found: Diagnosis) -> tuple[Effects, str]:
-    """What is adopted; of several answers that do as well the first, whichever it is."""
+    """The adopted effects; of several equally good answers the first."""
     try:
         return adoptable(found.summary(), None if len(found.answers) == 1 else 1), ""
     except DataError as error:
@@ -254,7 +256,7 @@ def _written(truth: Named) -> WrittenTerm:
 
 
 def _further(case: Case) -> tuple[list[Episode], dict[str, Floats]]:
-    """Recordings of the same robot that nobody has seen, and where its points really were."""
+    """Recordings of the same robot for the evaluation, and the true points."""
     robot, rng = load_robot(case.robot), np.random.default_rng(case.held_out.seed)
     scripts = itertools.islice(itertools.cycle(SCRIPTS), FURTHER)
     plans = tuple(Plan(script, int(rng.integers(2**31)), SECONDS) for script in scripts)

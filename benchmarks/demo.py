@@ -1,10 +1,10 @@
-"""How `flywheel demo` ends: over all effects of the library and some seeds, and with nothing hidden.
+"""Outcomes of `flywheel demo`: over all effects of the library and some seeds, and with nothing hidden.
 
     python -m benchmarks.demo OUT_FOLDER
 
-Tells one story after the other, each as the command would with `--effect NAME@PLACE:SIZE --seed N`, and keeps
-one JSON file per story. Stories that the folder has are not told again: it can be stopped at any time.
-`python -m benchmarks.tables collect demo OUT_FOLDER` takes the results over as CSV.
+Tells one story after the other, each as the command would with `--effect NAME@PLACE:SIZE --seed N`,
+and keeps one JSON file per story. Existing stories are not repeated: it can be stopped at any time.
+`python -m benchmarks.tables collect demo OUT_FOLDER` imports the results as CSV.
 """
 
 from __future__ import annotations
@@ -52,20 +52,22 @@ class DemoResult(ResultRecord):
 
     Attributes:
       name: "prism3.slope.s0".
-      hidden: as `flywheel demo --effect` takes it.
+      hidden: in the format of `flywheel demo --effect`.
       seed: of the story.
       outcome: in a few words, or "failed".
-      sentence: what was hidden, and whether it was found; or what was raised.
+      sentence: the hidden effect, and the answer; or the error.
       verdict: of the diagnosis.
       answers: labels of its alternatives.
-      adopted: labels of the effects that were adopted.
+      adopted: labels of the adopted effects.
       noise: of a coordinate, as estimated [m].
-      before, after: root mean square error of predictions from the held-out recordings, over the noise.
+      before, after: root mean square error of predictions from the held-out recordings, over the
+        noise.
       more_before, more_after: it was more than noise.
-      held_out_before, held_out: error with fitted starts on the held-out recordings, over the noise.
+      held_out_before, held_out: error with fitted starts on the held-out recordings, over the
+        noise.
       seconds: by the clock.
       cpu_seconds: of this process and the stand-in's.
-      load: average over a minute at the end, of all that the machine did.
+      load: average over a minute at the end, of the whole machine.
     """
 
     name: str
@@ -111,7 +113,7 @@ class DemoRow:
 
     @property
     def effect(self) -> str:
-        """Name of what was hidden."""
+        """Name of the hidden effect."""
         return self.name.split(".")[1]
 
 
@@ -122,10 +124,10 @@ def tell(
 
     Args:
       robot: of the MJCF.
-      effect: name of what is hidden, or "none".
+      effect: name of the hidden effect, or "none".
       seed: of the story, and of the effect's place.
-      progress: is told how far it is.
-      config: how much is recorded and computed.
+      progress: receives the progress.
+      config: size of the demonstration.
     """
     rng = np.random.default_rng(seed)
     hidden = effect if effect == NOTHING else placed_effect(robot, HIDDEN[effect], rng)
@@ -166,7 +168,7 @@ def _numbers(story: Demonstration) -> dict[str, object]:
 
 
 def _cpu_seconds() -> float:
-    """Of this process, and of those that it started and that have ended."""
+    """CPU seconds of this process, and of its finished children."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(each.ru_utime + each.ru_stime for each in used)
 
@@ -197,7 +199,7 @@ def table(rows: Sequence[DemoRow]) -> list[str]:
 
 
 def _line(what: str, rows: Sequence[DemoRow]) -> str:
-    """A row of the table; with nothing hidden, what is right counts as named."""
+    """A row of the table; with nothing hidden, a right answer counts as named."""
     count = Counter(row.outcome for row in rows)
     right = count[Naming.NAMED] + count[Naming.NOTHING]
     wrong = count[Naming.NOT_NAMED] + count[Naming.FALSE_ALARM] + count[FAILED]

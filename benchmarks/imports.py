@@ -202,7 +202,7 @@ FAULTS = {each.__name__: each for each in (flips, swaps, frozen, held, frames)}
 def outcome(
     spoilt: Spoilt | None, clean: Floats, made: HiddenRecording, robot: Robot, folder: Path
 ) -> tuple[Outcome, str]:
-    """What becomes of a log, and the first words about it."""
+    """Outcome of the import of a log, and the first words about it."""
     points = clean if spoilt is None else spoilt.points
     path = folder / "log.csv"
     _write(path, points, made, robot)

@@ -26,7 +26,7 @@ EPISODES_HEADER = (
 
 @dataclass(frozen=True)
 class ModelRow:
-    """A model of a run, or what it is compared with, on the pooled test episodes of all iterations.
+    """A model of a run, or a baseline, on the pooled test episodes of all iterations.
 
     Attributes:
       run, seed: name of the run, and its seed.
@@ -49,19 +49,19 @@ class EpisodeRow:
     """One closed-loop episode.
 
     Attributes:
-      run, seed: name of the run whose model drove, and its seed.
+      run, seed: name of the run of the model, and its seed.
       model: name of the iteration, "champion", or "oracle" (MPPI that knows the plant).
       digest: the first digits of that of its weights, or "".
-      where: the course, or the task, and the ground where it is not flat.
-      told: effects of the plant as everybody was told, beyond its MJCF.
-      hidden: what the plant had in their place.
+      where: the course, or the task, and uneven ground.
+      told: known effects of the plant, beyond its MJCF.
+      hidden: true effects of the plant, if they differ.
       task_seed: of the task.
       reached: the goal, in time.
       seconds: to the goal, or to the end of the episode [s].
       distance: to the goal at the end [m].
-      samples, horizon_seconds, threads: of the planner; 0 where it is not known.
-      plan_seconds, plan_seconds_95: median and 95 % quantile of what a plan took [s].
-      cpu_seconds: that the episode took, in all threads [s].
+      samples, horizon_seconds, threads: of the planner; 0 if unknown.
+      plan_seconds, plan_seconds_95: median and 95 % quantile of a plan's time [s].
+      cpu_seconds: of the episode, in all threads [s].
     """
 
     run: str
@@ -84,7 +84,7 @@ class EpisodeRow:
 
 
 def models_of(run: str, result: RunResult) -> Iterator[ModelRow]:
-    """The rows of a run: its models, and what they are compared with."""
+    """The rows of a run: its models, and the baselines."""
     seed, dt = result.config["seed"], result.config["network"]["dt"]
     for each in result.iterations:
         errors = result.test_errors(each)
@@ -117,7 +117,7 @@ def episodes_of(run: str, result: RunResult) -> Iterator[EpisodeRow]:
 
 
 def driven_episodes(run: str, seed: int, drives: Sequence[DriveLine]) -> Iterator[EpisodeRow]:
-    """The rows of episodes that `flywheel navigate --results` wrote."""
+    """The rows of episodes from `flywheel navigate --results`."""
     for drive in drives:
         setting = drive.setting
         yield EpisodeRow(

@@ -1,4 +1,4 @@
-"""The networks that come with Flywheel: trains one, measures it, writes it with its card into the package.
+"""The shipped networks: trains one, measures it, writes it with its card into the package.
 
     python -m benchmarks.networks prism3 FOLDER      an hour or two on two cores; goes on where it was
     python -m benchmarks.networks prism3 FOLDER --continued 1000     goes on from the shipped one, 1000 steps
@@ -93,12 +93,12 @@ class Measurement:
         }
 
     def errors(self, weights: Path, plants: str, floors: bool = True) -> list[PredictionError]:
-        """The errors of a network on one group of plants, and of what it is compared with.
+        """The errors of a network, and of the baselines, on one group of plants.
 
         Args:
           weights: of the network.
           plants: name of the group.
-          floors: measure also what it is compared with.
+          floors: measure also the baselines.
         """
         network = LearnedDynamics(self.robot, load_weights(weights, self.robot))
         tables: dict[str, ErrorTable] = {}
@@ -135,7 +135,7 @@ class Measurement:
         return [recorder.record(plan, None, "", Heartbeat()) for plan in plans]
 
     def _floors(self, recorder: EpisodeRecorder) -> Mapping[str, Dynamics]:
-        """What a network is compared with."""
+        """Baselines of a network."""
         plant, window = recorder.plant(0), self._config.evaluate.floor_window
         given = self._recorder(PlantParameters()).plant(0)
         return {
@@ -167,11 +167,11 @@ def _truth(recorder: EpisodeRecorder, episode: Episode) -> Floats:
 
 
 def as_of_today(weights: Path, robot: Robot, path: Path) -> None:
-    """Write weights of a robot before its MJCF changed as weights of the robot.
+    """Write weights from before a change of a robot's MJCF as weights of the changed robot.
 
     Args:
       weights: to be read.
-      robot: as it is now.
+      robot: with its present MJCF.
       path: to be written.
 
     Raises:
@@ -183,11 +183,11 @@ def as_of_today(weights: Path, robot: Robot, path: Path) -> None:
 
 
 def continued(config: RunConfig, folder: Path, steps: int) -> RunConfig:
-    """The configuration of a network that goes on from the shipped one.
+    """The configuration of a network that continues from the shipped one.
 
     Args:
-      config: of one from the beginning.
-      folder: of the run; what it begins with is kept beside it.
+      config: of one from scratch.
+      folder: of the run; its initial weights are kept next to it.
       steps: of its training.
     """
     begun = folder.with_name(f"{folder.name}-begun.npz")
@@ -209,7 +209,7 @@ def midway(begun: Path, trained: Path, robot: Robot, path: Path) -> None:
     """Write the mean of two weights: about as good as the better one of both on each group of plants.
 
     Args:
-      begun, trained: what a training began with, and what came of it.
+      begun, trained: initial and final weights of a training.
       robot: of both.
       path: to be written.
     """

@@ -1,11 +1,11 @@
-"""How well MPPI does when its model is the plant itself: the ceiling for every learned model.
+"""Success of MPPI with the plant itself as model: the ceiling for every learned model.
 
     python -m benchmarks.oracle --goals 24
     python -m benchmarks.oracle --robot icosa6 --course s_course --seconds 120 --goals 10
 
 Prints one row per setting: share of goals reached, time to goal, computing time per plan. With
-`--coarse` the model takes MuJoCo steps twice as long as the plant: half the time, a model that is a
-little wrong. The rows that are in docs/results/oracle.md say which.
+`--coarse` the model takes MuJoCo steps twice as long as the plant: half the time, with a small
+model error. docs/results/oracle.md lists its rows.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def study(
 
 
 def settings(task: TaskConfig) -> dict[str, tuple[Planner, TaskConfig]]:
-    """What is compared: the default, and the default with one thing changed."""
+    """The compared settings: the default, and the default with one change."""
 
     def mppi(**changes: float) -> Planner:
         config = MppiConfig().model_copy(update=changes)

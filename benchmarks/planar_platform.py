@@ -40,15 +40,15 @@ LOGS = {"monday": (1.0, 7.0), "tuesday": (8.0, 3.0), "friday": (12.0, 4.0)}  # b
 
 @dataclass(frozen=True)
 class Take:
-    """What was measured: x along the frame, y out of its plane, z up.
+    """The measurements: x along the frame, y out of its plane, z up.
 
     There are T frames of the motion capture, and S rows of the controller's log.
 
     Attributes:
       time: (T,) of the motion capture [s].
-      markers: (T, 4, 3) of the platform [m]; NaN where not seen.
+      markers: (T, 4, 3) of the platform [m]; NaN if not visible.
       corners: (4, 3) of the frame, in the order of the controller's cables [m].
-      told: (S, 4) lengths that the controller took its cables to have [m].
+      told: (S, 4) cable lengths assumed by the controller [m].
     """
 
     time: Floats
@@ -115,11 +115,11 @@ class Platform:
 
 
 def clock_offset(take: Take, lengths: Floats) -> tuple[float, Floats]:
-    """What to add to the log's time [s], and (4,) factors of the controller's lengths.
+    """Correction of the log's time [s], and (4,) factors of the controller's lengths.
 
     Args:
       take: both logs.
-      lengths: (T, 4) of the cables by the motion capture [m]; NaN where not seen.
+      lengths: (T, 4) of the cables by the motion capture [m]; NaN if not visible.
     """
     seen, time = np.isfinite(lengths).all(axis=1), np.arange(len(take.told)) * DT
 
@@ -196,14 +196,14 @@ def mjcf(platform: Platform, corners: Floats, start: Floats) -> str:
 
 
 def write_log(path: Path, rows: Floats, commands: Floats, begin: Floats, robot: Robot) -> None:
-    """Write a log as `flywheel` reads it, instead of a file that is there.
+    """Write a log in the format of `flywheel`, replacing an existing file.
 
     Args:
       path: of the CSV file.
       rows: (S + 1, 4, 3) markers [m].
       commands: (S, 4) rates of the winches [m/s].
-      begin: (4,) where the winches began [m]; from then on nothing measures them.
-      robot: whose log it is.
+      begin: (4,) initial winch positions [m], unmeasured afterwards.
+      robot: of the log.
     """
     wound = np.full((len(rows), len(begin)), np.nan)
     wound[0] = begin

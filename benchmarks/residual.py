@@ -1,15 +1,16 @@
-"""A plant, and the plant with a network that corrects it: how far off, after how many minutes on the robot.
+"""Errors of a plant, and of the plant with a correcting network, by minutes on the robot.
 
     python -m benchmarks.residual OUT_FOLDER
 
-prism3 stands in for itself in the truth simulator, with hidden effects and noise of 0.3 % of its length;
-nobody measures its winches. Episodes of ten seconds are what a robot would give. The plant is the MJCF as it
-is. The network learns from the first minutes; all are judged by other episodes, half of them with kinds of
-commands that nothing was learned from, against where the points really were. The floor is what the plant
-leaves of a robot without hidden effects under the same commands and the same noise.
+prism3 is its own stand-in in the truth simulator, with hidden effects, noise of 0.3 % of its
+length, and unmeasured winches. Episodes of ten seconds correspond to those of a robot. The plant is
+the unchanged MJCF. The network learns from the first minutes; all models are evaluated on other
+episodes, half of them with kinds of commands absent from the training, against the true points. The
+floor is the plant's error on a robot without hidden effects under the same commands and the same
+noise.
 
-Recordings and results are kept in the folder: what is there is not done again. `python -m benchmarks.tables
-collect residual OUT_FOLDER` takes the results over into benchmarks/results/.
+Recordings and results are kept in the folder: existing ones are reused. `python -m
+benchmarks.tables collect residual OUT_FOLDER` imports the results into benchmarks/results/.
 """
 
 from __future__ import annotations
@@ -72,14 +73,14 @@ HEADER = (
 
 
 class Errors(ResultRecord):
-    """Errors of one model on the episodes that it is judged by; pairs are of the two horizons.
+    """Errors of one model on the evaluation episodes; pairs are of the two horizons.
 
     Attributes:
       mean: of the windows' RMSE / L of the tracked points [%].
       rmse: RMSE / L of the bodies' centres of mass over all windows together [%].
       rotation: [deg].
       squares: mean squared errors of the points of each episode, over the second horizon [m^2].
-      other: `mean` on the kinds of commands that nothing was learned from, over the second horizon [%].
+      other: `mean` on the kinds of commands absent from the training, over the second horizon [%].
     """
 
     mean: tuple[float, float]
@@ -97,8 +98,8 @@ class ResidualStudy(ResultRecord):
       minutes: on the robot.
       seed: of commands, noise and training.
       floor, plant, corrected: errors.
-      network: errors of a network that learned from the same recordings alone; None if it was not asked for.
-      share: of the correction that is made.
+      network: errors of a network trained on the same recordings alone; None if not requested.
+      share: applied fraction of the correction.
       seconds: of one core, for the training of the correction.
       network_seconds: likewise, for that of the network.
     """
@@ -155,7 +156,7 @@ class ResidualRow:
 
     @property
     def closed(self) -> float:
-        """Share of what the plant leaves above the floor that is gone, over the second horizon."""
+        """Share of the plant's error above the floor that is removed, over the second horizon."""
         return closed(self.plant, self.corrected, self.floor)
 
     @property
@@ -166,7 +167,7 @@ class ResidualRow:
 
 @dataclass(frozen=True)
 class Recorded:
-    """An episode as it was measured, and where its points really were (T + 1, P, 3) [m]."""
+    """A measured episode, and the true points (T + 1, P, 3) [m]."""
 
     trajectory: Trajectory
     points: Floats
@@ -174,12 +175,12 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Bench:
-    """Where recordings and results are kept.
+    """Storage of recordings and results.
 
     Attributes:
       folder: of them.
-      robot: that stands in for itself.
-      progress: shows people how far it is.
+      robot: its own stand-in.
+      progress: display for people.
       training: of the correction.
     """
 
@@ -189,12 +190,12 @@ class Bench:
     training: ResidualTraining = field(default_factory=ResidualTraining)
 
     def learned(self, hidden: str, seed: int, minutes: float) -> list[Recorded]:
-        """Episodes to learn from; more minutes begin with the same ones."""
+        """Training episodes; more minutes begin with the same ones."""
         count = max(1, round(60.0 * minutes / SECONDS))
         return self._episodes(hidden, seed, "learned", LEARNED, count)
 
     def judged(self, hidden: str, seed: int) -> list[Recorded]:
-        """Episodes to judge by."""
+        """Evaluation episodes."""
         return self._episodes(hidden, seed, "judged", JUDGED, FURTHER)
 
     def _episodes(
@@ -228,7 +229,7 @@ class Bench:
         draft.replace(file)
 
     def errors(self, model: Dynamics, episodes: Sequence[Recorded]) -> Errors:
-        """Errors of a model's predictions against where the points really were."""
+        """Errors of a model's predictions against the true points."""
         robot, steps = self.robot, [round(seconds / DT) for seconds in HORIZONS]
         tables = [ErrorTable.empty(robot, DT) for _ in steps]
         windows: list[list[Floats]] = [[], []]
@@ -271,7 +272,7 @@ def predicted(
 def study(
     bench: Bench, hidden: str, seed: int, minutes: float, config: RunConfig | None
 ) -> ResidualStudy:
-    """One set of hidden effects, one seed, so many minutes; with a network where there is a config of one."""
+    """One set of hidden effects, one seed, one duration; with a network if there is a config of one."""
     learned = [each.trajectory for each in bench.learned(hidden, seed, minutes)]
     judged, plain = bench.judged(hidden, seed), bench.judged("nothing", seed)
     plant = RestartedPlant.from_measurements(Plant(bench.robot, DT))
@@ -334,7 +335,7 @@ def network_of(
 
 
 def closed(plant: float, corrected: float, floor: float) -> float:
-    """Share of a gap above the floor that is gone; NaN where there is none."""
+    """Share of a gap above the floor that is removed; NaN without a gap."""
     return (plant - corrected) / (plant - floor) if plant - floor > NO_GAP * floor else np.nan
 
 
@@ -396,7 +397,7 @@ def table(rows: Sequence[ResidualRow]) -> list[str]:
 
 
 def main() -> None:
-    """Study what the folder has no result of yet, and print the table of all."""
+    """Complete the missing studies of the folder, and print the table of all."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.residual", description=(__doc__ or "").splitlines()[0]
     )

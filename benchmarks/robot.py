@@ -1,14 +1,14 @@
-"""The whole mission on a robot that is not its model: what each model's predictions and drives are worth.
+"""The whole mission on a robot that differs from its model: errors and drives of each model.
 
     python -m benchmarks.robot FOLDER                  three seeds: a run each, and 24 drives of five planners
     python -m benchmarks.robot FOLDER --sets cogging   the same with another robot
     python -m benchmarks.robot FOLDER --sets nothing --seeds 0 1 2 3 4 5 6 7 8 9   only collects and diagnoses
 
-A study is a run of `configs/prism3_robot.yaml`, and then drives to goals that no model has met, the same ones
-for each planner: MPPI on the MJCF as given, on the plant with what the run found, on the last network, on the
-last residual model, and on a plant that is told the truth in the library's form. The first and the last of
-these have nothing from the run, and drive once for all seeds. What the folder has is not done again.
-`python -m benchmarks.tables collect robot FOLDER` takes the results over.
+A study is a run of `configs/prism3_robot.yaml`, and then drives to new goals, the same ones for
+each planner: MPPI on the unchanged MJCF, on the plant with the identified effects, on the last
+network, on the last residual model, and on a plant with the true effects in the library's form. The
+first and the last of these are independent of the run, and drive once for all seeds. Existing
+results are reused. `python -m benchmarks.tables collect robot FOLDER` imports the results.
 """
 
 from __future__ import annotations
@@ -66,13 +66,13 @@ class ErrorRow:
     """The errors of one model on all of the robot's held-out recordings.
 
     Attributes:
-      set, seed: which study.
+      set, seed: of the study.
       model: its name, as in `RobotScore`, or "noise".
       iteration: of the model.
       minutes: recorded on the robot before.
       e_pos, e_rot: RMSE of the centres of mass [% of the length], and mean angle [deg], over 2 s.
       e_pos_1s: RMSE at a lead time of 1 s [% of the length].
-      found: effects that the model has, beyond its MJCF.
+      found: effects of the model, beyond its MJCF.
     """
 
     set: str
@@ -91,11 +91,11 @@ class DriveRow:
     """The drives of one planner.
 
     Attributes:
-      set, seed: which study.
-      planner: name of its model, with the iteration where it drove in the run itself.
-      drives, reached: how many, and how many reached the goal.
+      set, seed: of the study.
+      planner: name of its model, with the iteration for drives in the run itself.
+      drives, reached: their number, and the number that reached the goal.
       median: time to the goal of those that did [s].
-      limit: time that a drive has [s].
+      limit: time limit of a drive [s].
     """
 
     set: str
@@ -127,7 +127,7 @@ class Study:
 
     @property
     def hidden(self) -> tuple[str, ...]:
-        """What the stand-in has."""
+        """Hidden effects of the stand-in."""
         return lookup(SETS, self.set, "set of hidden effects")
 
     @property
@@ -137,7 +137,7 @@ class Study:
 
     @property
     def collects_only(self) -> bool:
-        """Whether nothing is hidden: the run collects and diagnoses, and nothing is driven after it."""
+        """True if nothing is hidden: the run collects and diagnoses, and nothing is driven after it."""
         return not self.hidden
 
     def config(self) -> RunConfig:
@@ -148,7 +148,7 @@ class Study:
         return load_config(config_file(CONFIG), changes)
 
     def do(self, progress: Progress) -> None:
-        """Do all that is not there yet."""
+        """Do all missing parts."""
         run(self.config(), self.path, resume=True, progress=progress)
         if self.collects_only:
             return
@@ -157,7 +157,7 @@ class Study:
 
     @property
     def planners(self) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """Name of a planner -> its model, and overrides that say which effects it is told."""
+        """Name of a planner -> its model, and overrides with its known effects."""
         return {
             GIVEN: (PLANT, ("effects=[]",)),
             PLANT: (PLANT, ()),
@@ -168,7 +168,7 @@ class Study:
 
     @cached_property
     def opened(self) -> OpenRun:
-        """The run; asked for once it is finished."""
+        """The run, once it is finished."""
         return open_run(self.path)
 
     def file(self, planner: str) -> Path:
@@ -196,7 +196,7 @@ class Study:
             driver.link.close()
 
     def _written(self) -> tuple[WrittenTerm, ...]:
-        """What is hidden, in the library's form; nothing where the library has none."""
+        """The hidden effects in the library's form; empty for those outside the library."""
         robot = self.opened.robot
         truths = [effect.truth(robot) for effect in hidden_effects(self.hidden, robot)]
         library = self.opened.config.library()
@@ -208,7 +208,7 @@ class Study:
         )
 
     def _known(self) -> Path:
-        """A plant that has what is hidden, as an adopted one."""
+        """A plant with the hidden effects, as an adopted one."""
         robot, parent = self.opened.robot, self.folder / f"{self.path.name}-known"
         plant = AdoptedPlant(
             robot=robot.name, digest=robot.digest, version=1, effects=self._written()
@@ -322,7 +322,7 @@ def _reached(row: DriveRow) -> str:
 
 
 def main() -> None:
-    """Do the studies that the folder does not have, and print their tables."""
+    """Do the missing studies of the folder, and print their tables."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.robot", description=(__doc__ or "").splitlines()[0]
     )

@@ -1,6 +1,6 @@
 """Results as tables: one CSV file per benchmark, one row per case, each row a frozen record.
 
-Numbers have six digits, what is not there is an empty cell.
+Numbers have six digits, missing values are empty cells.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ def write_rows(path: Path, rows: Iterable[DataclassInstance]) -> None:
 
 
 def rows_there(kind: type[R], path: Path) -> list[R]:
-    """The records of a file, as `read_rows` has them; none where there is no file."""
+    """The records of a file, as in `read_rows`; empty without a file."""
     return read_rows(kind, path) if path.exists() else []
 
 
 def other_rows(
     kind: type[R], path: Path, of: Sequence[str], taken: Collection[tuple[Any, ...]]
 ) -> list[R]:
-    """The records that a file has of other results than those that are taken over.
+    """The records of a file that belong to other results than the imported ones.
 
     Args:
-      kind, path: as `rows_there` takes them.
-      of: names of the fields that say which result a record is of.
+      kind, path: as in `rows_there`.
+      of: names of the fields that identify a result.
       taken: values of these.
     """
     return [row for row in rows_there(kind, path) if values_of(row, of) not in taken]

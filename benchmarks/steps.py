@@ -72,7 +72,7 @@ class StepRow:
 
 @dataclass(frozen=True)
 class RestRow:
-    """What a robot does that should lie still: the speed of its fastest point, and its way.
+    """Motion of a robot at rest: the speed of its fastest point, and its displacement.
 
     Attributes:
       robot, plant, integrator, step: see `StepRow`.

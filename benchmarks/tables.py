@@ -1,4 +1,4 @@
-"""Results of the benchmarks: taken over as CSV, and shown as the tables of the pages in docs/results/.
+"""Results of the benchmarks: imported as CSV, and shown as the tables of the pages in docs/results/.
 
     python -m benchmarks.tables                              makes the tables of the pages anew
     python -m benchmarks.tables collect diagnosis FOLDER     results of `python -m benchmarks.diagnosis`
@@ -9,7 +9,7 @@
     python -m benchmarks.tables collect robot FOLDER         ... of `python -m benchmarks.robot`
     python -m benchmarks.tables collect navigation NAME RUN  a run, or a file of `flywheel navigate --results`
 
-A table stands in a page between `<!-- table: NAME -->` and `<!-- end -->`.
+A table is in a page between `<!-- table: NAME -->` and `<!-- end -->`.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def with_tables(page: str) -> str:
     """A page with its tables made anew.
 
     Raises:
-      UnknownNameError: there is no table of a name that stands in it.
+      UnknownNameError: there is no table of a name in it.
     """
 
     def made(block: re.Match[str]) -> str:
@@ -128,13 +128,13 @@ def with_tables(page: str) -> str:
 
 @dataclass(frozen=True)
 class Collected:
-    """How the results of a benchmark become a table.
+    """Conversion of a benchmark's results into a table.
 
     Attributes:
       file: the CSV file.
-      row: what a row of it holds.
-      of: names of the fields that say which result a row is of.
-      kind: what a JSON file in the benchmark's folder holds.
+      row: class of a row.
+      of: names of the fields that identify a result.
+      kind: class of a JSON file in the benchmark's folder.
       rows: of one of these.
     """
 
@@ -162,7 +162,7 @@ COLLECTED = {
 
 
 def collect(kind: str, folder: Path) -> None:
-    """Take the results of a benchmark's folder over; rows of other results stay."""
+    """Import the results of a benchmark's folder; rows of other results stay."""
     to = COLLECTED[kind]
     new = [row for text in _texts(folder) for row in to.rows(to.kind.model_validate_json(text))]
     kept = other_rows(to.row, to.file, to.of, {values_of(row, to.of) for row in new})
@@ -170,14 +170,14 @@ def collect(kind: str, folder: Path) -> None:
 
 
 def collect_diagnosis(folder: Path, of_set: str) -> None:
-    """Take the cases of a folder over, as those of one set."""
+    """Import the cases of a folder, as those of one set."""
     cases = [CaseResult.model_validate_json(text) for text in _texts(folder)]
     new = [CaseRow.of(case, of_set) for case in cases]
     write_rows(DIAGNOSIS, [*other_rows(CaseRow, DIAGNOSIS, ("set",), {(of_set,)}), *new])
 
 
 def collect_robot(folder: Path) -> None:
-    """Take the finished studies of a folder over; others stay."""
+    """Import the finished studies of a folder; others stay."""
     studies = robot.found_studies(folder)
     taken = {(study.set, study.seed) for study in studies}
     errors = [row for study in studies for row in study.errors()]
@@ -194,7 +194,7 @@ def _texts(folder: Path) -> list[str]:
 
 
 def collect_navigation(name: str, source: Path, seed: int) -> None:
-    """Take the episodes of a run's folder, or of a file of `flywheel navigate --results`, over."""
+    """Import the episodes of a run's folder, or of a file of `flywheel navigate --results`."""
     if source.is_dir():
         result = RunResult.load(source)
         seed = result.config["seed"]
@@ -207,12 +207,12 @@ def collect_navigation(name: str, source: Path, seed: int) -> None:
 
 
 def main() -> None:
-    """Make the tables of the pages anew, or take results over."""
+    """Rebuild the tables of the pages, or import results."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.tables", description=(__doc__ or "").splitlines()[0]
     )
     verbs = parser.add_subparsers(dest="verb")
-    verb = verbs.add_parser("collect", help="take results over as CSV")
+    verb = verbs.add_parser("collect", help="import results as CSV")
     kinds = verb.add_subparsers(dest="kind", required=True)
     for kind in ("diagnosis", "robot", *COLLECTED):
         kinds.add_parser(kind).add_argument("folder", type=Path)

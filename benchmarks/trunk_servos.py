@@ -38,10 +38,10 @@ LAGS = np.arange(0.0, 0.11, 0.01)  # time constants [s]
 
 @dataclass(frozen=True)
 class ServoLog:
-    """What six motors were told, and what they did.
+    """Commands and angles of six motors.
 
     Attributes:
-      told: (S, 6) angles, each from one row of `had` to the next [rad].
+      told: (S, 6) commanded angles, each from one row of `had` to the next [rad].
       had: (S + 1, 6) measured angles [rad].
     """
 
@@ -72,7 +72,7 @@ class ServoLog:
 
 
 def mjcf() -> str:
-    """Six weights under a ceiling, each on the cable of a winch that is told how long that is."""
+    """Six weights under a ceiling, each on the cable of a position winch."""
     gain = f'gainprm="{STIFFNESS:g}" biastype="affine" biasprm="0 -{STIFFNESS:g} -{DAMPING:g}"'
     limits = 'ctrlrange="0.2 1.8" forcerange="-1000 0"'
     at = [APART * k for k in range(MOTORS)]
@@ -108,7 +108,7 @@ def mjcf() -> str:
 
 
 def write_log(path: Path, log: ServoLog, robot: Robot) -> None:
-    """Write a part of the log, instead of a file that is there: cables that get longer as motors turn."""
+    """Write a part of the log, replacing an existing file: cables that lengthen as motors turn."""
     lengths = LENGTH + DRUM * log.had
     heights = CEILING - lengths - MASS * GRAVITY / STIFFNESS
     across = np.broadcast_to(APART * np.arange(MOTORS), heights.shape)
@@ -121,7 +121,7 @@ def write_log(path: Path, log: ServoLog, robot: Robot) -> None:
 
 
 def main() -> None:
-    """Write the robot and its logs, and say what regression finds."""
+    """Write the robot and its logs, and print the results of the regression."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.trunk_servos", description=(__doc__ or "").splitlines()[0]
     )

@@ -1,6 +1,6 @@
-"""The errors a user can meet, by what went wrong.
+"""The errors of this package, by cause.
 
-Every message says what is wrong, what was got, and what is allowed.
+Every message gives the fault, the value, and the allowed values.
 """
 
 
@@ -13,27 +13,27 @@ class RobotError(FlywheelError):
 
 
 class MjcfError(RobotError):
-    """A text that is no MJCF of anything: not XML, more than is compiled, or with numbers that are none."""
+    """A text that is not an MJCF: not XML, too large to compile, or with invalid numbers."""
 
 
 class DataError(FlywheelError):
-    """Trajectories, recordings or stored bytes that cannot be used as they are."""
+    """Unusable trajectories, recordings or stored bytes."""
 
 
 class ConfigError(FlywheelError):
-    """A configuration that is not valid, or does not fit the run it is used with."""
+    """An invalid configuration, or one that does not fit its run."""
 
 
 class ModelError(FlywheelError):
-    """A dynamics model that does not fit its robot or data, or predicts no finite number."""
+    """A dynamics model that does not fit its robot or data, or has a non-finite prediction."""
 
 
 class LinkError(FlywheelError):
-    """A robot that cannot be reached, refuses, or answers with what cannot be understood."""
+    """A robot that cannot be reached, rejects a request, or gives an invalid answer."""
 
 
 class RunError(FlywheelError):
-    """A run that cannot go on: workers gone, disk full, too few episodes. Finished work is kept."""
+    """A run that cannot continue: workers gone, disk full, too few episodes. Finished work is kept."""
 
 
 class UnknownNameError(FlywheelError, KeyError):

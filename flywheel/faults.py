@@ -12,12 +12,12 @@ LONGEST_PATH = 200  # characters of a path in a message; its middle is left out
 
 @dataclass(frozen=True)
 class Fault:
-    """What an error number of the system means to whoever gave a command.
+    """Meaning of a system error number for the user.
 
     Attributes:
-      words: what is the matter, as a sentence without its first capital and its full stop.
-      advice: what to do, as a sentence.
-      by_input: what was asked for is to blame, rather than the machine.
+      words: the fault, as a sentence without its first capital and its full stop.
+      advice: remedy, as a sentence.
+      by_input: True if the input is the cause, rather than the machine.
     """
 
     words: str
@@ -25,7 +25,7 @@ class Fault:
     by_input: bool = True
 
 
-_FREE = "What was stored before is whole. Free some space, and give the command again (a run with --resume)."
+_FREE = "Stored data are complete. Free some space, and repeat the command (a run with --resume)."
 _FULL = Fault("the disk is full", _FREE, by_input=False)
 _READ_ONLY = Fault("the file system is read-only", "Name a place that can be written.")
 _FORBIDDEN = Fault(
@@ -35,7 +35,7 @@ _IN_THE_WAY = Fault("a file stands where a folder is needed", "Name another plac
 _HANDLES = Fault(
     "too many files are open at once", "Raise the limit (`ulimit -n`).", by_input=False
 )
-_AGAIN = "What was stored before is whole; give the command again (a run with --resume)."
+_AGAIN = "Stored data are complete; repeat the command (a run with --resume)."
 FAULTS: Mapping[int, Fault] = {
     errno.ENOSPC: _FULL,
     errno.EDQUOT: Fault("the disk quota is used up", _FREE, by_input=False),
@@ -44,10 +44,10 @@ FAULTS: Mapping[int, Fault] = {
     errno.EACCES: _FORBIDDEN,
     errno.EPERM: _FORBIDDEN,
     errno.ENOTDIR: _IN_THE_WAY,
-    errno.EEXIST: Fault("there is something of this name already", "Name another place."),
+    errno.EEXIST: Fault("something of this name exists already", "Name another place."),
     errno.ENOTEMPTY: Fault("this folder is not empty", "Name another place."),
     errno.EISDIR: Fault("this is a folder; a file is needed", "Name a file."),
-    errno.ENOENT: Fault("there is no such file or folder", "Has it been moved or removed?"),
+    errno.ENOENT: Fault("there is no such file or folder", "Was it moved or removed?"),
     errno.ENXIO: Fault("nothing can be stored there", "Name another place."),
     errno.ENODEV: Fault("nothing can be stored there", "Name another place."),
     errno.ENAMETOOLONG: Fault("this name is too long", "Name a shorter path."),
@@ -57,8 +57,8 @@ FAULTS: Mapping[int, Fault] = {
     errno.ENFILE: _HANDLES,
     errno.EIO: Fault(
         "the disk cannot be read or written there (an input/output error)",
-        "Look at the system's log: the disk may be failing. `flywheel data verify` says which episodes are "
-        "still whole.",
+        "See the system's log: the disk may be failing. `flywheel data verify` lists the "
+        "undamaged episodes.",
         by_input=False,
     ),
     errno.ESTALE: Fault("the network's file system lost it", _AGAIN, by_input=False),
@@ -77,14 +77,14 @@ FAULTS: Mapping[int, Fault] = {
 
 
 def fault_of(error: BaseException) -> Fault | None:
-    """What an error of the system means; None where a command should never have met it."""
+    """Meaning of a system error; None if a command should never meet it."""
     if not isinstance(error, OSError) or error.errno is None:
         return None
     return FAULTS.get(error.errno)
 
 
 def told(error: OSError) -> str:
-    """An error of the system as one or two sentences, with the path that it is about."""
+    """A system error as one or two sentences, with its path."""
     fault = fault_of(error)
     words = str(error.strerror or error) if fault is None else fault.words
     advice = "" if fault is None else f" {fault.advice}"

@@ -1,7 +1,7 @@
-"""Files that people hand over: read only if they are files, and only as much as can be sensible.
+"""Files from users: read only if they are regular files of a sensible size.
 
-Whoever reads a file says what it is, for the message, and which error a bad one raises. Nothing here
-waits for a pipe, follows a device, or reads more than its limit.
+The caller gives a name for the message, and the error class for a bad file. Nothing here waits for
+a pipe, follows a device, or reads more than its limit.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ for _each in (_Loader, _Dumper):
 
 
 def file_name(name: str) -> str:
-    """What a file or folder that is called after `name` is called: one path component, never hidden.
+    """A name as the name of a file or folder: one path component, never hidden.
 
-    The only way to a path from a name that was read in a file, such as a robot's. Everything that is not
-    a letter, a digit, ".", "_", "-", "+" or a space becomes "-".
+    The only way from a name in a file, such as a robot's, to a path. Everything that is not a
+    letter, a digit, ".", "_", "-", "+" or a space becomes "-".
     """
     plain = unicodedata.normalize("NFKC", name)
     safe = re.sub(r"[^\w.+ -]+", "-", plain).strip("-. ")
@@ -77,12 +77,13 @@ def opened(
 
     Args:
       path: of the file.
-      what: it is, for messages: "recording", "MJCF".
-      error: that is raised.
+      what: its kind, for messages: "recording", "MJCF".
+      error: class to raise.
       limit: of its size [bytes]; None for any.
 
     Raises:
-      error: there is none; it is a folder, a pipe or a device; it is too large; it may not be read.
+      error: it does not exist; it is a folder, a pipe or a device; it is too large; it is not
+        readable.
     """
     path = Path(path)
     try:
@@ -124,7 +125,7 @@ def read_bytes(
 def read_text(
     path: str | Path, what: str, error: type[FlywheelError], limit: float = LARGEST_TEXT
 ) -> str:
-    """Text of a regular file in UTF-8, with or without a mark of it at the beginning.
+    """Text of a regular file in UTF-8, with or without a byte order mark.
 
     Raises:
       error: see `opened`; or it is not UTF-8.
@@ -139,7 +140,7 @@ def read_text(
             f"0x{content[problem.start]:02x}. Save it as UTF-8."
         ) from None
     if "\0" in text:
-        raise error(f"The {what} {path} is not text: it holds bytes of zero.")
+        raise error(f"The {what} {path} is not text: it contains bytes of zero.")
     return text
 
 
@@ -149,7 +150,8 @@ def read_yaml(
     """Plain values of a YAML file; None of an empty one.
 
     Raises:
-      error: see `read_text`; or it is not YAML, or deeper or larger (with aliases written out) than allowed.
+      error: see `read_text`; or it is not YAML, or deeper or larger (with aliases expanded) than
+        allowed.
     """
     text = read_text(path, what, error, LARGEST_YAML)
     return parsed_yaml(text, f"The {what} {path}", error, most)
@@ -160,9 +162,9 @@ def parsed_yaml(text: str, what: str, error: type[FlywheelError], most: int = MO
 
     Args:
       text: in YAML.
-      what: it is, at the beginning of a sentence: "The map a.yaml".
-      error: that is raised.
-      most: single values that it may have, aliases written out.
+      what: its name, at the beginning of a sentence: "The map a.yaml".
+      error: class to raise.
+      most: largest number of single values, with aliases expanded.
     """
     try:
         _check_yaml(text, what, error, most)
@@ -171,20 +173,20 @@ def parsed_yaml(text: str, what: str, error: type[FlywheelError], most: int = MO
         raise error(f"{what} is not YAML: {problem}") from None
     except (ValueError, TypeError) as problem:  # 2020-02-31, !!int foo, a list as a key
         reason = str(problem).partition(";")[0]  # Python adds which of its own limits to raise
-        raise error(f"{what} has a value that is none: {reason}.") from None
+        raise error(f"{what} has an invalid value: {reason}.") from None
     except (AttributeError, LookupError):  # !!timestamp foo, !!bool foo
-        raise error(f"{what} has a value that is not of the type in front of it.") from None
+        raise error(f"{what} has a value that does not have the type in front of it.") from None
     except RecursionError:
         raise error(f"{what} has more than {DEEPEST} brackets within brackets.") from None
 
 
 def yaml_text(values: Any) -> str:
-    """Plain values as a text that `parsed_yaml` reads as the same values."""
+    """Plain values as a text for `parsed_yaml`."""
     return yaml.dump(values, Dumper=_Dumper, sort_keys=False, width=100, allow_unicode=True)
 
 
 def _check_yaml(text: str, what: str, error: type[FlywheelError], most: int) -> None:
-    """Refuse what would be too much once it is written out, by its events alone."""
+    """Reject texts that would be too large when expanded, by their events alone."""
     sizes, anchors = [0], [""]  # of each collection that is open: values so far, and its anchor
     known: dict[str, int] = {}  # anchor -> values
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
@@ -199,12 +201,12 @@ def _check_yaml(text: str, what: str, error: type[FlywheelError], most: int) -> 
             size, anchor = 1 + sizes.pop(), anchors.pop()
         elif isinstance(event, yaml.AliasEvent):
             if anchor in anchors:
-                raise error(f"{what} holds itself: *{anchor} is within &{anchor}.")
+                raise error(f"{what} contains itself: *{anchor} is within &{anchor}.")
             size = known.get(anchor, 1)
         known[anchor] = size
         sizes[-1] += size
         if sizes[-1] > most:
-            raise error(f"{what} has more than {most:,} values, with aliases written out.")
+            raise error(f"{what} has more than {most:,} values, with aliases expanded.")
 
 
 def read_json(path: str | Path, what: str, error: type[FlywheelError]) -> Any:
@@ -232,7 +234,7 @@ def parsed_json(text: str | bytes, what: str, error: type[FlywheelError]) -> Any
 
 
 def _deeper_than(values: Any, most: int) -> bool:
-    """Whether lists and mappings are nested more than so often."""
+    """True if lists and mappings are nested deeper than the limit."""
     level = [values]
     for _ in range(most):
         level = [
@@ -245,7 +247,7 @@ def _deeper_than(values: Any, most: int) -> bool:
 
 
 def shown(value: object) -> str:
-    """A value for a message: the beginning of its repr, however large or deep it is."""
+    """A value for a message: the beginning of its repr, for any size or depth."""
     try:
         return _SHORT.repr(value)
     except ValueError:  # a whole number of more digits than Python writes

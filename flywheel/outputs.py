@@ -1,6 +1,6 @@
-"""What leaves the program: files, each whole or not at all, and text that a terminal shows as it is.
+"""Output: files, each written completely or not at all, and text that is safe for a terminal.
 
-Where a command will write is tried before it computes: `check_output`, `check_folder`.
+The output paths of a command are tested before it computes: `check_output`, `check_folder`.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ LONGEST_NAME = 255  # bytes of one part of a path, on every file system in use
 
 
 def check_output(path: str | Path, what: str, error: type[FlywheelError] = DataError) -> None:
-    """Make sure that a file can be written; leaves nothing behind. Missing folders will be made.
+    """Check that a file can be written, without side effects. Missing folders will be made.
 
     Args:
       path: of the file.
-      what: it is, for the message: "page".
-      error: that is raised where the path is to blame.
+      what: its kind, for the message: "page".
+      error: class to raise if the path is the cause.
 
     Raises:
-      error: there is a folder, or a file in the place of a folder; the place is read-only; the name is
-        too long.
+      error: it is a folder, or a file is in the place of a folder; the place is read-only; the name
+        is too long.
       RunError: the disk is full.
     """
     _checked(_try_file, path, f"The {what} cannot be written", error)
@@ -39,11 +39,11 @@ def check_output(path: str | Path, what: str, error: type[FlywheelError] = DataE
 def check_outputs(
     outputs: Mapping[str, str | Path | None], inputs: Iterable[str | Path] = ()
 ) -> None:
-    """Make sure that all that a command will write can be written, and that nothing is lost by it.
+    """Check that all outputs of a command can be written without overwriting inputs.
 
     Args:
-      outputs: what each file is -> its path; None for one that is not asked for.
-      inputs: that the command reads; those that are not there are passed over.
+      outputs: kind of each file -> its path; None for one that is not requested.
+      inputs: of the command; missing ones are ignored.
 
     Raises:
       DataError: see `check_output`; or two of them are one file, or one is an input.
@@ -58,13 +58,13 @@ def check_outputs(
             continue  # a device or a pipe takes several
         if place in taken:
             use = taken[place]
-            also = "is to be read" if use == "read" else f"is to be the {use} too"
-            raise DataError(f"The {what} would be written over {short(path)}, which {also}.")
+            also = "is an input" if use == "read" else f"is the {use}, too"
+            raise DataError(f"The {what} would overwrite {short(path)}, which {also}.")
         taken[place] = what
 
 
 def check_folder(path: str | Path, what: str, error: type[FlywheelError] = DataError) -> None:
-    """Make sure that a folder is there or can be made, and files in it; see `check_output`."""
+    """Check that a folder exists or can be made, and files in it; see `check_output`."""
     _checked(_try_folder, path, f"The {what} cannot be used", error)
 
 
@@ -96,7 +96,7 @@ def write_output(path: str | Path, content: str | bytes) -> Path:
 
 
 def printable(text: str) -> str:
-    """Text for a terminal: what would steer it, or is no character at all, is written out."""
+    """Text for a terminal: control and invalid characters are escaped."""
     return "".join(c if c.isprintable() or c in "\n\t" else _written_out(c) for c in text)
 
 
@@ -140,7 +140,7 @@ def _try_folder(path: Path) -> None:
 
 
 def _about(path: Path) -> os.stat_result | None:
-    """What is there; None for nothing, under a name that something may have."""
+    """The type of the file; None if the name is free."""
     try:
         return path.stat()
     except FileNotFoundError:

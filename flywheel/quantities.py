@@ -1,9 +1,9 @@
-"""Numbers that people set: what each of them is, and how large it can sensibly be.
+"""Numbers set by users: their meaning, and their sensible bounds.
 
-A number without an upper bound is an episode without an end, or all of the memory. So every number of
-every setting is `Annotated` with `Bounds`: with those of one of the names below, or with its own where it
-can be less. The bounds are far beyond what anybody needs, and what is multiplied is checked as a product,
-see `runtime.config.demand`.
+A number without an upper bound is an episode without an end, or all of the memory. So every number
+of every setting is `Annotated` with `Bounds`: with those of one of the names below, or with its own
+tighter ones. The bounds are far beyond any need, and products are checked separately, see
+`runtime.config.demand`.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ if TYPE_CHECKING:  # the command line imports this, and `--help` is instant
 
 @dataclass(frozen=True)
 class Bounds:
-    """The numbers that something can be; in an `Annotated` type, the only ones that pass.
+    """The allowed range of a number; in an `Annotated` type, all others are rejected.
 
-    Text, true and false are no numbers, and NaN is within no bounds.
+    Text, true and false are not numbers, and NaN is outside all bounds.
 
     Attributes:
       low, high: least and largest.
@@ -60,11 +60,11 @@ class Bounds:
 
         Args:
           value: any.
-          what: it is, at the beginning of a sentence: "The timestep".
-          error: that is raised.
+          what: its name, at the beginning of a sentence: "The timestep".
+          error: class to raise.
 
         Raises:
-          error: it is not.
+          error: it is out of bounds.
         """
         if value not in self:
             from flywheel.files import shown  # start-up time: takes YAML along
@@ -75,7 +75,7 @@ class Bounds:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        """What pydantic does with a type that is annotated with these bounds."""
+        """Validation by pydantic of a type annotated with these bounds."""
         # Start-up time: the command line imports this module, and `--help` is instant.
         from pydantic_core import PydanticCustomError, core_schema
 

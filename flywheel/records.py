@@ -1,4 +1,4 @@
-"""The records that pass between the packages: small, frozen, named fields, arrays batch first.
+"""The records shared by the packages: small, frozen, named fields, arrays batch first.
 
 **Time.** `states[t]` precedes `controls[t]`; `controls[t]` acts on the interval `[t, t + 1)` of
 length `dt`. A trajectory of T controls therefore has T + 1 observations and states.
@@ -46,7 +46,7 @@ class State:
 
 @dataclass(frozen=True)
 class Observation:
-    """What the robot's sensors give.
+    """The measurements of the robot's sensors.
 
     Attributes:
       points: (..., P, 3) positions of the tracked points [m]; NaN where missing.
@@ -58,7 +58,7 @@ class Observation:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """(..., P) whether each point was measured."""
+        """(..., P) bool: True for a measured point."""
         return np.asarray(np.isfinite(self.points).all(axis=-1))
 
     def __getitem__(self, index: Any) -> Observation:
@@ -68,13 +68,13 @@ class Observation:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Observations, controls and, where a plant made them, full states over time.
+    """Observations, controls and, on a plant, full states over time.
 
     Attributes:
       observations: T + 1 along the last leading axis.
       controls: (..., T, W) commands within the MJCF's ctrlrange.
       dt: control step [s].
-      states: T + 1 full states, or None where there is no plant (a recording).
+      states: T + 1 full states, or None without a plant (a recording).
     """
 
     observations: Observation
@@ -104,22 +104,23 @@ Split = Literal["train", "validation", "test"]
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where an episode came from; everything needed to make it again.
+    """Provenance of an episode; everything needed to reproduce it.
 
     Attributes:
       robot: digest of the robot (`Robot.digest`).
       source: "sim" or "recording".
-      dataset: name of the data set for the network's one-hot ("nominal", "friction_low", "recording").
-      controller: name of what chose the controls ("gait:roll", "random", "mppi", ...).
+      dataset: name of the data set for the network's one-hot ("nominal", "friction_low",
+        "recording").
+      controller: name of the controller ("gait:roll", "random", "mppi", ...).
       model: digest of the weights the controller planned with, or "" without one.
       task: name of the task, or "".
       seed: of the episode.
-      iteration: turn of the flywheel that collected it; -1 outside of one.
+      iteration: of the flywheel that collected it; -1 outside of one.
       config: digest of the resolved run configuration, or "".
       code: version of the code.
       plant: parameters of the plant that differ from the MJCF, e.g. {"friction": 0.6}.
       effects: name -> parameters of effects added to the plant.
-      conditions: free words of a recording ("new cables").
+      conditions: free text about a recording ("new cables").
     """
 
     robot: str
@@ -139,7 +140,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a task ended.
+    """Outcome of a task.
 
     Attributes:
       success: the goal was reached in time.
@@ -154,19 +155,19 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Plans:
-    """What a planner foresaw each time it planned.
+    """Predictions of a planner at each plan.
 
     Attributes:
-      begins: (plans,) when, from the beginning of the episode [s].
-      paths: (plans, K, M, 2) ways of the robot's centre of mass under K candidates, the best one
-        first [m].
+      begins: (plans,) start, from the beginning of the episode [s].
+      paths: (plans, K, M, 2) paths of the robot's centre of mass under K candidates, best first
+        [m].
     """
 
     begins: Floats
     paths: Floats
 
     def at(self, seconds: float) -> Floats | None:
-        """(K, M, 2) what was foreseen last before a time [s]; None before the first plan."""
+        """(K, M, 2) last prediction before a time [s]; None before the first plan."""
         index = int(np.searchsorted(self.begins, seconds + 1e-9, side="right")) - 1
         return None if index < 0 else self.paths[index]
 
@@ -180,8 +181,8 @@ class Episode:
       trajectory: unbatched (no leading axes before time).
       split: "train", "validation" or "test"; fixed at commit.
       outcome: of the task, if there was one.
-      telemetry: side numbers that no digest covers, e.g. {"plan_seconds": (plans,)}.
-      terrain: that the robot stood on; None for the plane z = 0.
+      telemetry: additional numbers outside all digests, e.g. {"plan_seconds": (plans,)}.
+      terrain: under the robot; None for the plane z = 0.
     """
 
     id: str
@@ -194,7 +195,7 @@ class Episode:
 
     @property
     def plans(self) -> Plans | None:
-        """What its planner foresaw; None where nothing was planned, or nothing noted."""
+        """Predictions of its planner; None without planning or notes."""
         if not {"plan_begins", "plan_paths"} <= self.telemetry.keys():
             return None
         return Plans(self.telemetry["plan_begins"], self.telemetry["plan_paths"])
@@ -206,18 +207,18 @@ KnownWinch = Callable[[Episode], Floats]
 
 @dataclass(frozen=True)
 class Past:
-    """What is known at the present moment, the last entry of `observations`.
+    """Knowledge at the present moment, the last entry of `observations`.
 
     Attributes:
       observations: (B, h + 1) of them, oldest first.
       controls: (B, h, W) the commands between them.
-      winch: (B, h + 1, W) best knowledge of the winch positions: measured where there is a channel,
-        else dead-reckoned from the commands and what is known of the plant [m].
+      winch: (B, h + 1, W) best estimate of the winch positions: measured if there is a channel,
+        else dead-reckoned from the commands and the known effects of the plant [m].
       dataset: index of the data set (the network's one-hot).
-      state: (B,) the plant's full state at the present. Only the oracle may look at it.
+      state: (B,) the plant's full state at the present, for the oracle only.
       terrains: under each of B, or one for all; None is the plane z = 0.
-      pending: (B, c, W) commands that follow before anything that is decided now: sent already, or part of
-        a plan that goes on meanwhile. None for none.
+      pending: (B, c, W) commands that are already fixed: sent, or part of a plan in execution. None
+        for none.
     """
 
     observations: Observation
@@ -241,17 +242,17 @@ class Past:
         return self.controls.shape[-2]
 
     def terrains_at(self, rows: slice) -> tuple[Terrain | None, ...]:
-        """Under some of the batch; one for all stays one for all."""
+        """The terrains of a part of the batch; one for all stays one for all."""
         return self.terrains if len(self.terrains) == 1 else self.terrains[rows]
 
     def latest(self, history: int, hold: Floats) -> Past:
         """This past with exactly the last `history` steps.
 
-        A past shorter than that (the start of an episode) is padded in front by a robot at rest: the
-        first observation repeated, under the command that holds the winches still.
+        A shorter past (the start of an episode) is padded in front by a robot at rest: the first
+        observation repeated, under the holding command.
 
         Args:
-          history: number of past steps wanted.
+          history: number of past steps.
           hold: (B, W) command that holds the oldest winch position (`Robot.holding`).
         """
         have = self.history

@@ -1,4 +1,4 @@
-"""Looking a name up in one of the literal registries."""
+"""Lookup of a name in a registry."""
 
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -14,8 +14,8 @@ def lookup(table: Mapping[str, T], name: str, kind: str) -> T:
 
     Args:
       table: a registry, e.g. `flywheel.robots.ROBOTS`.
-      name: the entry wanted.
-      kind: what the table holds, in the singular, for the message ("robot").
+      name: of the entry.
+      kind: of the entries, in the singular, for the message ("robot").
 
     Raises:
       UnknownNameError: no such entry; the message lists the names and the nearest one.

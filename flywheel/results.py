@@ -1,8 +1,8 @@
-"""What a run measured, produced and decided: the records that the loop writes and reports read.
+"""Results of a run: the records written by the loop and read by reports.
 
-All are frozen pydantic models with a JSON round trip. Paths and overlays are thinned in time. A value that
-could not be measured is None; one that is not finite is kept (JSON "NaN"). Position errors are given both as
-MSE/L and as RMSE/L [%], as defined in `flywheel.evaluation.errors`.
+All are frozen pydantic models with a JSON round trip. Paths and overlays are thinned in time. A
+value that could not be measured is None; a non-finite one is kept (JSON "NaN"). Position errors are
+given both as MSE/L and as RMSE/L [%], as defined in `flywheel.evaluation.errors`.
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ class ResultRecord(BaseModel):
 
 
 class Success(ResultRecord):
-    """How many tasks were reached in time, out of how many."""
+    """Number of tasks reached in time, and of all tasks."""
 
     reached: int = 0
     total: int = 0
 
     @property
     def rate(self) -> float:
-        """The share of tasks that were reached, 0 to 1; NaN without a task."""
+        """The fraction of reached tasks, 0 to 1; NaN without a task."""
         return self.reached / self.total if self.total else math.nan
 
     @property
@@ -74,12 +74,13 @@ class DiagnosisNote(ResultRecord):
     Attributes:
       verdict: in one word.
       effects: of the plant from here on.
-      adopted: whether these are not the effects of before.
+      adopted: True if these differ from the previous ones.
       reason: a sentence for people.
       noise: of the measurements [m].
-      baseline, augmented: root mean square of measured minus predicted, with fitted initial states, by the
-        plant as it was and by the plant with the answer, on the recordings that were fitted [m].
-      held_out_baseline, held_out_augmented: the same on the recordings kept for tests; None without any [m].
+      baseline, augmented: root mean square of measured minus predicted, with fitted initial states,
+        by the previous plant and by the plant with the answer, on the fitted recordings [m].
+      held_out_baseline, held_out_augmented: the same on the recordings kept for tests; None without
+        any [m].
       answer: `Diagnosis.summary()`.
       page: path relative to the run folder.
     """
@@ -117,12 +118,12 @@ class ErrorNumbers(ResultRecord):
 
     @property
     def diverged(self) -> bool:
-        """Whether a rollout was not finite, so that there is no error."""
+        """True if a rollout was not finite, so that there is no error."""
         return math.isnan(self.e_pos_rmse)
 
     @property
     def turnless(self) -> bool:
-        """Whether there is no `e_rot`, because each body has only one tracked point."""
+        """True if there is no `e_rot`, because each body has only one tracked point."""
         return math.isnan(self.e_rot) and not self.diverged
 
 
@@ -153,7 +154,7 @@ class Errors(ResultRecord):
 
     Attributes:
       short: over the short horizon, from random starts.
-      full: over whole episodes; None where these were not predicted.
+      full: over whole episodes; None if these were not predicted.
       by_lead_time: over the short horizon, by lead time.
       by_episode: episode id -> e_pos_mse from random starts in it [%].
     """
@@ -170,7 +171,7 @@ class Errors(ResultRecord):
         full: ErrorTable | None = None,
         by_episode: Mapping[str, ErrorTable] = MappingProxyType({}),
     ) -> Self:
-        """The errors of the tables that `evaluation.score` and `evaluation.score_full` give."""
+        """The errors of the tables from `evaluation.score` and `evaluation.score_full`."""
         return cls(
             short=ErrorNumbers.of(short),
             full=None if full is None else ErrorNumbers.of(full),
@@ -179,7 +180,7 @@ class Errors(ResultRecord):
         )
 
     def at(self, seconds: float) -> float | None:
-        """e_pos_rmse over lead times up to `seconds` [%]; None where that is not known."""
+        """e_pos_rmse over lead times up to `seconds` [%]; None if unknown."""
         lead = self.by_lead_time
         if lead is None or not lead.seconds or lead.seconds[-1] < seconds - 1e-9:
             return None
@@ -195,7 +196,7 @@ class Walk(ResultRecord):
     Attributes:
       path: (x, y) of the CoM [m], thinned to about two per second.
       goal: (x, y) [m].
-      reached: whether the goal was reached in time.
+      reached: True if the goal was reached in time.
       seconds: time to the goal, or to the end of the episode [s].
       distance: to the goal at the end [m].
       seed: of the episode.
@@ -230,7 +231,7 @@ class Navigation(ResultRecord):
 
     @property
     def success(self) -> Success:
-        """How many episodes reached the goal."""
+        """Number of episodes that reached the goal."""
         return Success(reached=sum(w.reached for w in self.walks), total=len(self.walks))
 
     @property
@@ -245,12 +246,12 @@ class Navigation(ResultRecord):
         return float(np.median(reached)) if reached else math.nan
 
     def plan_quantile(self, q: float) -> float:
-        """Quantile of the planning time [s]; NaN where none was recorded."""
+        """Quantile of the planning time [s]; NaN without records."""
         return float(np.quantile(self.plan_seconds, q)) if self.plan_seconds else math.nan
 
 
 class TrainingPoint(ResultRecord):
-    """One point of the training curve; `validation_*` is None where there was no validation."""
+    """One point of the training curve; `validation_*` is None without a validation."""
 
     step: int
     loss: float
@@ -261,14 +262,14 @@ class TrainingPoint(ResultRecord):
 
 
 class GateDecision(ResultRecord):
-    """Whether this iteration's model became the champion.
+    """The gate's decision on this iteration's model.
 
     Attributes:
-      promoted: whether it did.
-      measure: what was compared, with its unit ("validation e_rot at 2 s [deg]").
+      promoted: True for a new champion.
+      measure: name of the compared number, with its unit ("validation e_rot at 2 s [deg]").
       number: the measure of the candidate.
       reference: the measure of the champion so far; None for the first model.
-      ratio, low, high: number over reference, and the ends of its 95 % interval; None where unknown.
+      ratio, low, high: number over reference, and the ends of its 95 % interval; None if unknown.
       reason: one sentence for people.
     """
 
@@ -306,17 +307,17 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class RobotResult(ResultRecord):
-    """What an iteration did on the robot, and how well its models predict the robot.
+    """Drives of an iteration on the robot, and the errors of its models on it.
 
     Attributes:
-      minutes: that were recorded on the robot before, from which the models learned.
+      minutes: recorded on the robot before, and used for training.
       driven_minutes: recorded in this iteration's drives.
-      errors: name of a model -> its errors on the robot's held-out recordings up to here. "network"; "given",
-        the MJCF as it is; "plant", the MJCF with the effects that were adopted; "residual", that plant with
-        a network that corrects it.
-      noise: what a perfect model would have on them.
-      drives: name of the model that MPPI planned with -> its episodes.
-      filmed: name of the model whose drive the iteration's video shows; "" without one.
+      errors: name of a model -> its errors on the robot's held-out recordings up to here.
+        "network"; "given", the unchanged MJCF; "plant", the MJCF with the adopted effects;
+        "residual", that plant with a correcting network.
+      noise: error floor due to sensor noise.
+      drives: name of MPPI's model -> its episodes.
+      filmed: name of the model of the drive in the iteration's video; "" without one.
     """
 
     minutes: float = 0.0
@@ -333,20 +334,21 @@ class IterationResult(ResultRecord):
     Attributes:
       iteration: its number; 0 has the gaits, random controls and drops.
       arm: "mppi", or "control" (as many episodes and optimiser steps, but random controls).
-      snapshot, parent_snapshot: digests of the data that the model was trained on, and of the arm's data
-        before.
+      snapshot, parent_snapshot: digests of the model's training data, and of the arm's previous
+        data.
       model: digest of the weights.
-      validation, test: errors; None where not run. Tests are simulated episodes.
-      recordings: errors on the recordings that are kept for tests, the same ones in every iteration;
-        None where there are none.
-      navigation: closed-loop evaluation with this model; None where not run.
+      validation, test: errors; None if not run. Tests are simulated episodes.
+      recordings: errors on the recordings that are kept for tests, the same ones in every
+        iteration; None without any.
+      navigation: closed-loop evaluation with this model; None if not run.
       episodes, steps: of training data in the snapshot, in all.
       new_episodes, new_steps: collected by this iteration.
-      restarts, quarantined, invalid: numbers of workers restarted, episodes set aside, episodes thrown away.
+      restarts, quarantined, invalid: numbers of workers restarted, episodes set aside, episodes
+        discarded.
       seconds: wall time per stage ("collect", "snapshot", "train", "evaluate", "decide") [s].
       cpu_seconds: processor time of the workers for all arms, in the result of "mppi" only [s].
-      diagnosis: of the plant before this iteration; None where there was none.
-      robot: what was done on the robot; None in a run without one.
+      diagnosis: of the plant before this iteration; None without one.
+      robot: results on the robot; None in a run without one.
       video: path relative to the run folder, or "".
     """
 
@@ -382,7 +384,7 @@ class RobotScore(ResultRecord):
     Attributes:
       iteration: of the model.
       model: its name, as in `RobotResult`.
-      minutes: recorded on the robot before, from which it learned.
+      minutes: recorded on the robot before, and used for training.
       errors: of the model.
     """
 
@@ -407,7 +409,7 @@ class UnseenCourse(ResultRecord):
     Attributes:
       course: its name.
       navigation: of the last champion.
-      oracle: of MPPI on the plant itself; None where not run.
+      oracle: of MPPI on the plant itself; None if not run.
       video: path relative to the run folder, or "".
     """
 
@@ -418,24 +420,26 @@ class UnseenCourse(ResultRecord):
 
 
 class RunResult(ResultRecord):
-    """A run so far. The loop saves it after every iteration; reports read it, finished or not.
+    """The state of a run. The loop saves it after every iteration; reports read it, finished or not.
 
     Attributes:
-      name, key: a name for people, and the unique key by which MLflow finds the run.
-      config, config_digest: the resolved and validated configuration, and sha256 of what decides results.
-      code, versions: version of this project, and of the engines it uses.
+      name, key: a name for people, and the unique key of the run at MLflow.
+      config, config_digest: the resolved and validated configuration, and sha256 of the part that
+        determines results.
+      code, versions: version of this project, and of its engines.
       robot, robot_digest, length: name, digest and characteristic length L [m] of the robot.
-      iterations: in the order in which they ended, both arms.
+      iterations: in the order of their ends, both arms.
       pooled: every model on the pooled test set (filled at the end).
-      floor: MuJoCo restarted from the same partial observations, on the pooled test set,
-        with the roll of each rod drawn at random.
+      floor: MuJoCo restarted from the same partial observations, on the pooled test set, with the
+        roll of each rod drawn at random.
       informed_floor: the same with the roll computed from the cables, by exact parameters.
       persistence: "nothing moves", on the same set.
       persistence_on_recordings: the same on the recordings that are kept for tests.
       oracle: MPPI on the plant itself; the ceiling of success.
-      unseen: the last champion on courses that it never met.
-      on_robot: every model on all of the robot's held-out recordings; empty in a run without a robot.
-      robot_noise: what a perfect model would have on them.
+      unseen: the last champion on courses without training.
+      on_robot: every model on all of the robot's held-out recordings; empty in a run without a
+        robot.
+      robot_noise: error floor due to sensor noise.
       notes: sentences that the page must show among its limits.
     """
 
@@ -481,7 +485,7 @@ class RunResult(ResultRecord):
         return tuple(WrittenTerm.model_validate(e) for e in self.config.get("effects", ()))
 
     def pooled_errors(self, result: IterationResult) -> Errors | None:
-        """The errors of an iteration's model on the pooled test set; None where that was not run."""
+        """The errors of an iteration's model on the pooled test set; None if that was not run."""
         for pooled in self.pooled:
             if (pooled.arm, pooled.iteration) == (result.arm, result.iteration):
                 return pooled.errors
@@ -492,7 +496,8 @@ class RunResult(ResultRecord):
         return self.pooled_errors(result) or result.test
 
     def robot_errors(self, model: str) -> dict[int, Errors]:
-        """Iteration -> errors of a model on the robot: on all held-out recordings, or those that it had then.
+        """Iteration -> errors of a model on the robot: on all held-out recordings, or on those of
+        its time.
 
         Args:
           model: as in `RobotResult`. "given" is the same in every iteration.
@@ -508,7 +513,7 @@ class RunResult(ResultRecord):
     def minutes_to_best(self, model: str, within: float = 1.1) -> float | None:
         """Minutes on the robot until a model's position error is within some factor of its least.
 
-        None where its errors are not known on the same recordings for every iteration.
+        None if its errors on the same recordings are unknown for some iteration.
         """
         scored = [s for s in self.on_robot if s.model == model]
         errors = [s.errors.short.e_pos_rmse for s in scored]
@@ -523,7 +528,7 @@ class RunResult(ResultRecord):
 
         Args:
           folder: of the run.
-          rests_on: name -> digest of what else the result needs, for the seal.
+          rests_on: name -> digest of the result's other files, for the seal.
         """
         return save(self, Path(folder) / RESULT_FILE, Seal(RESULT, RESULT, self.key, rests_on))
 
@@ -532,14 +537,14 @@ class RunResult(ResultRecord):
         """Read `<folder>/result.json`.
 
         Raises:
-          DataError: there is none, it was altered, or it is another run's than the folder.
+          DataError: it is missing, was altered, or belongs to another run than the folder.
         """
         try:
             return cls.read(folder)[0]
         except Unsound as error:
             if error.kind == "missing":
                 raise
-            hint = f"`flywheel data verify {folder}` says what can be done."
+            hint = f"`flywheel data verify {folder}` lists remedies."
             raise Unsound(f"{error} {hint}", error.kind, error.instead) from None
 
     @classmethod
@@ -569,14 +574,14 @@ def read(kind: type[R], path: Path, wanted: Seal) -> tuple[R, Seal]:
     Args:
       kind: class of the record.
       path: of the file.
-      wanted: the seal that the file has to have. If its owner is "", any is accepted.
+      wanted: required seal of the file. If its owner is "", any is accepted.
 
     Raises:
-      DataError: there is no such file, or its contents are no such record.
+      DataError: the file is missing, or its content is no such record.
       Unsound: the file was altered, or belongs to another run.
     """
     if not os.path.lexists(path):
-        message = f"There is no {path.name} in {path.parent}; has the run begun?"
+        message = f"There is no {path.name} in {path.parent}; has the run started?"
         raise Unsound(message, "missing")
     what = f"The file {path}"
     values, seal = unsealed(read_bytes(path, "file", DataError, LARGEST_RESULT), what)

@@ -13,7 +13,7 @@ def unit(vectors: Floats) -> Floats:
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Vector product (..., 3); NumPy's takes several times as long where there are few vectors."""
+    """Vector product (..., 3); NumPy's is several times slower for few vectors."""
     product = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
@@ -50,7 +50,7 @@ def about_axis(axis: Floats, angle: Floats) -> Floats:
 def shortest(a: Floats, b: Floats) -> Floats:
     """The smallest rotation that takes the direction of `a` to that of `b`.
 
-    Opposite directions have no smallest one; they get half a turn about some axis across.
+    Opposite directions have no smallest one; they get half a turn about some perpendicular axis.
     """
     a, b = np.broadcast_arrays(unit(a), unit(b))
     scalar = 1 + (a * b).sum(axis=-1, keepdims=True)
@@ -87,9 +87,9 @@ def from_matrix(matrix: Floats) -> Floats:
 
 
 def kabsch(points: Floats, onto: Floats) -> Floats:
-    """The rotation that best takes centred points (..., n, 3) onto others, in least squares.
+    """The rotation that maps centred points (..., n, 3) onto others, in least squares.
 
-    Points in one plane suffice; on one line the turn about it is arbitrary.
+    Points in one plane suffice; on one line the rotation about it is arbitrary.
     """
     u, _, vt = np.linalg.svd(np.swapaxes(onto, -1, -2) @ points)
     flip = np.ones((*u.shape[:-2], 3))

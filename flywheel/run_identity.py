@@ -1,4 +1,4 @@
-"""The identity of a run: the file run.json, whose key is on the seal of every other file of the run."""
+"""The identity of a run: the file run.json, whose key is in the seal of every other file of the run."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from flywheel.validation import Frozen
 
 RUN_FILE = "run.json"
 RUN = "run"
-HOW = "Put a copy of it back, or begin a new run in another folder."
+HOW = "Restore a copy of it, or start a new run in another folder."
 
 
 class Identity(Frozen):
     """The identity of a run.
 
     Attributes:
-      key: unique; MLflow finds the run by it.
-      config_digest: of the configuration's part that decides the results.
+      key: unique; identifies the run at MLflow.
+      config_digest: of the configuration's part that determines the results.
       begun: local time.
     """
 
@@ -45,7 +45,7 @@ class Begun:
     files: dict[str, str]
 
     def check(self, folder: Path, name: str) -> None:
-        """Refuse a file that is not what the run was begun with.
+        """Check a file against its digest at the start of the run.
 
         Raises:
           Unsound: it was altered, or is missing.
@@ -56,7 +56,7 @@ class Begun:
         except Unsound as error:
             raise Unsound(f"{error} {HOW}", error.kind) from None
         if not same:
-            raise Unsound(f"The file {path} was altered since the run was begun with it. {HOW}")
+            raise Unsound(f"The file {path} was altered since the start of the run. {HOW}")
 
 
 def write_identity(folder: Path, identity: Identity, files: dict[str, str]) -> None:
@@ -69,7 +69,7 @@ def read_begun(folder: Path) -> Begun:
     """Read run.json.
 
     Raises:
-      Unsound: there is no such file, or it was altered.
+      Unsound: it is missing, or was altered.
     """
     try:
         return _read(folder / RUN_FILE)
@@ -87,7 +87,7 @@ def _read(path: Path) -> Begun:
         identity = Identity.model_validate(values)
     except ValidationError:
         raise Unsound(
-            f"The file {path} does not say who the run is: it holds {shown(values)}."
+            f"The file {path} does not identify the run: it contains {shown(values)}."
         ) from None
     check_seal(seal, RUN, RUN, f"The file {path}")
     return Begun(identity, dict(seal.rests_on))

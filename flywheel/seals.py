@@ -1,12 +1,12 @@
-"""Sealed files: they know what they are, what they are called, whose they are, and what they rest on.
+"""Sealed files, which contain their kind, name, owner and dependencies.
 
 A sealed file is a JSON object whose last key is its seal:
 
     {..., "seal": {"format": 2, "kind": "snapshot", "name": "i0001-mppi", "owner": "1f6c...",
                    "rests_on": {"i0000-mppi": "8d1f..."}, "sha256": "..."}}
 
-Its sha256 is of every byte before it. So a byte that changes is found, and so is a file that lies under
-another's name, or that was copied from elsewhere.
+Its sha256 covers every byte before it. A changed byte is detected, and so is a file under another's
+name, or a copy from elsewhere.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Kind = Literal["missing", "altered", "renamed", "exchanged", "doubled", "foreign
 
 
 class Unsound(DataError):
-    """Something stored that is not as it was stored.
+    """A stored item that is not as it was stored.
 
     Attributes:
-      kind: of what is wrong.
-      instead: what it is in truth, where it is something else that is known; else "".
+      kind: of the fault.
+      instead: true identity, if it is another known item; else "".
     """
 
     def __init__(self, message: str, kind: Kind = "altered", instead: str = "") -> None:
@@ -43,13 +43,13 @@ class Unsound(DataError):
 
 @dataclass(frozen=True)
 class Seal:
-    """Who a sealed file is.
+    """Identity of a sealed file.
 
     Attributes:
-      kind: of thing: "snapshot", "iteration".
+      kind: of the content: "snapshot", "iteration".
       name: its own.
-      owner: id of the store, or key of the run, that it belongs to.
-      rests_on: name -> digest of each thing that it refers to.
+      owner: id of its store, or key of its run.
+      rests_on: name -> digest of each dependency.
     """
 
     kind: str
@@ -62,9 +62,9 @@ def sealed(values: Mapping[str, Any], seal: Seal, allow_nan: bool = False) -> by
     """The text of values under a seal.
 
     Args:
-      values: that JSON can hold.
+      values: JSON data.
       seal: of them.
-      allow_nan: some numbers may not be finite.
+      allow_nan: allow non-finite numbers.
     """
     head = {"format": FORMAT, **vars(seal), "rests_on": dict(seal.rests_on), "sha256": ""}
     text = json.dumps({**values, SEAL: head}, indent=1, allow_nan=allow_nan).encode()
@@ -77,7 +77,7 @@ def unsealed(text: bytes, what: str) -> tuple[dict[str, Any], Seal]:
 
     Args:
       text: of the file.
-      what: it is, at the beginning of a sentence: "The receipt of segment e".
+      what: its name, at the beginning of a sentence: "The receipt of segment e".
 
     Raises:
       Unsound: it was altered, or is not such a text.
@@ -88,7 +88,7 @@ def unsealed(text: bytes, what: str) -> tuple[dict[str, Any], Seal]:
     except DataError as error:
         raise Unsound(f"{what} was altered: {error}") from None
     if not isinstance(values, dict):
-        raise Unsound(f"{what} was altered: it holds {shown(values)}, not named values.")
+        raise Unsound(f"{what} was altered: it contains {shown(values)}, not named values.")
     if SEAL not in values:
         raise Unsound(f"{what} was altered: it has no seal.")
     head = values.pop(SEAL)
@@ -116,15 +116,15 @@ def _seal_of(head: Any, what: str) -> Seal:
 
 
 def check_seal(seal: Seal, kind: str, name: str, what: str) -> None:
-    """Refuse what is sealed as something else.
+    """Check the identity in a seal.
 
     Args:
-      seal: that was found.
-      kind, name: as it lies there.
-      what: it is, at the beginning of a sentence.
+      seal: from the file.
+      kind, name: expected.
+      what: its name, at the beginning of a sentence.
 
     Raises:
-      Unsound: its seal names another thing.
+      Unsound: its seal identifies another item.
     """
     if seal.kind != kind:
         raise Unsound(f"{what} is that of {seal.kind} {seal.name}.", "renamed")
@@ -133,13 +133,13 @@ def check_seal(seal: Seal, kind: str, name: str, what: str) -> None:
 
 
 def misplaced(found: Mapping[str, str]) -> dict[str, tuple[Kind, str]]:
-    """What lies under another's name, and how that came about.
+    """Files under another's name, and the explanation.
 
     Args:
-      found: name that a thing lies under -> its own name, also of those that are right.
+      found: name of a file -> name in its seal, including the correct ones.
 
     Returns:
-      For each name that is wrong its kind, and a sentence without a subject.
+      For each wrong name its kind, and a sentence without a subject.
     """
     wrong: dict[str, tuple[Kind, str]] = {}
     for name, own in found.items():
@@ -158,7 +158,7 @@ def misplaced(found: Mapping[str, str]) -> dict[str, tuple[Kind, str]]:
 
 
 def digest_of(values: Any, allow_nan: bool = False) -> str:
-    """sha256 of values, however they are laid out as JSON."""
+    """sha256 of values, independent of their layout as JSON."""
     canonical = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=allow_nan)
     return hashlib.sha256(canonical.encode()).hexdigest()
 
@@ -167,7 +167,7 @@ def file_sha256(path: Path, what: str) -> str:
     """sha256 of a regular file, of any size.
 
     Raises:
-      Unsound: there is none, or it cannot be read.
+      Unsound: it is missing, or cannot be read.
     """
     try:
         with opened(path, what, DataError, limit=None) as file:

@@ -1,9 +1,10 @@
-"""Position and velocity of tracked points from noisy samples with gaps: three methods for three situations.
+"""Position and velocity of tracked points from noisy samples with gaps: three methods for three
+situations.
 
-- `causal_polynomial`: only the past is known, as for a model that predicts while the robot moves.
-- `local_regression`: samples on both sides of one instant, perhaps few of them; a prior on speed and
-  acceleration keeps a gap from being bridged by what a few samples seem to say.
-- `savitzky_golay`: a whole recording at once, where a state is wanted at every sample.
+- `causal_polynomial`: only the past is known, as in a prediction while the robot moves.
+- `local_regression`: samples on both sides of one instant, perhaps few of them; a prior on speed
+  and acceleration prevents a few samples from determining a gap.
+- `savitzky_golay`: a whole recording at once, for states at every sample.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ class MotionPrior:
     """Standard deviations of a robot's motion, in natural units: its length L, and sqrt(L / g) for time.
 
     Attributes:
-      speed, acceleration, jerk: what is usual for cable robots of every size.
+      speed, acceleration, jerk: usual values of cable robots of every size.
     """
 
     speed: float = 0.5
@@ -30,7 +31,7 @@ class MotionPrior:
 
 
 def causal_polynomial(points: Floats, dt: float, degree: int) -> tuple[Floats, Floats]:
-    """Where points are now and how fast, by a polynomial through their recent positions.
+    """Present positions and velocities of points, by a polynomial through their recent positions.
 
     Args:
       points: (B, w + 1, P, 3), oldest first; NaN where missing [m].
@@ -38,7 +39,7 @@ def causal_polynomial(points: Floats, dt: float, degree: int) -> tuple[Floats, F
       degree: of the polynomial.
 
     Returns:
-      (B, P, 3) positions [m] and velocities [m/s]; NaN and zero where too few positions are known.
+      (B, P, 3) positions [m] and velocities [m/s]; NaN and zero if too few positions are known.
     """
     steps = points.shape[1]
     time = np.arange(1 - steps, 1) / max(1, steps - 1)
@@ -64,9 +65,9 @@ def local_regression(
 ) -> tuple[Floats, Floats]:
     """Positions and velocities at one sample, by parabolas through the samples around it.
 
-    A parabola holds for a while only: what the motion may have changed by then by its jerk counts as
-    noise of a sample, so that those nearby decide. What is usual of speed and acceleration matters where
-    there are few samples (local Bayesian regression).
+    A parabola is valid for a while only: the possible influence of jerk counts as noise of a
+    sample, so that nearby samples dominate. The prior on speed and acceleration matters if there
+    are few samples (local Bayesian regression).
 
     Args:
       points: (T + 1, P, 3) of the whole recording; NaN where missing [m].
@@ -75,7 +76,7 @@ def local_regression(
       dt: between samples [s].
       time: natural unit of time of the robot, sqrt(L / g) [s].
       sigma: noise of a coordinate, in robot lengths.
-      prior: what motion is usual.
+      prior: on the motion.
 
     Returns:
       (P, 3) positions [m] and velocities [m/s].
@@ -139,6 +140,6 @@ def _around(points: Floats, at: int, reach: int) -> slice:
 
 
 def _require_seen(known: np.ndarray) -> None:
-    """Raise where a point of (T + 1, P) bool was never seen."""
+    """Raise if a point of (T + 1, P) bool was never seen."""
     if not known.any(axis=0).all():
         raise DataError(f"Tracked point {int(np.argmin(known.any(axis=0)))} was never seen.")

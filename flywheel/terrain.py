@@ -1,4 +1,4 @@
-"""Ground that is not flat: heights on a grid, split into triangles as MuJoCo splits its height fields."""
+"""Uneven ground: heights on a grid, split into triangles like MuJoCo's height fields."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BRINK = 0.05  # of the plane around a terrain below its lowest place [m]
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """Heights at the corners of square cells; around them lies a plane, a little lower than all.
+    """Heights at the corners of square cells; a slightly lower plane surrounds them.
 
     Two terrains of equal numbers are equal.
 
@@ -25,7 +25,7 @@ class Terrain:
       heights: (X, Y) above the world's zero [m].
       cell: side of a cell [m].
       origin: (x, y) of the corner [0, 0] [m].
-      digest: of all that.
+      digest: of all three.
 
     Raises:
       DataError: not a grid of finite heights.
@@ -116,7 +116,7 @@ def facet(
     Args:
       near, along_x, along_y, far: heights of the corners at (0, 0), (1, 0), (0, 1) and (1, 1).
       u, v: place in the cell, from 0 to 1 along x and y.
-      below: whether u >= v.
+      below: True if u >= v.
     """
     above = 1 - 1 * below
     rise_x = (along_x - near) * below + (far - along_y) * above

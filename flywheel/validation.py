@@ -1,4 +1,4 @@
-"""Validate plain values as a pydantic model, with a message that one can act on."""
+"""Validate plain values as a pydantic model, with helpful messages."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def validated(schema: type[M], values: Any, complaint: str, error: type[Flywheel
     """Validate plain values, as from a YAML or JSON file.
 
     Args:
-      schema: what they must be.
+      schema: type of the result.
       values: plain.
-      complaint: what is wrong if they are not: "a.yaml is not a valid configuration".
-      error: that is raised.
+      complaint: beginning of the message: "a.yaml is not a valid configuration".
+      error: class to raise.
 
     Raises:
-      error: an unknown key or a wrong value; the message lists the problems with their paths, what was
-        got and what is allowed.
+      error: an unknown key or a wrong value; the message lists the problems with their paths, the
+        values and the allowed values.
     """
     try:
         return schema.model_validate(values)
@@ -44,14 +44,14 @@ def validated(schema: type[M], values: Any, complaint: str, error: type[Flywheel
 
 
 def first_problem(found: ValidationError) -> str:
-    """The first of what pydantic found, with where it is and what was got; for files that programs write."""
+    """The first of pydantic's problems, with its location and value; for files written by programs."""
     first = found.errors()[0]
     where = ".".join(map(str, first["loc"]))
     return f"{where}: {first['msg']}, got {shown(first['input'])}"
 
 
 def lines(problems: Iterable[str]) -> str:
-    """The first of some problems, one a line, and how many there are besides."""
+    """The first of some problems, one per line, and the number of the rest."""
     listed = list(problems)
     if (more := len(listed) - MOST_PROBLEMS) > 0:
         listed[MOST_PROBLEMS:] = [f"and {more:,} more"]
@@ -67,7 +67,7 @@ def _explained(schema: type[BaseModel], error: Any) -> str:
         hint = f" Did you mean {near[0]!r}?" if near else ""
         return f"{where}: unknown key.{hint} Allowed: {', '.join(allowed)}."
     if error["type"] == "missing":
-        return f"{where}: must be given."
+        return f"{where}: is required."
     said = error["msg"].removeprefix("Value error, ")[:LONGEST_PROBLEM].rstrip(".")
     if error["type"] == "value_error":  # our own words, which say what was got
         return f"{where}: {said}."
@@ -92,7 +92,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def differences(old: Any, new: Any, path: str = "") -> Iterator[str]:
-    """Where two plain configurations differ, as "a.b: 1 -> 2"."""
+    """Differences between two plain configurations, as "a.b: 1 -> 2"."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted(old.keys() | new.keys()):
             where = f"{path}.{key}" if path else str(key)

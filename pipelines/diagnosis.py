@@ -1,4 +1,4 @@
-"""How often a diagnosis is right.
+"""Success rates of a diagnosis.
 
 python pipelines/diagnosis.py --help
 """

@@ -1,8 +1,8 @@
-"""Turn the flywheel.
+"""Run the loop.
 
     python pipelines/loop.py configs/prism3.yaml [KEY=VALUE ...]
 
-The run goes into runs/<name of the configuration>; one that was begun there goes on.
+The run goes into runs/<name of the configuration>; an existing one is continued.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flywheel.runtime.pool.progress import console_progress
 
 
 def main() -> None:
-    """Collect, train, evaluate and decide, as often as the configuration says."""
+    """Collect, train, evaluate and decide, as often as configured."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("config", help="a YAML file, or a name: prism3")
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="settings to change")

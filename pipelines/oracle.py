@@ -1,4 +1,4 @@
-"""How well MPPI does when its model is the plant itself.
+"""Success of MPPI with the plant itself as model.
 
 python pipelines/oracle.py --help
 """

@@ -1,4 +1,4 @@
-"""A diagnosis beside fitting all of an MJCF's numbers with `mujoco.sysid`.
+"""A diagnosis compared with fitting all of an MJCF's numbers with `mujoco.sysid`.
 
 python pipelines/sysid.py --help
 """

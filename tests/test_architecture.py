@@ -287,3 +287,50 @@ def test_no_file_is_named_for_nothing_in_particular() -> None:
     for path in sources("flywheel", "benchmarks", "pipelines"):
         assert path.stem not in {"utils", "util", "common", "helpers", "misc", "manager"}, path
         assert not re.search(r"_v\d+$|\d_new$|_old$", path.stem), path
+
+
+OPENING = re.compile(r"(What|Whether)\b", re.IGNORECASE)
+ENTRY = re.compile(r"[\w*., ]+?: +(.*)")
+
+
+def phrases(docstring: str) -> list[str]:
+    """A docstring's first line, and the texts in its sections."""
+    lines = [line.strip() for line in docstring.strip().splitlines()]
+    headings = [n for n, line in enumerate(lines) if re.fullmatch("(Args|[A-Z][a-z]+s):", line)]
+    entries = lines[headings[0] + 1 :] if headings else []
+    return [lines[0], *(found[1] if (found := ENTRY.match(line)) else line for line in entries)]
+
+
+def openings(source: str) -> list[str]:
+    """Phrases of docstrings, texts below fields, and help texts that begin with no noun."""
+    tree = ast.parse(source)
+    texts: list[str] = []
+    for node in ast.walk(tree):
+        value = node.value if isinstance(node, ast.Expr | ast.keyword) else None
+        named = not isinstance(node, ast.keyword) or node.arg == "help"
+        if named and isinstance(value, ast.Constant) and isinstance(value.value, str):
+            texts += phrases(value.value)
+    return [text for text in texts if OPENING.match(text)]
+
+
+def test_a_docstring_names_its_result_with_a_noun() -> None:
+    found = {
+        str(path.relative_to(ROOT)): openings(path.read_text())
+        for path in sources("flywheel", "benchmarks", "pipelines")
+    }
+    assert {path: texts for path, texts in found.items() if texts} == {}
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""What is left."""',
+        'def f():\n    """Whether it is so."""',
+        'def f():\n    """A fit.\n\n    Args:\n      a, b: what is fitted.\n    """',
+        'class A:\n    """A fit.\n\n    Attributes:\n      a: a number.\n      b: whether it is so.\n    """',
+        'a: int = 1\n"""What it is."""',
+        'option(help="What it is.")',
+    ],
+)
+def test_an_opening_without_a_noun_is_found(source: str) -> None:
+    assert len(openings(source)) == 1

@@ -30,8 +30,9 @@ def diagnosis(
     groups: Annotated[
         str,
         typer.Option(
-            help="none, single, pairs, triples, outside, hard; and of robots that are a little off in every "
-            "number messy-none, messy-single, messy-pairs; and forms, laws that the library does not have."
+            help="none, single, pairs, triples, outside, hard; and for robots with small errors "
+            "in all numbers messy-none, messy-single, messy-pairs; and forms, laws outside "
+            "the library."
         ),
     ] = "none,single,pairs,triples,outside,hard",
     sizes: Annotated[
@@ -42,13 +43,16 @@ def diagnosis(
     spread: Annotated[
         float,
         typer.Option(
-            help="How far messy robots are off: 2 for twice as far.", callback=within(Bounds(0, 10))
+            help="Deviations of messy robots: 2 for twice as large.", callback=within(Bounds(0, 10))
         ),
     ] = 1.0,
     told: Annotated[
         bool,
         typer.Option(
-            help="Tell the diagnosis how far off messy robots are: what it cannot name then, nobody can."
+            help=(
+                "Give the diagnosis the deviations of messy robots, for an upper bound of its "
+                "success."
+            )
         ),
     ] = False,
     model: TrainedOption = None,

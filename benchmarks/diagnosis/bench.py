@@ -57,11 +57,11 @@ def examine(
 
     Args:
       folder: one JSON file per case.
-      robot, groups, sizes, seeds, spread: which cases; see `flywheel.truth_simulator.cases`.
-      only: part of the names of the cases wanted.
-      model: to be tested in the plant's stead; see `flywheel.cli.models`.
+      robot, groups, sizes, seeds, spread: cases; see `flywheel.truth_simulator.cases`.
+      only: part of the names of the cases.
+      model: tested instead of the plant; see `flywheel.cli.models`.
       address: of an existing Ray cluster.
-      told: the diagnosis knows how far off the numbers of messy robots are.
+      told: the diagnosis knows the deviations of messy robots.
     """
     lookup(ROBOTS, robot, "robot")  # workers load it by its name
     made = cases(load_robot(robot), _checked(groups), sizes, seeds, spread=spread)
@@ -88,23 +88,23 @@ def listed(sizes: str) -> list[float]:
     """Sizes from "0.5,1,2", in typical sizes.
 
     Raises:
-      ConfigError: one is none.
+      ConfigError: one is invalid.
     """
     return [number(size, "Each of --sizes", TYPICAL_SIZES) for size in sizes.split(",")]
 
 
 def _stored(file: Path) -> CaseResult:
     values = read_json(file, "result of a case", DataError)
-    return validated(CaseResult, values, f"{file} is no result of a case", DataError)
+    return validated(CaseResult, values, f"{file} is not a result of a case", DataError)
 
 
 def _kept(
     folder: Path, wanted: Sequence[Case], tested: TrainedModel | None, told: bool
 ) -> list[CaseResult]:
-    """The results that the folder has.
+    """The results in the folder.
 
     Raises:
-      ConfigError: they are of another model, or of a diagnosis that was told more, or less.
+      ConfigError: they are of another model, or of a diagnosis with other information.
     """
     files = [_file(folder, case.name) for case in wanted]
     results = [_stored(file) for file in files if file.exists()]

@@ -1,4 +1,4 @@
-"""What came of one case, as plain numbers, and whether it is right."""
+"""Result of one case, as plain numbers, and its correctness."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ class Named(ResultRecord):
 
     @property
     def family(self) -> str:
-        """The effect, or the one that is declared to be the same."""
+        """The effect, or the one declared to be the same."""
         return self.key[0]
 
     @property
     def key(self) -> tuple[str, str]:
-        """What has to agree for two to be the same."""
+        """Identity of an effect for comparison."""
         return key_of(self.effect, self.location)
 
 
@@ -46,23 +46,22 @@ class CaseResult(ResultRecord):
     Attributes:
       name, group, robot: of the case.
       model: digest of the weights under test, or "" for the plant.
-      told: the diagnosis was told how far off the numbers of robots are, as they were drawn.
-      scripts: commands of the recordings that were looked at.
-      truth: what was hidden.
-      visible: root mean square change that it makes to the recordings' points, over their noise.
-      verdict: what the diagnosis said.
-      answers: its alternatives, the best first.
+      told: the diagnosis knew the distribution of the robots' deviations.
+      scripts: commands of the fitted recordings.
+      truth: hidden effects.
+      visible: root mean square change of the recordings' points by them, over their noise.
+      verdict: of the diagnosis.
+      answers: its alternatives, best first.
       runner_up: the best score of a candidate that is not the answer, over the answer's.
-      smallest: size of the hidden effect (the first one) that the data could have shown, over its
-        true size.
+      smallest: smallest visible size of the (first) hidden effect, over its true size.
       noise, baseline, augmented: errors on the recordings [m].
-      held_out_baseline, held_out: on the one held out [m].
-      left: variance, correlation, inconstancy and loudest window of what is left, see `Adequacy`.
-      left_before: the same of the model as it was.
+      held_out_baseline, held_out: on the held-out one [m].
+      left: variance, correlation, inconstancy and largest window of the residual, see `Adequacy`.
+      left_before: the same of the initial model.
       other_law, other_score, other_share, other_gain: see `Misspecification`.
-      time_steps: with which each window was simulated in the end [s].
+      time_steps: of each window in the end [s].
       seconds: of the diagnosis.
-      failure: what was raised, or "".
+      failure: error, or "".
     """
 
     name: str
@@ -109,7 +108,7 @@ class CaseResult(ResultRecord):
 
     @property
     def right(self) -> bool:
-        """The best answer is the truth, or the effect was rightly said to be too small."""
+        """The best answer is the truth, or the effect was rightly called too small."""
         return self.first_is_right or self.said_unseen
 
     @property
@@ -119,21 +118,21 @@ class CaseResult(ResultRecord):
 
     @property
     def family_is_right(self) -> bool:
-        """The best answer names the right effects, wherever it puts them."""
+        """The best answer names the right effects, at any place."""
         return {n.family for n in self.best} == {n.family for n in self.truth}
 
     @property
     def said_unseen(self) -> bool:
-        """It said that nothing can be seen, and that it could not have seen an effect this small.
+        """The answer is that nothing is visible, and its smallest visible size is above the effect's.
 
-        The other simulator agrees: the effect changes what is measured by less than the noise.
+        The other simulator agrees: the effect changes the measurements by less than the noise.
         """
         nothing = self.verdict in ("NOISE_ONLY", "DATA_INSUFFICIENT")
         return nothing and self.smallest > 1.0 and self.visible < 1.0
 
     @property
     def said_outside(self) -> bool:
-        """It said that something is missing that is none of the library's effects."""
+        """The answer is that something outside the library is missing."""
         return self.verdict in ("OUTSIDE_LIBRARY", "PARTIAL")
 
     @property
@@ -147,14 +146,14 @@ class CaseResult(ResultRecord):
 
     @property
     def covered(self) -> list[bool]:
-        """Whether the interval of each value of a right first answer holds the true one."""
+        """For each value of a right first answer: True if its interval contains the true one."""
         if not self.first_is_right:
             return []
         return [low <= truth <= high for _, truth, low, high in matched(self.best, self.truth)]
 
 
 def same(answer: Answer, truth: Answer) -> bool:
-    """Whether two answers name the same effects at the same places, in any order."""
+    """True if two answers name the same effects at the same places, in any order."""
     return sorted(n.key for n in answer) == sorted(n.key for n in truth)
 
 

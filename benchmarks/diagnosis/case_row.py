@@ -9,30 +9,31 @@ from benchmarks.diagnosis.case_result import Answer, CaseResult, Named
 
 @dataclass(frozen=True)
 class CaseRow:
-    """What came of a case, without anything nested.
+    """Result of a case, without nesting.
 
     Attributes:
-      set: which of the sets of cases it belongs to ("main", "fresh", "network", "as-built-half").
+      set: set of cases ("main", "fresh", "network", "as-built-half").
       name, group, robot: of the case.
       model: the first digits of the digest of the weights under test, or "" for the plant.
       kind: names of the hidden effects, joined by "+", or "nothing".
-      truth: what was hidden, in words.
+      truth: hidden effects, in words.
       answer: the first answer, in words, each value with its 95 % interval.
-      verdict: what the diagnosis said, or "failed".
+      verdict: of the diagnosis, or "failed".
       answers: number of alternatives.
-      right: the first answer is the truth, or it was rightly said to be too small.
+      right: the first answer is the truth, or it was rightly called too small.
       first_is_right: the first answer is the truth, places included.
-      family_is_right: the first answer names the right effects, wherever it puts them.
+      family_is_right: the first answer names the right effects, at any place.
       contains_truth: one of the answers is the truth.
-      said_unseen: rightly said to be too small to be seen.
-      said_outside: said that something is missing that is none of the library's effects.
-      sizes, covered: values of a right first answer, and how many of their intervals hold the true one.
+      said_unseen: rightly called too small to be visible.
+      said_outside: the answer is that something outside the library is missing.
+      sizes, covered: values of a right first answer, and number of their intervals that contain the
+        true one.
       size_error: relative error of a right first answer.
       visible: root mean square change of the points by the hidden effects, over the noise.
-      smallest: size of the hidden effect that could have been seen, over its true size.
+      smallest: smallest visible size of the hidden effect, over its true size.
       noise: of a coordinate, as estimated [m].
       baseline, augmented: error on the recordings without and with the answer, over the noise.
-      held_out_baseline, held_out: the same on the recording that was held out.
+      held_out_baseline, held_out: the same on the held-out recording.
       seconds: of the diagnosis.
     """
 

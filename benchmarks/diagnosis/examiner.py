@@ -34,8 +34,8 @@ class Examiner:
     """Diagnoses cases.
 
     Args:
-      model: to be tested in the plant's stead.
-      told: how far off the numbers of messy robots are, as they were drawn; None for the usual settings.
+      model: tested instead of the plant.
+      told: true distribution of the deviations of messy robots; None for the usual settings.
       threads: of the plant.
     """
 
@@ -46,7 +46,7 @@ class Examiner:
         self.beat = Beat()
 
     def examine(self, case: Case) -> CaseResult:
-        """Make the recordings, diagnose them, and say what came of it. A failure is a result, too."""
+        """Make the recordings, diagnose them, and return the result. A failure is a result, too."""
         robot = load_robot(case.robot)
         recorded = case.record(robot)
         truth = tuple(truth_of(each) for each in recorded.held_out.effects)
@@ -77,7 +77,7 @@ class Examiner:
 
 
 def knowing(spread: Spread) -> Settings:
-    """Settings of somebody who knows how far off the numbers of robots are that were drawn so."""
+    """Settings with the true distribution of the robots' deviations."""
     as_built = AsBuiltSettings(
         stiffness=spread.stiffness,
         damping=spread.damping,
@@ -100,14 +100,14 @@ def knowing(spread: Spread) -> Settings:
 
 
 def _imported(made: HiddenRecording, robot: Robot) -> list[Trajectory]:
-    """The parts of a recording as its log is read: exchanged markers are put right, for one."""
+    """The parts of a recording as read from its log, e.g. with corrected swaps of markers."""
     with TemporaryDirectory() as folder:
         log, _ = made.write(Path(folder), "log", robot)
         return [each.trajectory for each in read_recording(log, robot, dt=made.dt).episodes]
 
 
 def filled(case: CaseResult, found: Diagnosis, scales: Scales) -> CaseResult:
-    """The case with what the diagnosis said."""
+    """The case with the diagnosis' answer."""
     held = found.held_out
     assert held is not None
     answers = tuple(tuple(_named(each) for each in answer) for answer in found.answers)
@@ -145,7 +145,7 @@ def _left(left: Adequacy) -> tuple[float, ...]:
 
 
 def _smallest(case: CaseResult, found: Diagnosis) -> float:
-    """Size of the first hidden effect that could have been seen, over its true size."""
+    """Smallest visible size of the first hidden effect, over its true size."""
     if not case.truth:
         return float("nan")
     first = case.truth[0]
@@ -153,7 +153,7 @@ def _smallest(case: CaseResult, found: Diagnosis) -> float:
 
 
 def truth_of(effect: EffectTruth) -> Named:
-    """What was hidden, in the parameters of the library."""
+    """The hidden effects, in the parameters of the library."""
     return Named(effect=effect.name, location=effect.place, values=library_values(effect))
 
 

@@ -1,4 +1,4 @@
-"""What is logged of an examination: its rates, as they are after so many cases."""
+"""Logging of an examination: its rates, after each number of cases."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def publish_examination(
 
 
 def _values(line: Line) -> dict[str, float]:
-    """What a line has numbers for; MLflow's names know no "+"."""
+    """Numbers of a line for logging; MLflow's names know no "+"."""
     values = {
         "right": line.right.value,
         "right_low": line.right.low,

@@ -1,4 +1,4 @@
-"""How often a diagnosis is right: per effect and in all, with exact intervals."""
+"""Success rates of a diagnosis: per effect and in all, with exact intervals."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class Line:
 
     Attributes:
       what: the hidden effects, or a name for all of them.
-      cases: how many.
-      right: best answer right, or rightly said to be too small.
+      cases: number.
+      right: best answer right, or rightly called too small.
       first: best answer right.
-      family: right but for the place.
+      family: right except for the place.
       contained: truth among the answers.
-      unseen: said to be too small, and the other simulator agrees.
-      outside: said that something is missing that is none of the library's effects.
+      unseen: called too small, and the other simulator agrees.
+      outside: the answer is that something outside the library is missing.
       answers: mean number of alternatives.
       size_error: median [-].
       coverage: of the intervals.
@@ -127,7 +127,7 @@ def rates_table(rows: Sequence[CaseRow]) -> list[str]:
 
 
 def outside_table(rows: Sequence[CaseRow]) -> list[str]:
-    """Lines of Markdown: a row per hidden effect that the library does not have, and one for all."""
+    """Lines of Markdown: a row per hidden effect outside the library, and one for all."""
     return [OUTSIDE_HEADER, *map(_outside, summary(rows))]
 
 

@@ -1,1 +1,1 @@
-"""Whether what a user can measure is still the same: see `__main__`."""
+"""A check that measurable results are unchanged: see `__main__`."""

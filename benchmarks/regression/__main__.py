@@ -1,12 +1,12 @@
-"""Whether what a user can measure is still the same after code was moved.
+"""A check that measurable results are unchanged after code was moved.
 
     python -m benchmarks.regression record    before a change: writes answers.json
     python -m benchmarks.regression check     after it: compares with answers.json
 
 Sixteen commands on short logs of the truth simulator (diagnoses, a comparison, a power and a design
-answer) and one run of `configs/smoke.yaml`: verdicts, effects and numbers have to agree to 1e-9, stored
-arrays and networks to the bit. Fields that were renamed or added since then stand in `renamed.json`.
-Other processors round otherwise: record and check on one machine.
+answer) and one run of `configs/smoke.yaml`: verdicts, effects and numbers must agree to 1e-9,
+stored arrays and networks bit by bit. Fields that were renamed or added since then are in
+`renamed.json`. Other processors round differently: record and check on one machine.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _call(words: list[str], folder: Path, name: str) -> int:
 
 
 def _stripped(value: Any) -> Any:
-    """Without what depends on the clock."""
+    """The answer without fields that depend on the clock."""
     if isinstance(value, dict):
         return {k: _stripped(v) for k, v in value.items() if k not in DROPPED}
     return [_stripped(v) for v in value] if isinstance(value, list) else value

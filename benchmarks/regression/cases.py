@@ -1,4 +1,4 @@
-"""What is asked in the regression slice: short commands whose answers cover most of the code."""
+"""Cases of the regression slice: short commands whose answers cover most of the code."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Log:
     """One log to make with the truth simulator.
 
     Attributes:
-      effects: hidden effects, name -> how many times their typical size.
+      effects: hidden effects, name -> multiple of their typical size.
       robot: name of a shipped robot.
       script: name of the command script.
       seed: of commands, places and noise.
-      seconds: how long [s].
-      measurement: how it is measured.
+      seconds: duration [s].
+      measurement: its settings.
     """
 
     effects: dict[str, float]

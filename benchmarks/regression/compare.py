@@ -1,4 +1,4 @@
-"""Whether two answers say the same, number by number."""
+"""Comparison of two answers, number by number."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ TOLERANCE = 1e-9  # relative difference of two numbers that count as the same
 
 @dataclass(frozen=True)
 class Fields:
-    """What was done to fields on purpose.
+    """Intentional changes of fields.
 
     Attributes:
       renamed: old name -> new name.
-      added: names that only the new answers have.
+      added: names of new fields.
     """
 
     renamed: dict[str, str] = field(default_factory=dict)
@@ -26,12 +26,12 @@ class Fields:
 def differences(
     before: Any, after: Any, fields: Fields = Fields(), path: str = ""
 ) -> Iterator[str]:
-    """Where `after` differs from `before`.
+    """Differences of `after` from `before`.
 
     Args:
-      before, after: values as JSON has them.
-      fields: that were renamed or added.
-      path: at which both stand.
+      before, after: values from JSON.
+      fields: renamed or added.
+      path: of both.
     """
     if isinstance(before, dict) and isinstance(after, dict):
         was: dict[str, Any] = {fields.renamed.get(str(k), str(k)): v for k, v in before.items()}

@@ -1,4 +1,4 @@
-"""What a run of the smallest configuration left in its folder, in digests and numbers."""
+"""Content of a run of the smallest configuration, in digests and numbers."""
 
 from __future__ import annotations
 

@@ -1,1 +1,3 @@
-"""How fast this machine plans, learns, simulates and stores: see `python -m benchmarks.speed --help`."""
+"""Speed of planning, learning, simulation and storage on this machine: see `python -m
+benchmarks.speed --help`.
+"""

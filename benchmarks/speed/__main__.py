@@ -46,7 +46,7 @@ def speed(
     only: Annotated[
         str, typer.Option(help="Only these, e.g. plant,plan; all by default.", show_default=False)
     ] = "",
-    output: Annotated[Path, typer.Option(help="Where the numbers go, as JSON.")] = Path(
+    output: Annotated[Path, typer.Option(help="Output file for the numbers, as JSON.")] = Path(
         "bench.json"
     ),
 ) -> None:

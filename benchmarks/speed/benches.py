@@ -1,7 +1,8 @@
-"""What `python -m benchmarks.speed` measures.
+"""The measurements of `python -m benchmarks.speed`.
 
-What is compared is timed in turns, within one process. One thread is timed by its own computing time,
-so that a busy machine does not matter; several by the clock, for which the machine must be idle.
+Compared contenders are timed in turns, within one process. One thread is timed by its own computing
+time, so that a busy machine does not matter; several by the clock, for which the machine must be
+idle.
 """
 
 from __future__ import annotations
@@ -47,12 +48,12 @@ class Measurement:
     """One number.
 
     Attributes:
-      of: what was measured.
-      value: at its best, among all times it was measured.
+      of: name of the measurement.
+      value: best of all repetitions.
       unit: of the value.
-      threads: computed with.
-      against: what `ratio` compares it with, or "".
-      ratio: how many times better it is than that.
+      threads: in use.
+      against: the reference of `ratio`, or "".
+      ratio: how many times better it is than the reference.
     """
 
     of: str
@@ -67,7 +68,7 @@ Bench = Callable[[Robot, int, float], list[Measurement]]
 
 
 def machine() -> dict[str, object]:
-    """What the numbers were measured on."""
+    """Inputs of the measurements."""
     return {
         "processor": _processor(),
         "cores": len(os.sched_getaffinity(0)),
@@ -86,7 +87,7 @@ def _processor() -> str:
 
 
 def bench_plant(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """Simulated control steps per second, beside bare `mujoco.rollout`."""
+    """Simulated control steps per second, compared with bare `mujoco.rollout`."""
     taken = least_seconds(contenders(robot, threads), seconds, threads)
     rates = {name: SIMULATIONS * STEPS / each for name, each in taken.items()}
     ratio = rates["plant"] / rates["bare"]
@@ -97,7 +98,7 @@ def bench_plant(robot: Robot, threads: int, seconds: float) -> list[Measurement]
 
 
 def bench_network(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """The whole learned step beside bare `mujoco.rollout`."""
+    """The whole learned step compared with bare `mujoco.rollout`."""
     bare = contenders(robot, threads)["bare"]
     return measured(
         learned_against_plant(robot, bare, SIMULATIONS * STEPS, seconds, threads), threads
@@ -178,7 +179,7 @@ def _planning(model: Dynamics, samples: int) -> Callable[[], object]:
 
 
 def bench_store(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
-    """Committed bytes per second, and training windows per second beside plain memory."""
+    """Committed bytes per second, and training windows per second compared with plain memory."""
     with TemporaryDirectory() as folder:
         speed = store_benchmark(robot, Path(folder), repeats=max(1, round(20 * seconds)))
     unit, windows, ram = "windows/s", speed.windows_per_s, speed.ram_windows_per_s

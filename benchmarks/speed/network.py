@@ -1,4 +1,4 @@
-"""How fast the network is, and against what: for `python -m benchmarks.speed`.
+"""Speed of the network relative to alternatives: for `python -m benchmarks.speed`.
 
 Every function times its contenders in turns within one process and keeps the least time of each, so
 only ratios between them are meaningful; one thread is timed by its CPU time, several by wall-clock

@@ -1,4 +1,4 @@
-"""The plant beside bare `mujoco.rollout` on the same model, for `python -m benchmarks.speed`."""
+"""The plant compared with bare `mujoco.rollout` on the same model, for `python -m benchmarks.speed`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast the store writes and the cache is read."""
+"""Speed of writing the store and of reading the cache."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""`flywheel diagnose` beside fitting the same recordings with `mujoco.sysid`.
+"""`flywheel diagnose` compared with fitting the same recordings with `mujoco.sysid`.
 
     python -m benchmarks.sysid OUT_FOLDER
 
-Writes one JSON file per case into the folder, keeps those that are there already, and prints the table.
-Needs `pip install "mujoco[sysid]"`. `python -m benchmarks.tables collect sysid OUT_FOLDER` takes the results
-over into benchmarks/results/.
+Writes one JSON file per case into the folder, keeps existing ones, and prints the table. Needs `pip
+install "mujoco[sysid]"`. `python -m benchmarks.tables collect sysid OUT_FOLDER` imports the results
+into benchmarks/results/.
 """
 
 from __future__ import annotations

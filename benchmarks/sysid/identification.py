@@ -1,7 +1,7 @@
-"""Fit all of an MJCF's own numbers to recordings with `mujoco.sysid`: what the field has today.
+"""Fit all of an MJCF's own numbers to recordings with `mujoco.sysid`, the state of the art.
 
-A diagnosis is compared with it. It needs the packages of `pip install "mujoco[sysid]"`, which nothing
-else here does.
+A diagnosis is compared with it. Only this module needs the packages of `pip install
+"mujoco[sysid]"`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Piece:
     """A stretch of a recording.
 
     Attributes:
-      start: (unbatched) state in which it begins, or may begin.
+      start: (unbatched) initial state, or a guess of it.
       controls: (T, W) commands.
       points: (T + 1, P, 3) measured [m]; NaN where missing.
     """
@@ -50,8 +50,8 @@ class Fitted:
 
     Attributes:
       name: "<element>.<number>".
-      unit: "1" where it is relative to the MJCF's.
-      nominal: what the MJCF says.
+      unit: "1" if it is relative to the MJCF's.
+      nominal: value in the MJCF.
       value: fitted.
       low, high: sysid's 95 % interval.
     """
@@ -65,19 +65,19 @@ class Fitted:
 
     @property
     def surely_changed(self) -> bool:
-        """The interval leaves the nominal value out."""
+        """True if the interval excludes the nominal value."""
         return not self.low <= self.nominal <= self.high
 
 
 @dataclass(frozen=True)
 class Identification:
-    """What sysid found.
+    """Result of sysid.
 
     Attributes:
-      xml: MJCF with the fitted numbers, in six digits: MuJoCo writes no more. Its winches may have gains
-        that `read_robot` refuses.
+      xml: MJCF with the fitted numbers, in six digits: MuJoCo writes no more. Its winches may have
+        gains that `read_robot` rejects.
       numbers: of the MJCF.
-      ended: why, in sysid's words.
+      ended: reason, in sysid's words.
     """
 
     xml: str
@@ -93,16 +93,17 @@ def identify(
     iterations: int = 20,
     optimizer: Optimizer = "mujoco",
 ) -> Identification:
-    """Free every number of the MJCF, see `mjcf_parameters`, and fit measured points in the least squares.
+    """Free every number of the MJCF, see `mjcf_parameters`, and fit measured points in the least
+    squares.
 
     Args:
-      plant: the robot as it is thought to be.
+      plant: of the model to fit.
       pieces: of one length.
       sigma: noise of a coordinate [m].
-      spread: (2 nv,) standard deviations of starts along the tangent, positions and velocities [m, rad,
-        m/s, rad/s], by which starts are fitted, too; None to hold them.
-      iterations: at most.
-      optimizer: of those that sysid has; "scipy_parallel_fd" is SciPy's trust region.
+      spread: (2 nv,) standard deviations of starts along the tangent, positions and velocities [m,
+        rad, m/s, rad/s], to fit starts, too; None to hold them.
+      iterations: maximum.
+      optimizer: one of sysid's; "scipy_parallel_fd" is SciPy's trust region.
 
     Raises:
       ConfigError: sysid's packages are not installed.
@@ -152,8 +153,8 @@ def _numbers(free: Sequence[Block], best: sysid.ParameterDict, half: Floats) -> 
 class _Residuals:
     """The residuals of all pieces, as a function that sysid can call.
 
-    A piece depends on the MJCF and on its own start alone: of the columns of a finite difference, those
-    that are the same to it are simulated once, and every model is compiled once.
+    A piece depends on the MJCF and on its own start alone: equal columns of a finite difference are
+    simulated once, and every model is compiled once.
     """
 
     def __init__(
@@ -196,7 +197,7 @@ class _Residuals:
 
 
 class _Part:
-    """One piece, as sysid simulates it and as it is compared with what was measured."""
+    """One piece, simulated by sysid and compared with the measurements."""
 
     def __init__(
         self,
@@ -255,7 +256,7 @@ class _Part:
     def _compared(  # type: ignore[no-untyped-def]
         self, params, predicted, measured, model, return_all, state
     ):
-        """Measured minus predicted; with what is known of the start, where that is fitted."""
+        """Measured minus predicted; with the prior of the start, if that is fitted."""
         rows = predicted.data[:: self._plant.substeps]
         off = np.nan_to_num((measured.data - rows) / self._sigma, nan=0.0).ravel()
         prior = [] if self.start is None else params[self._name].value

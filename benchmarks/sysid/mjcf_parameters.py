@@ -1,6 +1,6 @@
 """The numbers of a robot's MJCF, as parameters that `mujoco.sysid` can free.
 
-Nearly all are relative to what the MJCF says, so that steps of one size suit them.
+Nearly all are relative to the MJCF's values, so that steps of one size suit them.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ CENTRE, SHEAR = 0.2, 0.05
 
 @dataclass(frozen=True)
 class Kind:
-    """One number that every element of a group has.
+    """A number common to every element of a group.
 
     Attributes:
       name: of the number.
-      unit: "1" where it is relative to the MJCF's.
-      nominal: what the MJCF says.
+      unit: "1" if it is relative to the MJCF's.
+      nominal: value in the MJCF.
       low, high: bounds.
     """
 
@@ -67,12 +67,12 @@ GROUND = (
 
 @dataclass(frozen=True)
 class Block:
-    """One of sysid's parameters, and what its entries are.
+    """One of sysid's parameters, and the meaning of its entries.
 
     Attributes:
       parameter: sysid's.
       labels: (name, unit) of each entry.
-      shown: what is said of values of all entries.
+      shown: displayed values of all entries.
     """
 
     parameter: sysid.Parameter
@@ -96,7 +96,7 @@ def bare_spec(xml: str) -> mujoco.MjSpec:
 
 
 def blocks(spec: mujoco.MjSpec) -> list[Block]:
-    """Everything a user would free in a robot of rods and cables.
+    """All numbers that a user would free in a robot of rods and cables.
 
     For each winch its gain, offset, stiffness and damping; for each passive cable stiffness, damping and
     rest length; for every cable dry friction; for each body all ten numbers of its inertia; stiffness,

@@ -1,4 +1,6 @@
-"""`flywheel diagnose` beside fitting the same recordings with `mujoco.sysid`, all its parameters free."""
+"""`flywheel diagnose` compared with fitting the same recordings with `mujoco.sysid`, all its
+parameters free.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,8 @@ class Setup:
 
     Attributes:
       starts: are fitted, too.
-      iterations: at most.
-      optimizer: of those that it has.
+      iterations: maximum.
+      optimizer: one of sysid's.
     """
 
     starts: bool
@@ -48,11 +50,11 @@ class Contender(ResultRecord):
     """One way to explain the recordings.
 
     Attributes:
-      name: of the way.
-      fit, held_out: root mean square errors, each window from the start that fits best, over the noise.
-      seconds: of one core; sysid's without the first fit of the starts, which it is given.
-      verdict: in a word, or how the fit ended.
-      numbers: all that were fitted.
+      name: of the contender.
+      fit, held_out: root mean square errors with the best start of each window, over the noise.
+      seconds: of one core; sysid's without the first fit of the starts, which is given.
+      verdict: in a word, or the end of the fit.
+      numbers: all fitted ones.
     """
 
     name: str
@@ -68,9 +70,9 @@ class CaseStudy(ResultRecord):
 
     Attributes:
       name: of the case.
-      truth: what was hidden, in words.
+      truth: hidden effects, in words.
       noise: of a coordinate, as estimated [m].
-      contenders: the plant as it was first.
+      contenders: the initial plant first.
     """
 
     name: str
@@ -80,10 +82,10 @@ class CaseStudy(ResultRecord):
 
 
 class Bench:
-    """The recordings of a case in windows, and how all contenders are measured on them.
+    """The recordings of a case in windows, and the common measure of all contenders.
 
     Args:
-      plant: as it was.
+      plant: initial one.
       recorded: the recordings.
     """
 
@@ -98,17 +100,17 @@ class Bench:
     def errors(self, plant: Plant, terms: Terms = ()) -> tuple[float, float]:
         """Errors of a plant with terms over the noise, on the recordings and on the one held out.
 
-        They are measured in one way for all contenders.
+        They are measured in the same way for all contenders.
         """
         fitters = (self._fitter(windows, plant) for windows in (self.fit, self.held_out))
         on_fit, on_held_out = (f.rms(fitted(f, terms)) / self.fit.sigma for f in fitters)
         return on_fit, on_held_out
 
     def pieces(self) -> tuple[list[Piece], Floats]:
-        """What sysid gets: windows, and how far their starts may be off (2 nv,).
+        """Inputs of sysid: windows, and the tolerance of their starts (2 nv,).
 
-        The starts are those from which the plant as it was fits best, with winches where the commands
-        lead them.
+        The starts are those that fit the initial plant best, with winches reckoned from the
+        commands.
         """
         windows, fitter = self.fit, self._fitter(self.fit, self.plant)
         predictor = fitter.simulator
@@ -137,7 +139,7 @@ def study(
     Args:
       case: makes the recordings.
       setups: of sysid.
-      library: effects that the diagnosis considers; all for none.
+      library: candidate effects of the diagnosis; all for none.
     """
     recorded = case.record(load_robot(case.robot))
     bench = Bench(Plant(load_robot(case.robot), case.measurement.dt), recorded)

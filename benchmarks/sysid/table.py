@@ -20,13 +20,13 @@ class ContenderRow:
     """One way to explain the recordings of a case.
 
     Attributes:
-      name, hidden: of the case; what was hidden, in words.
-      contender: the way.
-      fit, held_out: errors over the noise on the recordings and on the one that was held out.
+      name, hidden: of the case; hidden effects, in words.
+      contender: its name.
+      fit, held_out: errors over the noise on the recordings and on the held-out one.
       seconds: of one core.
-      says: the verdict, or how the fit ended.
-      numbers, changed: how many were fitted, and how many have surely changed.
-      surest: the surest changes with their 95 % intervals, in words.
+      says: the verdict, or the end of the fit.
+      numbers, changed: number of fitted ones, and of significantly changed ones.
+      surest: the most significant changes with their 95 % intervals, in words.
     """
 
     name: str
@@ -70,7 +70,7 @@ def table(rows: Sequence[ContenderRow]) -> list[str]:
 
 
 def line(row: ContenderRow) -> str:
-    """A row of the table in Markdown; where one number was fitted, that number."""
+    """A row of the table in Markdown; with a single fitted number, that number."""
     changes = f"{row.changed} of {row.numbers}" if row.numbers > 1 else row.surest
     return (
         f"| {row.hidden} | {row.contender} | {row.fit:.3f} | {row.held_out:.3f} | "

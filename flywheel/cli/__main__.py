@@ -4,7 +4,7 @@ import signal
 
 
 def main() -> None:
-    """Do what the command line asks for."""
+    """Execute the command line."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the imports without a traceback
     from flywheel.cli.main import app

@@ -1,7 +1,7 @@
-"""What the commands print: tables, numbers and lines, on one console.
+"""Output of the commands: tables, numbers and lines, on one console.
 
-Nothing that comes from outside is interpreted: not as markup of Rich ("[red]"), as an emoji (":x:") or as
-a code that steers the terminal.
+Text from outside is never interpreted: not as markup of Rich ("[red]"), as an emoji (":x:") or as a
+control code of the terminal.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ class Out(Console):
         super().__init__(width=width, emoji=False)
 
     def say(self, text: str, style: str | None = None) -> None:
-        """Print a line as it is, however long."""
+        """Print a line unchanged, of any length."""
         self.print(printable(text), style=style, markup=False, soft_wrap=True)
 
     def keep_json(
         self, path: Path | None, summary: Mapping[str, object], allow_nan: bool = True
     ) -> None:
-        """Write a command's answer as JSON, where that is asked for, and say so."""
+        """Write a command's answer as JSON, if requested, and print its path."""
         if path is not None:
             write_output(path, json.dumps(summary, indent=1, allow_nan=allow_nan) + "\n")
             self.say(f"JSON: {path}")
 
     def on_broken_pipe(self) -> None:
-        """Nobody reads any more: `flywheel.cli.exits` ends the command."""
+        """The reader has closed the output: `flywheel.cli.exits` ends the command."""
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
@@ -52,7 +52,7 @@ def console() -> Out:
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
-    """A table; numbers stand in columns that end in "]" (a unit) or begin with "#"."""
+    """A table; columns whose names end in "]" (a unit) or begin with "#" contain numbers."""
     heading = Text(printable(title), style="table.title")
     made = Table(title=heading, title_justify="left", header_style="bold")
     for column in columns:
@@ -66,7 +66,7 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
 
 
 def cell(value: object) -> str:
-    """A value as a table shows it: about four digits of a number, a dash for what there is not."""
+    """A value in the format of a table: about four digits of a number, a dash for a missing value."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, float) and 1e4 <= abs(value) < 1e12:

@@ -1,4 +1,4 @@
-"""`flywheel demo`: the story of a robot that is not its model, in a few minutes."""
+"""`flywheel demo`: identify a hidden effect in a simulated robot, in a few minutes."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ EffectOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME[@PLACE][:SIZE]",
-        help="What the robot has beyond its MJCF: torque_speed:2 is twice its typical size, none is nothing. "
-        "Drawn by default.",
+        help="The robot's effect beyond its MJCF: torque_speed:2 is twice its typical size, none "
+        "is nothing. Drawn by default.",
         show_default=False,
     ),
 ]
 SeedOption = Annotated[
     int | None,
     typer.Option(
-        help="Of all that is random; another one each time by default.",
+        help="Seed of all random numbers; a new one each time by default.",
         callback=within(SEED),
         show_default=False,
     ),
@@ -53,7 +53,7 @@ ShowOption = Annotated[
     bool | None,
     typer.Option(
         "--show/--no-show",
-        help="Open the page in a browser; by default where there is a terminal and a screen.",
+        help="Open the page in a browser; by default on a terminal with a screen.",
         show_default=False,
     ),
 ]
@@ -61,17 +61,17 @@ ShowOption = Annotated[
 
 @dataclass(frozen=True)
 class Narrator:
-    """Tells findings where results go, and progress where progress goes. Implements `Progress`."""
+    """Prints findings to stdout, and progress to stderr. Implements `Progress`."""
 
     out: Out
     progress: Progress
 
     def say(self, text: str) -> None:
-        """Tell a finding."""
+        """Print a finding."""
         self.out.say(text)
 
     def stage(self, title: str, total: float) -> AbstractContextManager[Stage]:
-        """Show how far a step is."""
+        """Show the progress of a step."""
         return self.progress.stage(title, total)
 
 
@@ -81,14 +81,14 @@ def demo(
     seed: SeedOption = None,
     seconds: SecondsOption = SECONDS,
     threads: ThreadsOption = 2,
-    page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("demo.html"),
+    page: Annotated[Path, typer.Option(help="Output file of the HTML page.")] = Path("demo.html"),
     show: ShowOption = None,
 ) -> None:
-    """Hide physics in a robot that its MJCF lacks, and see whether it is found.
+    """Hide physics missing from the MJCF in a simulated robot, and try to identify it.
 
-    The robot is simulated in a process of its own, and gives nothing but measurements. They are compared
-    with the MJCF, diagnosed, and compared again with what was found; at the end it is said what was hidden.
-    The exit code is 0 whether that was found or not.
+    The robot is simulated in its own process, and returns only measurements. They are compared with
+    the MJCF, diagnosed, and compared again with the identified effects; at the end the hidden
+    effect is revealed. The exit code is 0 for every outcome.
 
     [bold]Examples[/bold]
 
@@ -109,7 +109,8 @@ def demo(
     hidden_truth(wanted, loaded)  # refuses what cannot be hidden, before anything is said
     again = _command(robot, effect, number, seconds)
     out.say(
-        f"What {loaded.name} has beyond its MJCF is hidden until the end. The same again: {again}"
+        f"The effect of {loaded.name} beyond its MJCF is hidden until the end. To repeat this: "
+        f"{again}"
     )
     config = DemoConfig(seconds=seconds, threads=threads)
     story = demonstrate(loaded, wanted, number, config, Narrator(out, console_progress()))
@@ -122,7 +123,7 @@ def demo(
 
 
 def _command(robot: str, effect: str | None, seed: int, seconds: float) -> str:
-    """The command that does the same again."""
+    """The command that repeats this demonstration."""
     parts = ["flywheel", "demo", "--seed", str(seed)]
     if robot != ROBOT:
         parts += ["--robot", robot]
@@ -134,7 +135,7 @@ def _command(robot: str, effect: str | None, seed: int, seconds: float) -> str:
 
 
 def _reveal(out: Out, story: Demonstration) -> None:
-    """Say what was hidden, beside what was found."""
+    """Print the hidden effect, with its estimate."""
     from flywheel.cli.logs.diagnose import effects_table
     from flywheel.demo.page import truth
 
@@ -153,12 +154,12 @@ def _reveal(out: Out, story: Demonstration) -> None:
     ]
     if rows:
         heads = ("hidden", "parameter", "#true value", "#found", "#95 % interval", "unit")
-        out.print(table("what was hidden", heads, rows))
+        out.print(table("hidden effect", heads, rows))
     out.say(story.assessment.sentence, style="bold")
 
 
 def _filmed(out: Out, story: Demonstration, path: Path) -> Path | str:
-    """The video of the page, or why there is none."""
+    """The video of the page, or the reason for none."""
     from flywheel.demo.page import worst_window
 
     try:
@@ -169,12 +170,12 @@ def _filmed(out: Out, story: Demonstration, path: Path) -> Path | str:
 
 
 def _on_a_screen(out: Out) -> bool:
-    """Whether somebody sees a browser that is opened."""
+    """True if somebody would see a browser window."""
     screen = sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in DISPLAYS)
     return out.is_terminal and screen
 
 
 def open_page(out: Out, page: Path) -> None:
-    """Show the page in a browser, or say that there is none."""
+    """Show the page in a browser, or report that there is none."""
     if not webbrowser.open(page.absolute().as_uri()):
         out.say("No browser was found to open it with.")

@@ -1,8 +1,8 @@
-"""How a command ends: one clean message, and an exit code that a script can rely on.
+"""End of a command: one clear message, and an exit code for scripts.
 
-`Commands` is the only place that turns an error into both. What was raised on purpose, and what the
-operating system refuses, is said in words; anything else is a bug of ours, and its traceback goes to a
-file in the system's temporary folder.
+`Commands` is the only place that turns an error into both. Errors of this package and of the
+operating system become sentences; anything else is a bug of ours, whose traceback goes to a file in
+the system's temporary folder.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ TORCH_HAS_NO_MEMORY = "can't allocate memory"  # a RuntimeError
 
 @dataclass(frozen=True)
 class Ending:
-    """How a command ends that could not do what it was asked for.
+    """End of a failed command.
 
     Attributes:
       code: of the exit.
@@ -62,17 +62,17 @@ class Commands(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the command line."""
         if any("\0" in argument for argument in args):
-            raise typer.BadParameter("An argument holds a character of zero (NUL).")
+            raise typer.BadParameter("An argument contains a zero character (NUL).")
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that was asked for."""
+        """Run the given command."""
         with clear_endings(bool(ctx.params.get("debug"))):
             return super().invoke(ctx)
 
 
 class OneCommand(TyperCommand):
-    """A command on its own whose errors become a message and an exit code."""
+    """A separate command whose errors become a message and an exit code."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -85,7 +85,7 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
     """Turn every error of the block into a message and an exit code.
 
     Args:
-      debug: show also where an error was raised.
+      debug: also show where an error was raised.
     """
     from flywheel.errors import FlywheelError
     from flywheel.runtime.pool.interrupts import caught
@@ -122,7 +122,7 @@ def clear_endings(debug: bool = False) -> Iterator[None]:
 
 
 def ending_of(error: BaseException) -> Ending:
-    """The message about an error, and the exit code that tells a script what kind it was."""
+    """The message about an error, and the exit code for its kind."""
     from flywheel.errors import FlywheelError
     from flywheel.faults import fault_of, told
     from flywheel.runtime.pool.jobs import JobFailed
@@ -137,16 +137,16 @@ def ending_of(error: BaseException) -> Ending:
     if isinstance(cause, MemoryError) or TORCH_HAS_NO_MEMORY in str(cause):
         return Ending(
             FAILED,
-            "This takes more memory than there is. What was stored before is whole. Ask for less at once "
-            "(shorter logs, fewer workers or samples), or take a larger machine.",
+            "This needs more memory than is available. Stored data are complete. Request less at "
+            "once (shorter logs, fewer workers or samples), or use a larger machine.",
         )
     if isinstance(cause, RecursionError):
-        return Ending(USAGE, "Something in the input is nested too deeply, or holds itself.")
+        return Ending(USAGE, "Something in the input is nested too deeply, or contains itself.")
     return Ending(BUG, _bug(error, cause))
 
 
 def exit_code(error: Exception) -> int:
-    """The exit code for an error that was raised on purpose."""
+    """The exit code for an error of this package."""
     from flywheel.errors import ModelError, RunError
     from flywheel.runtime.pool.interrupts import Interrupted
     from flywheel.runtime.pool.jobs import WorkerDied
@@ -164,11 +164,14 @@ def _bug(error: BaseException, cause: BaseException) -> str:
     report = _report(error)
     if (file := _kept(report)) is None:
         return f"{words}\n{report}"
-    return f"{words}\nWhere it happened is in {file}; please report it with that file. --debug shows it here."
+    return (
+        f"{words}\nThe traceback is in {file}; please report it with that file. --debug shows "
+        "it here."
+    )
 
 
 def _report(error: BaseException) -> str:
-    """All that helps to find a bug."""
+    """Information for finding a bug."""
     from flywheel import __version__
 
     about = f"flywheel {__version__}, Python {platform.python_version()}, {platform.platform()}"
@@ -176,13 +179,13 @@ def _report(error: BaseException) -> str:
 
 
 def _trace(error: BaseException) -> str:
-    """Where an error was raised, in a worker too."""
+    """The place at which an error was raised, in a worker too."""
     here = "".join(traceback.format_exception(error))
     return f"{here}\n{getattr(error, 'trace', '')}".rstrip() + "\n"
 
 
 def _kept(report: str) -> Path | None:
-    """The file in the system's temporary folder that a report was written to; None if there is no room."""
+    """The file in the system's temporary folder with a report; None if there is no room."""
     try:
         folder = Path(tempfile.gettempdir())
         if folder == Path.cwd() and not folder.stat().st_mode & stat.S_ISVTX:
@@ -211,7 +214,7 @@ def _say(message: str) -> None:
 
 @contextlib.contextmanager
 def _quiet(debug: bool) -> Iterator[None]:
-    """Nothing is shown but what commands say: no warnings for programmers, no tracebacks of threads."""
+    """Hide warnings for programmers and tracebacks of threads."""
     sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
     before = threading.excepthook
     if not debug:
@@ -248,13 +251,13 @@ def _patient(stream: Any) -> Any:
 
 
 def _thread_ended(failed: threading.ExceptHookArgs) -> None:
-    """The end of a thread does not end the command; it is said."""
+    """An error in a thread does not end the command; it is reported."""
     if isinstance(failed.exc_value, Exception):
         _say(ending_of(failed.exc_value).message)
 
 
 def _nobody_reads() -> bool:
-    """Whether the reader of the output is gone; if so, what is still to be flushed goes nowhere."""
+    """True if the reader of the output is gone; further output is then discarded."""
     gone = [stream for stream in (sys.stdout, sys.stderr) if _broken(stream)]
     for stream in gone:
         nowhere = os.open(os.devnull, os.O_WRONLY)

@@ -1,4 +1,4 @@
-"""`flywheel list`: what there is to choose from."""
+"""`flywheel list`: the available names."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TRIED = 0.01  # control step at which law files are tried [s]
 
 
 class Kind(StrEnum):
-    """What can be listed."""
+    """Kinds of names."""
 
     robots = "robots"
     tasks = "tasks"
@@ -37,10 +37,10 @@ class Kind(StrEnum):
 
 
 def list_(
-    kind: Annotated[Kind, typer.Argument(help="What to list.", show_default=False)],
+    kind: Annotated[Kind, typer.Argument(help="Kind of names.", show_default=False)],
     effects_from: EffectsFromOption = None,
 ) -> None:
-    """List what there is to choose from.
+    """List available robots, tasks, models, effects, settings and so on.
 
     [bold]Examples[/bold]
 
@@ -54,7 +54,7 @@ def list_(
 
 
 def effects(effects_from: Sequence[Path] | None = None) -> Table:
-    """The effects of the library, and of law files, which are tried on a shipped robot."""
+    """The effects of the library, and of law files, which are tested on a shipped robot."""
     from flywheel.cli.models import Library
     from flywheel.dynamics.plant import Plant
     from flywheel.robots import ROBOTS, load_robot
@@ -91,7 +91,7 @@ def robots() -> Table:
 
 
 def models() -> Table:
-    """What can predict: networks to be trained, and what they are compared with."""
+    """Predictors: networks to be trained, and baselines."""
     from flywheel.dynamics import Persistence, PlantDynamics
     from flywheel.dynamics.gnn import NetworkConfig
     from flywheel.dynamics.gnn.shipped import ModelCard, shipped_networks
@@ -122,12 +122,12 @@ def datasets() -> Table:
 
 
 def configs() -> Table:
-    """The configurations that come with flywheel, and those in ./configs."""
+    """The shipped configurations, and those in ./configs."""
     rows = [
         (name, config.model, config.iterations, len(config.datasets), _first_sentence(file))
         for name, (file, config) in _configs().items()
     ]
-    columns = ["configuration", "model", "#iterations", "#data sets", "what for"]
+    columns = ["configuration", "model", "#iterations", "#data sets", "purpose"]
     return table("Configurations (flywheel run NAME, flywheel config copy NAME)", columns, rows)
 
 
@@ -149,7 +149,7 @@ def runs() -> Table:
 
 
 def settings() -> Table:
-    """The tuned numbers of a diagnosis."""
+    """The settings of a diagnosis."""
     from flywheel.diagnosis.settings import Settings, numbers
 
     rows = [(path, each.value, each.what) for path, each in numbers(Settings()).items()]
@@ -158,7 +158,7 @@ def settings() -> Table:
 
 
 def registry(title: str, module: str, name: str) -> Callable[[], Table]:
-    """A list of one of the literal registries, with the first line of what each entry says."""
+    """A list of a registry, with the first line of each entry's docstring."""
 
     def listed() -> Table:
         entries: dict[str, Any] = getattr(import_module(module), name)
@@ -169,7 +169,7 @@ def registry(title: str, module: str, name: str) -> Callable[[], Table]:
 
 
 def _configs() -> dict[str, tuple[Path, RunConfig]]:
-    """Name, or path of one's own -> file and content."""
+    """Name, or path of the user's own -> file and content."""
     from flywheel.runtime.config.run_config import load_config
     from flywheel.runtime.config.shipped import shipped_configs
 
@@ -187,7 +187,7 @@ def _different(plant: Any) -> str:
 
 
 def _first_sentence(file: Path) -> str:
-    """The first sentence of the comment that a file begins with."""
+    """The first sentence of the comment at the beginning of a file."""
     lines = takewhile(
         lambda line: line.startswith("#"), file.read_text(encoding="utf-8").splitlines()
     )

@@ -1,4 +1,4 @@
-"""All commands of `flywheel`, put together."""
+"""All commands of `flywheel`."""
 
 from __future__ import annotations
 
@@ -45,20 +45,21 @@ app = typer.Typer(
 @app.callback()
 def flywheel(
     debug: Annotated[
-        bool, typer.Option("--debug", help="Show where an error was raised, not just the message.")
+        bool,
+        typer.Option("--debug", help="Show where an error was raised, in addition to the message."),
     ] = False,
 ) -> None:
     """Learn the dynamics of a cable-driven robot by using them: collect, train, evaluate, repeat.
 
     Start here:
 
-    [bold]flywheel demo[/bold] [dim](three minutes: a robot that is not its model, and what it lacks)[/dim]
+    [bold]flywheel demo[/bold] [dim](three minutes: find a hidden effect in a robot)[/dim]
 
     [bold]flywheel run prism3[/bold] [dim](the whole loop on this machine; flywheel report shows it)[/dim]
 
-    [bold]flywheel robot check my.xml[/bold] [dim](whether your own robot fits)[/dim]
+    [bold]flywheel robot check my.xml[/bold] [dim](check your own robot)[/dim]
 
-    [bold]flywheel diagnose log.csv --robot my.xml[/bold] [dim](a log: what the robot has and its model \
+    [bold]flywheel diagnose log.csv --robot my.xml[/bold] [dim](a log: effects that the model \
 lacks)[/dim]
 
     [bold]flywheel recordings import log.csv --robot my.xml --store runs/my[/bold] [dim](a log to learn \

@@ -1,7 +1,7 @@
-"""What names on the command line stand for: plants, trained models, effects of the library.
+"""Names on the command line: plants, trained models, effects of the library.
 
-A plant is a shipped robot, an MJCF, or an adopted plant. A model is a plant, a model of a run, or a file
-of weights: of a network, or of a plant that a network corrects.
+A plant is a shipped robot, an MJCF, or an adopted plant. A model is a plant, a model of a run, or a
+file of weights: of a network, or of a corrected plant.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ALLOWED = (
 
 
 def adopted_file(name: str) -> Path | None:
-    """The file of an adopted plant, where the name is its folder or the file itself."""
+    """The file of an adopted plant, if the name is its folder or the file itself."""
     path = Path(name)
     if path.suffix in {".yaml", ".yml"}:
         return plant_file(path)
@@ -48,11 +48,11 @@ def adopted_file(name: str) -> Path | None:
 
 @dataclass(frozen=True)
 class Library:
-    """The effects that a command knows.
+    """The effects known to a command.
 
     Attributes:
-      files: law files that were given.
-      known: all effects that can be named.
+      files: given law files.
+      known: all available effects.
     """
 
     files: tuple[LawFile, ...] = ()
@@ -77,12 +77,12 @@ class Library:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """The law files, as the JSON of an answer has them; nothing without any."""
+        """The law files, as in the JSON of an answer; empty without any."""
         files = [file.reference.model_dump() for file in self.files]
         return {"effects_from": files} if files else {}
 
     def asked(self, effects: str = "") -> Mapping[str, Effect]:
-        """The effects by name ("capstan,creep"); for none all that a diagnosis considers by itself.
+        """The effects by name ("capstan,creep"); for none all default candidates of a diagnosis.
 
         Raises:
           UnknownNameError: there is none of that name.
@@ -92,7 +92,7 @@ class Library:
         return named or with_laws(self.files, EFFECTS)
 
     def check(self, plant: Plant) -> None:
-        """Refuse effects of law files that do not keep what effects promise, on this robot.
+        """Check the contract of effects of law files, on this robot.
 
         Raises:
           ConfigError: see `check_laws`.
@@ -104,13 +104,13 @@ BUILT_IN = Library()
 
 
 def open_plant(name: str, dt: float, threads: int = 1, library: Library = BUILT_IN) -> Plant:
-    """The plant that a name means.
+    """The plant of a name.
 
     Args:
       name: of a shipped robot, or path of an MJCF or an adopted plant.
       dt: control step [s].
       threads: of the plant.
-      library: that its effects are from; law files in it are tried on the plant's robot.
+      library: of its effects; law files in it are tested on the plant's robot.
 
     Raises:
       RobotError, UnknownNameError, ConfigError: there is none, or it cannot be used.
@@ -139,15 +139,15 @@ def about_plant(plant: Plant) -> dict[str, str]:
 def open_model(
     spec: str, robot: Robot, robot_name: str, dt: float, threads: int, library: Library = BUILT_IN
 ) -> Subject:
-    """The model that `[LABEL=]SPEC` means.
+    """The model of `[LABEL=]SPEC`.
 
     Args:
       spec: see `ALLOWED`.
-      robot: that is to be predicted.
-      robot_name: as it was given.
+      robot: to be predicted.
+      robot_name: as given.
       dt: control step of plants [s].
       threads: of the model.
-      library: that effects of plants are from.
+      library: of the effects of plants.
 
     Raises:
       ConfigError, DataError, ModelError, UnknownNameError: there is none, or it does not fit.
@@ -162,11 +162,11 @@ def open_model(
 
 
 def open_trained(spec: str, robot: Robot) -> TrainedModel:
-    """The trained model that `[LABEL=]SPEC` means.
+    """The trained model of `[LABEL=]SPEC`.
 
     Args:
-      spec: see `ALLOWED`, plants left out.
-      robot: that is to be predicted.
+      spec: see `ALLOWED`, except plants.
+      robot: to be predicted.
 
     Raises:
       ConfigError, DataError, ModelError, UnknownNameError: there is none, or it does not fit.
@@ -175,7 +175,7 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     name, path = label or what, Path(what)
     if what == PLANT or adopted_file(what) is not None:
         raise ConfigError(
-            f"{what} is a plant, which is tested by --robot alone; a trained model is wanted here."
+            f"{what} is a plant, which is tested by --robot alone; a trained model is needed here."
         )
     if what == SHIPPED:
         return TrainedModel.read(name, shipped_weights(robot), robot)

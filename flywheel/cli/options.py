@@ -1,4 +1,4 @@
-"""Options that several commands have, and how numbers in texts are read."""
+"""Options shared by several commands, and parsing of numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 def within(bounds: Bounds) -> Callable[[N], N]:
-    """A callback that lets numbers within the bounds pass, and an option that is not given."""
+    """A callback that accepts numbers within the bounds, and an omitted option."""
 
     def checked(value: N) -> N:
         if value is not None and value not in bounds:
@@ -56,14 +56,14 @@ EffectsFromOption = Annotated[
     list[Path] | None,
     typer.Option(
         metavar="PY",
-        help="A Python file with effects of your own, which is run. May be given again.",
+        help="A Python file with effects of your own, which is run. Repeatable.",
         show_default=False,
     ),
 ]
 WindowOption = Annotated[
     float | None,
     typer.Option(
-        help="Length of the windows, in seconds; suits the robot by default.",
+        help="Length of the windows, in seconds; by default suitable for the robot.",
         show_default=False,
         callback=within(HORIZON_SECONDS),
     ),
@@ -71,7 +71,7 @@ WindowOption = Annotated[
 NoiseOption = Annotated[
     str,
     typer.Option(
-        help="Noise of each coordinate: a share of the robot's length, or a length (9mm)."
+        help="Noise of each coordinate: a fraction of the robot's length, or a length (9mm)."
     ),
 ]
 DtOption = Annotated[
@@ -81,23 +81,23 @@ ThreadsOption = Annotated[
     int, typer.Option(help="Simulations at the same time.", callback=within(THREADS))
 ]
 PageOption = Annotated[
-    Path | None, typer.Option(help="Where an HTML page goes.", show_default=False)
+    Path | None, typer.Option(help="Output file of an HTML page.", show_default=False)
 ]
 JsonOption = Annotated[
-    Path | None, typer.Option(help="Where the answer goes as JSON.", show_default=False)
+    Path | None, typer.Option(help="Output file of the answer as JSON.", show_default=False)
 ]
 
 
 def number(text: str, what: str, bounds: Bounds) -> float:
-    """Read a number within bounds.
+    """Parse a number within bounds.
 
     Args:
-      text: to be read.
-      what: the number is, at the beginning of a sentence.
-      bounds: that it must be in.
+      text: input.
+      what: name of the number, at the beginning of a sentence.
+      bounds: of the number.
 
     Raises:
-      ConfigError: it is none.
+      ConfigError: it is not one.
     """
     from flywheel.errors import ConfigError
     from flywheel.files import shown
@@ -112,14 +112,14 @@ def number(text: str, what: str, bounds: Bounds) -> float:
 
 
 def length_of(text: str, robot: Robot) -> float:
-    """A length [m]; a number without a unit is a share of the robot's length.
+    """A length [m]; a number without a unit is a fraction of the robot's length.
 
     Raises:
       ConfigError: not a positive number, or another unit.
     """
     unit = next((name for name in UNITS if text.endswith(name)), "")
     what = (
-        f"A length, in {', '.join(UNITS)}, or without a unit as a share of the robot's "
+        f"A length, in {', '.join(UNITS)}, or without a unit as a fraction of the robot's "
         f"({robot.length:g} m), such as 9mm, 0.009m, 0.003,"
     )
     value = number(text.removesuffix(unit), what, FACTOR)

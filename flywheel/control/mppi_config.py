@@ -13,7 +13,7 @@ from flywheel.validation import Frozen
 
 
 class MppiConfig(Frozen):
-    """How MPPI searches. The defaults are measured: docs/results/oracle.md.
+    """Settings of the search by MPPI. The defaults are measured: docs/results/oracle.md.
 
     Attributes:
       samples: K, plans sampled per round.

@@ -1,4 +1,4 @@
-"""Where episodes are kept, and how training reads them."""
+"""Storage of episodes, and their access in training."""
 
 from flywheel.data.cache_files import SplitSource
 from flywheel.data.catalogue import Damage, EpisodeSummary, Receipt, Snapshot, SummaryRow

@@ -37,15 +37,15 @@ Arrays = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class SplitSource:
-    """The episodes of one split of a snapshot, and what is known about their winches.
+    """The episodes of one split of a snapshot, with the knowledge about their winches.
 
     Attributes:
-      store: that holds the snapshot.
+      store: of the snapshot.
       snapshot: sealed.
-      split: whose episodes they are.
+      split: of the episodes.
       robot: of the episodes.
-      winches: where they were, as far as is known; None for `Robot.winches_of`.
-      belief: name of what `winches` knows; caches with another one are others.
+      winches: best known positions; None for `Robot.winches_of`.
+      belief: name of the knowledge in `winches`, part of the cache's identity.
     """
 
     store: TrajectoryStore
@@ -63,7 +63,7 @@ class SplitSource:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What its cache's about.json says."""
+        """Content of its cache's about.json."""
         return {"snapshot": self.snapshot.digest, "split": self.split}
 
 
@@ -71,8 +71,8 @@ def cached_arrays(source: SplitSource, folder: Path) -> Arrays:
     """Arrays of a cache, mapped into memory; a cache that is missing or damaged is made first.
 
     Args:
-      source: what is cached.
-      folder: for caches; each has a folder of its own inside.
+      source: of the cache.
+      folder: for caches; each has its own subfolder.
 
     Raises:
       DataError: the split is empty, an episode is damaged, or the cache cannot be read back.
@@ -94,12 +94,14 @@ def cached_arrays(source: SplitSource, folder: Path) -> Arrays:
         finally:
             shutil.rmtree(work, ignore_errors=True)
     if (arrays := _opened(target, source)) is None:
-        raise DataError(f"The cache at {target} cannot be read though just made; check the disk.")
+        raise DataError(
+            f"The cache at {target} cannot be read just after it was made; check the disk."
+        )
     return arrays
 
 
 def _opened(target: Path, source: SplitSource) -> Arrays | None:
-    """A cache's arrays, or None if there is none that is whole, and of this source."""
+    """A cache's arrays, or None if there is no complete one of this source."""
     try:
         about, seal = unsealed(read_bytes(target / _ABOUT, "file", DataError), _ABOUT)
         if about != source.about:
@@ -150,7 +152,7 @@ def _fill(work: Path, source: SplitSource) -> None:
 def _episodes(
     store: TrajectoryStore, snapshot: Snapshot, wanted: Mapping[str, EpisodeSummary]
 ) -> Iterator[Episode]:
-    """The wanted episodes, in the snapshot's order."""
+    """The selected episodes, in the snapshot's order."""
     needed = {e.segment for e in wanted.values()}
     for segment, sha256 in zip(snapshot.segments, snapshot.sha256, strict=True):
         for episode in store.read_segment(segment, sha256) if segment in needed else ():

@@ -1,8 +1,8 @@
-"""What the store writes beside the arrays: receipts of segments and manifests of snapshots.
+"""JSON files of the store: receipts of segments and manifests of snapshots.
 
-Both are JSON under a seal, so that a flipped byte in them is found, and one that lies under another's
-name or comes from another store. The digest of a snapshot is of its content alone: snapshots of the same
-episodes have the same one, whatever they are called and wherever they are.
+Both are JSON under a seal, so that a flipped byte in them is found, as is a file under another's
+name or from another store. The digest of a snapshot covers its content alone: snapshots of the same
+episodes have the same one, under any name and at any place.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
 
 
 def is_name(name: str) -> bool:
-    """Whether a segment, an episode or a snapshot can be called so."""
+    """True if a segment, an episode or a snapshot can have this name."""
     return _NAME.fullmatch(name) is not None
 
 
 def _named(name: str) -> str:
     if not is_name(name):
-        raise ValueError("no name of a segment or an episode")
+        raise ValueError("not a name of a segment or an episode")
     return name
 
 
@@ -44,11 +44,11 @@ Name = Annotated[str, AfterValidator(_named)]
 
 @dataclass(frozen=True)
 class EpisodeSummary:
-    """What a manifest says of an episode.
+    """Summary of an episode in a manifest.
 
     Attributes:
       id, split: as in the episode.
-      segment: that holds it.
+      segment: of the episode.
       steps, dt, seconds: its control steps, the length of one [s], and of all [s].
       robot, source, dataset, controller, task, iteration, model: of its provenance.
       success: of its task; None without one.
@@ -103,7 +103,7 @@ class Receipt:
       files: relative path -> sha256 of each.
       summaries: of its episodes, in their order.
       sizes: relative path -> bytes of each.
-      owner: id of the store that it was committed to.
+      owner: id of its store.
     """
 
     __pydantic_config__ = STRICT
@@ -128,7 +128,7 @@ class Receipt:
 
     @classmethod
     def from_json(cls, text: bytes, name: str) -> Receipt:
-        """Read what `to_json` wrote.
+        """Read the text of `to_json`.
 
         Raises:
           Unsound: it was altered, or is of another segment.
@@ -144,11 +144,11 @@ class Receipt:
 
 @dataclass(frozen=True)
 class SummaryRow:
-    """How much of one kind a snapshot holds.
+    """Amount of one kind in a snapshot.
 
     Attributes:
-      dataset, controller, split, iteration: what kind.
-      episodes, steps, seconds: how much.
+      dataset, controller, split, iteration: of the kind.
+      episodes, steps, seconds: amount.
     """
 
     dataset: str
@@ -167,14 +167,14 @@ class Snapshot:
     Attributes:
       name: for people; not part of the digest.
       digest: sha256 of the manifest.
-      parent: digest of the snapshot it grew from, or "".
+      parent: digest of the snapshot that it extends, or "".
       robot: digest of the robot of all episodes.
       datasets: names in the order of the network's one-hot.
       segments: names, in order.
       episodes: of all segments.
       sha256: of each segment, in the same order.
-      parent_name: of the snapshot it grew from; "" without one.
-      owner: id of the store that it was sealed in.
+      parent_name: of the snapshot that it extends; "" without one.
+      owner: id of its store.
     """
 
     name: str
@@ -189,7 +189,7 @@ class Snapshot:
     owner: str = field(default="", compare=False)
 
     def summary(self) -> tuple[SummaryRow, ...]:
-        """How much there is by data set, controller, split and iteration, sorted."""
+        """Amounts by data set, controller, split and iteration, sorted."""
         kinds: dict[tuple[str, str, Split, int], list[EpisodeSummary]] = {}
         for e in self.episodes:
             kinds.setdefault((e.dataset, e.controller, e.split, e.iteration), []).append(e)
@@ -229,14 +229,14 @@ class _Manifest:
 
 @dataclass(frozen=True)
 class Damage:
-    """Something in the store that is not as it was committed.
+    """A changed item in the store.
 
     Attributes:
-      segment: that it is in, or "snapshot", "file" or "folder" and a name.
-      episodes: ids that it concerns.
-      what: is wrong.
-      kind: of what is wrong.
-      instead: what it is in truth, where it is another of the store's; else "".
+      segment: of the item, or "snapshot", "file" or "folder" and a name.
+      episodes: affected ids.
+      what: the fault.
+      kind: of the fault.
+      instead: true identity, if it is another item of the store; else "".
     """
 
     segment: str
@@ -254,7 +254,7 @@ class Damage:
 
     @classmethod
     def of(cls, error: DataError, segment: str, episodes: tuple[str, ...] = ()) -> Damage:
-        """What an error says that was raised on reading."""
+        """Message of an error raised on reading."""
         if isinstance(error, Unsound):
             return cls(segment, episodes, str(error), error.kind, error.instead)
         return cls(segment, episodes, str(error), "unreadable")
@@ -283,11 +283,11 @@ def manifest(
       name: of the snapshot.
       owner: id of the store.
       receipts: of its segments.
-      parent: whose data-set order is kept.
-      datasets: names that come next in the order, whether or not an episode is of them.
+      parent: its data-set order is kept.
+      datasets: names that come next in the order, with or without episodes.
 
     Raises:
-      DataError: the episodes do not belong together, or not under this parent.
+      DataError: the episodes do not fit together, or do not fit this parent.
     """
     summaries = [s for receipt in receipts for s in receipt.summaries]
     if not summaries:
@@ -319,12 +319,12 @@ def _check_together(summaries: Sequence[EpisodeSummary], parent: Snapshot | None
         old = before.setdefault(new.id, new)
         if old.split != new.split:
             raise DataError(
-                f"An episode is in one split for ever; {new.id} is in {old.split} (segment "
+                f"An episode stays in one split; {new.id} is in {old.split} (segment "
                 f"{old.segment}) and in {new.split} (segment {new.segment})."
             )
     twice = [name for name, n in Counter(s.id for s in summaries).items() if n > 1]
     if twice:
-        raise DataError(f"A snapshot holds each episode once; got twice: {', '.join(twice)}.")
+        raise DataError(f"A snapshot contains each episode once; got twice: {', '.join(twice)}.")
     for what, of in (("one robot", lambda s: s.robot[:12]), ("one dt", lambda s: f"{s.dt} s")):
         kinds = {of(s): s.id for s in before.values()}
         if len(kinds) > 1:
@@ -336,7 +336,7 @@ def snapshot_of(name: str, text: bytes) -> Snapshot:
     """The snapshot that a manifest describes.
 
     Args:
-      name: that it lies under.
+      name: expected one.
       text: of the manifest.
 
     Raises:
@@ -363,7 +363,7 @@ def snapshot_of(name: str, text: bytes) -> Snapshot:
 def sealed_content(
     content: dict[str, Any], seal: Seal, allow_nan: bool = False
 ) -> tuple[bytes, str]:
-    """Text of content, with the digest of the content alone beside it and under a seal; and that digest."""
+    """Text of content, with the digest of the content alone and under a seal; and that digest."""
     digest = digest_of(content, allow_nan)
     return sealed({"content": content, "sha256": digest}, seal, allow_nan), digest
 
@@ -371,10 +371,10 @@ def sealed_content(
 def unsealed_content(
     text: bytes, what: str, allow_nan: bool = False
 ) -> tuple[dict[str, Any], str, Seal]:
-    """Content, digest and seal of what `sealed_content` wrote.
+    """Content, digest and seal of a text of `sealed_content`.
 
     Raises:
-      Unsound: it is not, to the byte, as it was written.
+      Unsound: a byte was changed.
     """
     values, seal = unsealed(text, what)
     content, stated = values.get("content"), values.get("sha256")
@@ -392,14 +392,14 @@ def unsealed_content(
 
 
 def check_name(name: object, kind: str) -> str:
-    """A name that may become a path.
+    """A name that may be used in a path.
 
     Raises:
       DataError: it may not.
     """
     if not isinstance(name, str) or not is_name(name):
         raise DataError(
-            f"A {kind}'s name is made of a-z, 0-9, '.', '_' and '-' and starts with a letter or "
+            f"A {kind}'s name consists of a-z, 0-9, '.', '_' and '-' and starts with a letter or "
             f"digit; got {shown(name)}."
         )
     return name
@@ -409,7 +409,7 @@ def _read(kind: type[R], values: dict[str, Any], what: str) -> R:
     """Values of a sound file as a record.
 
     Raises:
-      Unsound: they are not one; another version wrote the file, or another program.
+      Unsound: they are invalid; another version wrote the file, or another program.
     """
     try:
         record: R = _adapter(cast("Any", kind)).validate_python(values)

@@ -1,7 +1,7 @@
-"""Which store segments and snapshots belong to: every store has an id of its own, kept in `store.json`.
+"""Owner of segments and snapshots: every store has its own id, kept in `store.json`.
 
-What is sealed in a store names that id. So what was copied in from elsewhere is known as foreign, and
-a lost `store.json` is read off what is there.
+Seals in a store contain that id. Copies from elsewhere are therefore recognised as foreign, and a
+lost `store.json` is reconstructed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _WHAT = "The file store.json"
 
 
 class Ownership:
-    """Tells what is a store's own.
+    """Recognises a store's own files.
 
     Args:
       place: of the store.
@@ -32,10 +32,10 @@ class Ownership:
         self._seen: set[str] | None = None
 
     def id(self) -> str:
-        """Id of the store; an empty store is given one, durably.
+        """Id of the store; an empty store gets one, durably.
 
         Raises:
-          Unsound: it cannot be told.
+          Unsound: it is unknown.
         """
         if (there := self.noted()) is not None:
             return there
@@ -46,7 +46,7 @@ class Ownership:
         return found
 
     def noted(self) -> str | None:
-        """The id that `store.json` has; None if there is none.
+        """The id in `store.json`; None if there is none.
 
         Raises:
           Unsound: it was altered.
@@ -63,14 +63,14 @@ class Ownership:
         return self._known
 
     def check(self, owner: str, what: str) -> None:
-        """Refuse what is another store's.
+        """Reject another store's file.
 
         Args:
-          owner: that its seal names.
-          what: it is, at the beginning of a sentence.
+          owner: from its seal.
+          what: its name, at the beginning of a sentence.
 
         Raises:
-          Unsound: it is foreign, or that cannot be told.
+          Unsound: it is foreign, or its owner is unknown.
         """
         try:
             mine = self.noted()
@@ -93,8 +93,8 @@ class Ownership:
         if len(sealing) > 1:
             words = " and ".join(owner[:12] for owner in sealing)
             raise Unsound(
-                f"{STORE_FILE} of {self._url} is missing or damaged, and what lies there is of the "
-                f"stores {words}: put back its copy, or set aside what is foreign.",
+                f"{STORE_FILE} of {self._url} is missing or damaged, and the files there belong "
+                f"to the stores {words}: restore its copy, or set foreign files aside.",
                 "missing",
             )
         return sealing[0] if sealing else None

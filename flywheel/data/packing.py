@@ -1,7 +1,7 @@
-"""Episodes as ragged arrays and back, exact to the bit.
+"""Episodes as ragged arrays and back, exact bit by bit.
 
-The episodes of a segment are laid end to end. Controls have one row per step, the rest one per
-observation; `lengths` tells where an episode ends. Numbers are float64, missing ones one and the
+The episodes of a segment are concatenated. Controls have one row per step, the rest one per
+observation; `lengths` gives the ends of episodes. Numbers are float64, missing ones one and the
 same NaN, so that equal episodes give equal bytes.
 """
 
@@ -29,7 +29,7 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
     """Arrays and attributes of a segment.
 
     Raises:
-      DataError: an episode holds something that must not be stored; it is named.
+      DataError: an episode cannot be stored; the message names it.
     """
     if not episodes:
         raise DataError("A segment needs at least one episode, got none.")
@@ -58,7 +58,7 @@ def pack(episodes: Sequence[Episode]) -> tuple[Arrays, dict[str, Any]]:
 
 
 def unpack(arrays: Arrays, attributes: dict[str, Any]) -> list[Episode]:
-    """The episodes that `pack` packed, without their telemetry."""
+    """The episodes of `pack`, without their telemetry."""
     if attributes.get("schema") != SCHEMA:
         raise DataError(
             f"A segment of schema {attributes.get('schema')!r} cannot be read; this version reads "
@@ -108,7 +108,7 @@ def packed_terrains(terrains: Sequence[Terrain | None]) -> Arrays:
 
 
 def unpacked_terrains(arrays: Arrays) -> list[Terrain | None]:
-    """What `packed_terrains` packed."""
+    """The terrains of `packed_terrains`."""
     grids, heights = arrays["terrain_grid"], arrays["terrain_heights"]
     shapes = grids[:, :2].astype(int)
     ends = np.cumsum(shapes.prod(axis=1))
@@ -145,8 +145,8 @@ def _describe(episode: Episode) -> dict[str, Any]:
         ) from error
     if back != about:
         raise DataError(
-            f"Episode {episode.id}: provenance and outcome must come back from JSON as they were; "
-            f"sent {about}, got {back}."
+            f"Episode {episode.id}: provenance and outcome must survive JSON unchanged; sent "
+            f"{about}, got {back}."
         )
     return about
 
@@ -169,8 +169,8 @@ def _check(episode: Episode) -> None:
         raise DataError(f"Episode {name}: points are (T + 1, P, 3), got {seen.points.shape}.")
     if seen.winch.shape != (steps + 1, winches):
         raise DataError(
-            f"Episode {name}: winch positions are ({steps + 1}, {winches}), all NaN where there is "
-            f"no such channel; got {seen.winch.shape}."
+            f"Episode {name}: winch positions are ({steps + 1}, {winches}), all NaN without such "
+            f"a channel; got {seen.winch.shape}."
         )
     if not np.isfinite(track.controls).all():
         raise DataError(f"Episode {name}: controls must be finite, got NaN or infinity.")

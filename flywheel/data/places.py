@@ -1,7 +1,7 @@
-"""Where a store's files live: a local folder, or a prefix on an S3-compatible service.
+"""Places of a store's files: a local folder, or a prefix on an S3-compatible service.
 
-A place holds files under relative names. A segment appears at once and whole: locally by a rename,
-on S3 by its receipt, which is written last and only if there is none.
+A place contains files under relative names. A segment appears at once and complete: locally by a
+rename, on S3 by its receipt, which is written last and only if there is none.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ SYNCS_AT_ONCE = 16
 
 
 class Place(Protocol):
-    """Where files are kept."""
+    """Location of files."""
 
     def read(self, name: str) -> bytes:
         """Contents of a text; FileNotFoundError if there is none.
 
         Raises:
-          DataError: it cannot be read, is no regular file, or larger than any text of ours.
+          DataError: it cannot be read, is not a regular file, or is too large.
         """
         ...
 
@@ -47,7 +47,7 @@ class Place(Protocol):
         """Contents of files of a folder.
 
         Args:
-          folder: where they are.
+          folder: of the files.
           sizes: path in it -> bytes; no more are read.
 
         Raises:
@@ -59,7 +59,7 @@ class Place(Protocol):
         """Sorted names of the entries of a folder; none if there is no folder.
 
         Raises:
-          DataError: it is no folder, or cannot be read.
+          DataError: it is not a folder, or cannot be read.
         """
         ...
 
@@ -68,11 +68,11 @@ class Place(Protocol):
         ...
 
     def put_new(self, name: str, text: bytes) -> bool:
-        """Write a file durably unless it exists; whether it was written."""
+        """Write a file durably unless it exists; True if it was written."""
         ...
 
     def publish(self, files: Files, folder: str) -> bool:
-        """Make files appear as `folder`, durably; False if it was there already."""
+        """Make files appear as `folder`, durably; False if it exists already."""
         ...
 
     def move(self, name: str, to: str) -> None:
@@ -80,7 +80,7 @@ class Place(Protocol):
         ...
 
     def sweep(self) -> int:
-        """Remove what writers that are gone have left unfinished; how many folders."""
+        """Remove unfinished folders of dead writers; returns their number."""
         ...
 
 
@@ -164,7 +164,7 @@ class LocalPlace:
 
 
 def _sizes_below(root: Path, folder: Path) -> Iterator[tuple[str, int]]:
-    """Path below the root and size of every entry that is no folder."""
+    """Path below the root and size of every entry except folders."""
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
@@ -178,14 +178,14 @@ def _sizes_below(root: Path, folder: Path) -> Iterator[tuple[str, int]]:
 
 
 def new_workspace(root: Path) -> Path:
-    """An empty folder below `root`, to prepare what is then renamed into place."""
+    """An empty folder below `root`, to be filled and then renamed into place."""
     path = root / "tmp" / f"{socket.gethostname()}+{os.getpid()}+{uuid.uuid4().hex}"
     path.mkdir(parents=True)
     return path
 
 
 def sweep_workspaces(root: Path) -> int:
-    """Remove workspaces whose makers are gone; how many."""
+    """Remove workspaces of dead processes; returns their number."""
     gone = [path for path in (root / "tmp").glob("*") if _abandoned(path)]
     for path in gone:
         shutil.rmtree(path, ignore_errors=True)
@@ -194,20 +194,20 @@ def sweep_workspaces(root: Path) -> int:
 
 @contextmanager
 def full_disk_told(what: str, where: object) -> Iterator[None]:
-    """Turn "no space left" into a message that says what was not written and what is safe."""
+    """Turn "no space left" into a message that names the lost and the safe data."""
     try:
         yield
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         raise RunError(
-            f"The disk under {where} is full: {what}. What was committed before is safe; free some "
-            "space and resume."
+            f"The disk under {where} is full: {what}. Committed data are safe; free some space "
+            "and resume."
         ) from error
 
 
 def local_folder(url: str) -> Path | None:
-    """The folder of a URL; None where it is not on this machine's file systems."""
+    """The folder of a URL; None if it is not on this machine's file systems."""
     scheme, found, rest = url.partition("://")
     if not found:
         return Path(url)
@@ -233,7 +233,7 @@ def _write(folder: Path, files: Files) -> None:
         list(threads.map(_sync, (folder, *folder.rglob("*"))))
     for name, content in files.items():
         if (folder / name).read_bytes() != content:
-            raise DataError(f"{name} reads back as something else than was written: a bad disk?")
+            raise DataError(f"{name} differs when read back: a bad disk?")
 
 
 def _make(folder: Path) -> None:

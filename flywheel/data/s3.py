@@ -1,8 +1,7 @@
 """A store's files under a prefix of an S3-compatible service.
 
-There are no renames there, and a listing may show what is still being written: a segment exists
-when its receipt does. The receipt is written last, with `If-None-Match: *`, so that of two writers
-one wins.
+There are no renames there, and a listing may show unfinished files: a segment exists when its
+receipt does. The receipt is written last, with `If-None-Match: *`, so that one of two writers wins.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ class S3Place:
 
     Args:
       url: s3://bucket/prefix. Address and keys come from the usual AWS_* variables
-        (AWS_ENDPOINT_URL for a service of one's own).
+        (AWS_ENDPOINT_URL for another service).
       options: for `s3fs.S3FileSystem` instead, e.g. {"endpoint_url": "http://127.0.0.1:9000"}.
 
     Raises:
@@ -122,7 +121,7 @@ class S3Place:
 
 
 def _exists_already(error: OSError) -> bool:
-    """Whether a service refused because the key exists (412), or is being written (409)."""
+    """True if a service refused because the key exists (412), or is being written (409)."""
     response = getattr(error.__cause__, "response", {})
     code = response.get("Error", {}).get("Code", "")
     return isinstance(error, FileExistsError) or code in ("PreconditionFailed", "412")

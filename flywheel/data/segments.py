@@ -45,7 +45,7 @@ class Segment:
     """A segment ready to be published.
 
     Attributes:
-      receipt: of it.
+      receipt: of the segment.
       files: contents by path within the segment's folder; the receipt is the last.
     """
 
@@ -55,12 +55,12 @@ class Segment:
 
 @dataclass(frozen=True)
 class Found:
-    """What lies where a segment is.
+    """Files at the place of a segment.
 
     Attributes:
       segment: its name.
       sizes: bytes of each file by path within the segment's folder.
-      files: contents of those that its receipt lists and that have the size they had, and of its texts.
+      files: contents of the texts, and of the files in its receipt with the right size.
     """
 
     segment: str
@@ -72,7 +72,7 @@ class Found:
         """Receipt of the segment.
 
         Raises:
-          Unsound: there is none, or none that is sound.
+          Unsound: it is missing, or damaged.
         """
         if RECEIPT not in self.files:
             what = f"{RECEIPT} is missing" if self.sizes else "the segment is missing"
@@ -81,15 +81,15 @@ class Found:
 
 
 def written(name: str, episodes: Sequence[Episode], owner: Callable[[], str]) -> Segment:
-    """Episodes as a segment, decoded once to see that it reads back.
+    """Episodes as a segment, decoded once as a test.
 
     Args:
       name: of the segment.
       episodes: in their order.
-      owner: asked for the id of the store, once the episodes are known to be right.
+      owner: returns the id of the store, called once the episodes are known to be right.
 
     Raises:
-      DataError: an episode must not be stored.
+      DataError: an episode cannot be stored.
     """
     arrays, attributes = pack(episodes)
     group = encode(arrays, attributes)
@@ -111,12 +111,12 @@ def written(name: str, episodes: Sequence[Episode], owner: Callable[[], str]) ->
 
 
 def worth_reading(text: bytes, segment: str, sizes: Mapping[str, int]) -> dict[str, int]:
-    """Paths and sizes of the files of a segment that can be what its receipt says.
+    """Paths and sizes of the files of a segment that agree with its receipt.
 
     Args:
       text: of the receipt.
       segment: its name.
-      sizes: of all files that are there.
+      sizes: of all existing files.
     """
     size = sizes.get(TELEMETRY)
     texts = {} if size is None or size > LARGEST_LISTING else {TELEMETRY: size}
@@ -152,11 +152,11 @@ def read_back(found: Found) -> list[Episode]:
 
 
 def damages_of(found: Found, sha256: str | None = None) -> list[Damage]:
-    """What of a segment with a sound receipt is not as it was committed; telemetry aside.
+    """Faults of a segment with an undamaged receipt, except telemetry.
 
     Args:
-      found: all that its folder holds.
-      sha256: that a snapshot gives for it, if one lists it.
+      found: content of its folder.
+      sha256: from a snapshot, if one lists it.
     """
     receipt = found.receipt
     if sha256 not in (None, receipt.sha256):
@@ -168,7 +168,7 @@ def damages_of(found: Found, sha256: str | None = None) -> list[Damage]:
 
 
 def telemetry_damages(found: Found) -> list[Damage]:
-    """What is wrong with the telemetry of a segment that is sound otherwise."""
+    """Fault of the telemetry of an otherwise undamaged segment."""
     try:
         _telemetry(found)
     except DataError as error:
@@ -196,7 +196,7 @@ def _differences(receipt: Receipt, found: Found) -> Iterator[tuple[str, Kind]]:
 
 
 def ids_in(text: bytes) -> tuple[str, ...]:
-    """Ids of episodes that JSON text names, even where it can no longer be parsed."""
+    """Ids of episodes in a JSON text, even if it can no longer be parsed."""
     return tuple(dict.fromkeys(found.decode() for found in _ID.findall(text)))
 
 
@@ -209,11 +209,11 @@ def _check_reads_back(name: str, group: Files, arrays: Arrays) -> None:
         own = f"{array}/", "zarr.json"
         back, _ = decode({path: content for path, content in group.items() if path.startswith(own)})
         if not _same_bits(back[array], values):
-            raise DataError(f"Segment {name}: array {array} reads back as other numbers.")
+            raise DataError(f"Segment {name}: array {array} differs when read back.")
 
 
 def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
-    """Whether arrays of eight-byte numbers are equal bit by bit, NaN included."""
+    """True if arrays of eight-byte numbers are equal bit by bit, NaN included."""
     return one.dtype == other.dtype and np.array_equal(one.view("u8"), other.view("u8"))
 
 

@@ -1,4 +1,4 @@
-"""Which split an episode belongs to: fixed when it is recorded, never by position."""
+"""Split of an episode: fixed when it is recorded, never by position."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from flywheel.records import Split
 
 
 def assign_split(key: str | int, fractions: Mapping[Split, float]) -> Split:
-    """A split for an episode, by the hash of what makes it (its seed, its id).
+    """A split for an episode, by the hash of its origin (its seed, its id).
 
     Args:
-      key: the same for everything that must not be torn apart.
+      key: equal for everything that must stay together.
       fractions: of the splits; they sum to one.
 
     Raises:

@@ -5,8 +5,8 @@
     <store>/snapshots/<name>.json       frozen lists of segments, under a digest
     <store>/quarantine, <store>/tmp     what was set aside; what is unfinished
 
-A segment appears as a whole or not at all, whenever its writer dies. What was acknowledged is on
-the disk. Nothing stored is ever changed or deleted.
+A segment appears completely or not at all, whenever its writer dies. Acknowledged data are on the
+disk. Stored data are never changed or deleted.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class TrajectoryStore:
 
     Args:
       url: a local folder, or s3://bucket/prefix.
-      options: of the S3 client, e.g. {"endpoint_url": "http://127.0.0.1:9000"}; what is not given
-        comes from the usual AWS_* variables.
+      options: of the S3 client, e.g. {"endpoint_url": "http://127.0.0.1:9000"}; others come from
+        the usual AWS_* variables.
     """
 
     def __init__(self, url: str | Path, options: Mapping[str, object] | None = None) -> None:
@@ -66,8 +66,8 @@ class TrajectoryStore:
         Committing the same content under the same name again changes nothing.
 
         Raises:
-          DataError: an episode must not be stored, or the segment exists with other content.
-          RunError: the disk is full. Nothing committed is touched.
+          DataError: an episode cannot be stored, or the segment exists with other content.
+          RunError: the disk is full. Committed data are unchanged.
         """
         check_name(segment, "segment")
         for episode in episodes:
@@ -92,18 +92,18 @@ class TrajectoryStore:
         return dict(self._receipts)
 
     def unreadable(self) -> list[str]:
-        """Segments that are there, but whose receipt cannot be read."""
+        """Segments whose receipt cannot be read."""
         return sorted(set(self._place.segments()) - self.committed().keys())
 
     def episodes(self, segment: str) -> tuple[EpisodeSummary, ...]:
-        """What a segment holds."""
+        """Content of a segment."""
         return self._receipt(segment).summaries
 
     def read(self, episode: str) -> Episode:
         """Read an episode by its id.
 
         Raises:
-          DataError: there is none, or it is not as it was committed; it is named.
+          DataError: it is missing or damaged; the message names it.
         """
         found = self.read_segment(self._holder(episode).segment)
         return next(one for one in found if one.id == episode)
@@ -113,10 +113,10 @@ class TrajectoryStore:
 
         Args:
           segment: its name.
-          sha256: that a snapshot gives for it; by default, what its receipt says.
+          sha256: from a snapshot; by default that of its receipt.
 
         Raises:
-          DataError: it is not as it was committed; its episodes are named.
+          DataError: it was changed; the message names its episodes.
         """
         found = self._found(segment)
         if not found.sizes:
@@ -137,12 +137,12 @@ class TrajectoryStore:
         Args:
           name: of the new snapshot.
           segments: their names, in order.
-          parent: name of the snapshot it grows from; its data sets keep their one-hot places.
+          parent: name of the snapshot that it extends; its data sets keep their one-hot places.
           datasets: names whose one-hot places follow the parent's, in this order.
 
         Raises:
-          DataError: a segment is missing or damaged, the episodes do not belong together, or the
-            name is taken by other content.
+          DataError: a segment is missing or damaged, the episodes do not fit together, or the name
+            is taken by other content.
           RunError: the disk is full.
         """
         check_name(name, "snapshot")
@@ -150,7 +150,7 @@ class TrajectoryStore:
         receipts = [self._receipt(segment) for segment in segments]
         if damages := [d for r in receipts for d in self._damages_since(r, before)]:
             raise DataError(
-                "A snapshot is made of sound segments only. " + " ".join(map(str, damages))
+                "A snapshot consists of undamaged segments only. " + " ".join(map(str, damages))
             )
         with full_disk_told(f"snapshot {name} was not sealed", self.url):
             text, digest = manifest(name, self._ownership.id(), receipts, before, datasets)
@@ -186,11 +186,11 @@ class TrajectoryStore:
         return [name.removesuffix(".json") for name in found if name.endswith(".json")]
 
     def verify(self, snapshot: Snapshot | None = None, arrays: bool = True) -> tuple[Damage, ...]:
-        """Name what is not as it was committed: altered, missing, exchanged, copied, foreign.
+        """List all faults: altered, missing, swapped, copied, foreign files.
 
         Args:
           snapshot: only it and its segments; all of the store by default.
-          arrays: hash every file again; else only names, seals and what refers to what are looked at.
+          arrays: hash every file again; else only check names, seals and references.
         """
         if not arrays:
             with suppress(DataError):  # which is told
@@ -204,13 +204,13 @@ class TrajectoryStore:
         ids: tuple[str, ...] = (),
         arrays: bool = True,
     ) -> list[Damage]:
-        """What is wrong with a segment.
+        """Faults of a segment.
 
         Args:
           segment: its name.
-          sha256: that a snapshot gives for it, if one lists it.
-          ids: of its episodes as that snapshot knows them.
-          arrays: look at the arrays, too, not at the receipt alone.
+          sha256: from a snapshot, if one lists it.
+          ids: of its episodes in that snapshot.
+          arrays: check the arrays in addition to the receipt.
         """
         if not is_name(segment):
             return [Damage(segment, ids, "it is no segment, none has such a name", "foreign")]
@@ -260,19 +260,19 @@ class TrajectoryStore:
             raise missing from None
 
     def quarantined(self) -> list[str]:
-        """Names under which segments were set aside."""
+        """Names of the segments that were set aside."""
         return self._place.names("quarantine")
 
     def sweep(self) -> int:
-        """Remove what dead writers left unfinished; how many segments that was."""
+        """Remove unfinished segments of dead writers; returns their number."""
         return self._place.sweep()
 
     def _check_same(self, receipt: Receipt) -> None:
-        """The segment that is there already has the content that was to be stored, and is sound."""
+        """The existing segment, if it is undamaged and has the content to be stored."""
         segment = receipt.segment
         if damages := self.damages(segment):
             raise DataError(
-                "It is committed already, but not as it was; set it aside first. "
+                "It is committed already, but was changed; set it aside first. "
                 + " ".join(map(str, damages))
             )
         there = self._receipt(segment)
@@ -297,7 +297,7 @@ class TrajectoryStore:
         return Found(segment, sizes, files | ({RECEIPT: text} if RECEIPT in sizes else {}))
 
     def _owners(self) -> Iterator[str]:
-        """Store ids in all receipts and manifests that can be read."""
+        """Store ids in all readable receipts and manifests."""
         for segment in self._place.segments():
             with suppress(DataError, FileNotFoundError):
                 yield Receipt.from_json(
@@ -308,7 +308,7 @@ class TrajectoryStore:
                 yield snapshot_of(name, self._place.read(f"snapshots/{name}.json")).owner
 
     def _holder(self, episode: str) -> Receipt:
-        """Receipt of the segment that holds an episode."""
+        """Receipt of the segment of an episode."""
         # An episode alone in its segment is named like it: no need to look through all.
         likely = self._find_receipt(episode)
         if likely and episode in likely.episodes:

@@ -1,4 +1,4 @@
-"""Check everything in a store for what is altered, missing, exchanged, copied or foreign."""
+"""Check everything in a store for altered, missing, swapped, copied or foreign files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MANIFEST = ".json"
 
 
 class Store(Protocol):
-    """What is asked of a store."""
+    """Interface of a store for the verification."""
 
     def snapshot(self, name: str) -> Snapshot:
         """Read a snapshot."""
@@ -30,7 +30,7 @@ class Store(Protocol):
         ids: tuple[str, ...] = (),
         arrays: bool = True,
     ) -> list[Damage]:
-        """What is wrong with a segment."""
+        """Faults of a segment."""
         ...
 
 
@@ -40,10 +40,10 @@ def damages_in(
     """All damages of a store; `TrajectoryStore.verify` documents them.
 
     Args:
-      store: to look at.
-      place: where its files live.
-      ownership: tells what is its own.
-      snapshot: only it and its segments; all of the store where None.
+      store: to check.
+      place: of its files.
+      ownership: recognises its own files.
+      snapshot: only it and its segments; all of the store if None.
       arrays: hash all files.
     """
     if snapshot is not None:
@@ -69,12 +69,12 @@ def damages_in(
 def _identity(ownership: Ownership) -> Iterator[Damage]:
     try:
         if ownership.noted() is None and ownership.inferred() is not None:
-            what = "it is missing; it is written again with the next episode that is stored"
+            what = "it is missing; it is written again with the next stored episode"
             yield Damage(f"file {STORE_FILE}", (), what, "missing")
     except Unsound as error:
         yield replace(
             Damage.of(error, f"file {STORE_FILE}"),
-            what=f"{error} Moved away, it is written again from what lies there",
+            what=f"{error} If you move it away, it is reconstructed",
         )
 
 
@@ -88,7 +88,7 @@ def _names(folder: str, names: Callable[[], list[str]]) -> list[str] | Damage:
 def _snapshots(
     store: Store, place: Place, files: Sequence[str], sealed: list[Snapshot]
 ) -> Iterator[Damage]:
-    """What is wrong with manifests; sound ones are added to `sealed`."""
+    """Faults of manifests; undamaged ones are added to `sealed`."""
     found = []
     names = [file.removesuffix(_MANIFEST) for file in files if file.endswith(_MANIFEST)]
     for name in names:
@@ -103,7 +103,7 @@ def _snapshots(
 
 
 def _changed(store: Store, place: Place, snapshot: Snapshot) -> Iterator[Damage]:
-    """What is wrong with the manifest of a snapshot that was read before."""
+    """Faults of the manifest of a snapshot that was read before."""
     what = f"snapshot {snapshot.name}"
     try:
         there = store.snapshot(snapshot.name)
@@ -116,7 +116,7 @@ def _changed(store: Store, place: Place, snapshot: Snapshot) -> Iterator[Damage]
 
 
 def _parents(sealed: Sequence[Snapshot], names: Iterable[str]) -> Iterator[Damage]:
-    """Snapshots whose parent is not there, or is another by now."""
+    """Snapshots whose parent is missing, or has changed."""
     digests = {one.name: one.digest for one in sealed}
     damaged = set(names) - digests.keys()
     for one in sealed:
@@ -129,7 +129,7 @@ def _parents(sealed: Sequence[Snapshot], names: Iterable[str]) -> Iterator[Damag
 
 
 def _listed(store: Store, sealed: Iterable[Snapshot], arrays: bool) -> Iterator[Damage]:
-    """What is wrong with the segments of snapshots."""
+    """Faults of the segments of snapshots."""
     listed = {
         (segment, sha256): one.ids(segment)
         for one in sealed
@@ -142,7 +142,7 @@ def _listed(store: Store, sealed: Iterable[Snapshot], arrays: bool) -> Iterator[
 def _told_apart(
     found: Iterable[Damage], names: Iterable[str], name_of: Callable[[str], str]
 ) -> Iterator[Damage]:
-    """Damages, where something lies under another's name with how that came about."""
+    """Damages, with an explanation for files under another's name."""
     found = list(found)
     own = {name: name for name in names}
     own |= {name_of(each.segment): each.instead for each in found if each.instead}

@@ -27,11 +27,11 @@ class WindowBatch:
     Attributes:
       points: (B, L + 1, P, 3) measured [m]; NaN where missing.
       controls: (B, L, W).
-      winch: (B, L + 1, W) best knowledge of the winch positions: measured, else dead-reckoned [m].
-      winch_truth: (B, L + 1, W) the plant's, or as measured; NaN where neither is known [m].
+      winch: (B, L + 1, W) best estimate of the winch positions: measured, else dead-reckoned [m].
+      winch_truth: (B, L + 1, W) the plant's, or measured; NaN if neither is known [m].
       dataset: (B,) index into the snapshot's data sets.
       terrains: under each of B, or one for all; None is the plane z = 0.
-      angle: (B,) or (1,) by which they were turned about the vertical [rad].
+      angle: (B,) or (1,) rotation about the vertical [rad].
     """
 
     points: Floats
@@ -49,15 +49,15 @@ class WindowCache:
 
     Attributes:
       points, winch, winch_truth, controls: as in `WindowBatch`, (N, ...), float32, mapped into
-        memory; the controls of an episode's last row mean nothing.
-      valid: (N, P) which points were measured.
+        memory; the controls of an episode's last row are meaningless.
+      valid: (N, P) True for measured points.
       lengths: (E,) control steps of each episode.
       dataset: (E,) index of its data set.
       terrains: of each episode; None is the plane z = 0.
       datasets: names by index.
       split: of all its episodes.
       digest: of the snapshot.
-      belief: name of what was known about the winches.
+      belief: name of the knowledge about the winches.
     """
 
     points: Floats
@@ -78,8 +78,8 @@ class WindowCache:
         """Open the cache of a snapshot's split; fill it first if there is none, or a damaged one.
 
         Args:
-          source: what is cached.
-          folder: for caches; each has a folder of its own inside.
+          source: of the cache.
+          folder: for caches; each has its own subfolder.
 
         Raises:
           DataError: the split is empty, an episode is damaged, or it is another robot's.
@@ -106,17 +106,17 @@ class WindowCache:
     def starts(
         self, length: int, stride: int = 1, complete: bool = False, past: int | None = None
     ) -> NDArray[np.int64]:
-        """First rows of the windows of `length` control steps that lie within one episode.
+        """First rows of the windows of `length` control steps within one episode.
 
         Args:
           length: L, at least 0.
           stride: steps from one to the next within an episode.
-          complete: leave out those in which a point is missing.
-          past: leave out those in which a point was not seen once in the first `past` steps: nothing
-            can be predicted from there. A recording has such places, e.g. where a marker was hidden.
+          complete: leave out those with a missing point.
+          past: leave out those with a point missing in all of the first `past` steps: no prediction
+            can start there. A recording has such places, e.g. while a marker is occluded.
 
         Raises:
-          DataError: length or stride are not such numbers.
+          DataError: length or stride are invalid.
         """
         if length < 0 or stride < 1:
             raise DataError(f"Windows have length >= 0 and stride >= 1, got {length} and {stride}.")
@@ -136,7 +136,7 @@ class WindowCache:
         """The windows of `length` control steps that start at rows `starts` (B,).
 
         Raises:
-          DataError: a window does not lie within one episode.
+          DataError: a window is not within one episode.
         """
         starts = np.asarray(starts, np.int64)
         first = self._first_rows()

@@ -1,8 +1,8 @@
 """Arrays as the files of a Zarr v3 group and back; the only module that imports zarr.
 
-Files are bytes by relative path, so that what is hashed is what is decoded, from any place. Every
-array is one shard (one file) of compressed chunks, each with a crc32c of its own, so that a flipped
-bit raises instead of decoding to other numbers.
+Files are bytes by relative path, so that hashed and decoded bytes are the same, at any place. Every
+array is one shard (one file) of compressed chunks, each with its own crc32c, so that a flipped bit
+raises instead of decoding to other numbers.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def encode(arrays: Mapping[str, NDArray[Any]], attributes: dict[str, Any]) -> Fi
 def decode(files: Mapping[str, bytes]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Arrays and attributes of a group.
 
-    zarr fills what is missing with zeros: compare the files with a list of what was written first.
+    zarr fills missing chunks with zeros: compare the files with their list first.
 
     Raises:
       DataError: they do not decode.
@@ -76,7 +76,7 @@ def decode(files: Mapping[str, bytes]) -> tuple[dict[str, NDArray[Any]], dict[st
 
 
 def _check_size(name: str, array: zarr.Array, files: Mapping[str, bytes]) -> None:
-    """Refuse an array that claims to be far larger than what is stored of it."""
+    """Reject an array that claims to be far larger than its stored bytes."""
     stored = sum(len(content) for path, content in files.items() if path.startswith(f"{name}/"))
     if array.nbytes > MOST_TIMES_LARGER * stored:
         raise ValueError(f"{name} claims a shape of {array.shape}, but {stored} bytes are stored")

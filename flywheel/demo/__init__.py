@@ -1,1 +1,1 @@
-"""A robot that is not its model: the story that `flywheel demo` plays, what came of it, and its page."""
+"""The demonstration of `flywheel demo`: a robot that differs from its model, the outcome, and its page."""

@@ -1,4 +1,4 @@
-"""Whether a diagnosis was right about an effect that was hidden from it."""
+"""Assessment of a diagnosis of a hidden effect."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ Named = tuple[str, str]  # an effect, and the cable or point that it is at, or "
 
 
 class Naming(StrEnum):
-    """What came of it, in a few words."""
+    """Outcome, in a few words."""
 
     NAMED = "named"
-    AMONG = "named among others that cannot be told apart"
-    BESIDE = "named with something wrong beside"
+    AMONG = "named among others that cannot be distinguished"
+    BESIDE = "named together with something wrong"
     NOT_NAMED = "not named"
     OUTSIDE = "rightly said to be none of the library's effects"
     NOTHING = "nothing hidden, nothing named"
@@ -40,11 +40,11 @@ RIGHT = (Naming.NAMED, Naming.AMONG, Naming.OUTSIDE, Naming.NOTHING)
 
 @dataclass(frozen=True)
 class Assessment:
-    """Whether the diagnosis was right.
+    """Assessment of a diagnosis.
 
     Attributes:
       outcome: in a few words.
-      sentence: what was hidden, and whether it was found.
+      sentence: the hidden effect, and the answer.
     """
 
     outcome: Naming
@@ -63,7 +63,7 @@ def assess(
       hidden: the effect; None for nothing.
       verdict: of the diagnosis.
       answers: its alternatives, each of effects that act together.
-      smallest: size at which the recordings would have shown the effect, in multiples of its true one.
+      smallest: smallest visible size in these recordings, in multiples of the true one.
     """
     named = [tuple(answer) for answer in answers if answer]
     if hidden is None:
@@ -74,7 +74,7 @@ def assess(
 
 
 def key_of(effect: str, location: str) -> Named:
-    """What has to agree for two to be the same: the effect, or the one that is equivalent, and its place."""
+    """Identity of an effect for comparison: its name, or that of the equivalent one, and its place."""
     return (EQUIVALENT.get(effect, effect), location)
 
 
@@ -89,11 +89,11 @@ def library_values(effect: EffectTruth) -> dict[str, float]:
 def smallest_shown(
     ranking: Sequence[Score], effect: str, location: str, values: Mapping[str, float]
 ) -> float:
-    """Size of an effect that recordings could have shown, over its true size; NaN if nobody asked for it.
+    """Smallest visible size of an effect over its true size; NaN if it was not a candidate.
 
     Args:
       ranking: every candidate of the diagnosis.
-      effect, location: what was hidden, and where.
+      effect, location: hidden effect and its place.
       values: true ones, by the names of the library's parameters.
     """
     for score in ranking:
@@ -126,10 +126,13 @@ def _of_unknown(
     label = label_of(hidden.name, hidden.place)
     begin = f"Hidden was {label}, which is none of the library's effects"
     if verdict is Verdict.OUTSIDE_LIBRARY:
-        return Assessment(Naming.OUTSIDE, f"{begin}, and that is what was said.")
+        return Assessment(Naming.OUTSIDE, f"{begin}, as the answer says.")
     if verdict is Verdict.PARTIAL:
-        words = f"that something else is missing was said, but {_either(named)} was named beside it"
-        return Assessment(Naming.BESIDE, f"{begin}; {words}, which is not there.")
+        words = (
+            f"the answer says that something else is missing, but {_either(named)} was named "
+            "as well"
+        )
+        return Assessment(Naming.BESIDE, f"{begin}; {words}, which does not exist.")
     words = f"it was taken for {_either(named)}" if named else "nothing was found"
     return Assessment(Naming.NOT_NAMED, f"{begin}, but this was not said: {words}.")
 
@@ -143,10 +146,10 @@ def _of_known(
         words = _unnamed(verdict, named, smallest)
         return Assessment(Naming.NOT_NAMED, f"Hidden was {label}; it was not named: {words}.")
     if [truth] in found and verdict is Verdict.PARTIAL:
-        words = "something else was said to be missing besides, and nothing is"
+        words = "the answer says that something else is missing as well, and nothing is"
         return Assessment(Naming.BESIDE, f"Hidden was {label}; it was named, but {words}.")
     if [truth] in found and len(found) > 1:
-        words = "it was named among others that these recordings cannot tell apart"
+        words = "it was named among others that these recordings cannot distinguish"
         return Assessment(Naming.AMONG, f"Hidden was {label}; {words}: {_either(named)}.")
     if [truth] in found:
         same = named[0][0] == (hidden.name, hidden.place)
@@ -156,7 +159,7 @@ def _of_known(
         return Assessment(Naming.NAMED, f"Hidden was {label}, and {words}.")
     if with_truth := [answer for answer in found if truth in answer]:
         wrong = ", ".join(label_of(*each) for each in with_truth[0] if each != truth)
-        words = f"it was named, but with {wrong} beside it, which is not there"
+        words = f"it was named, but together with {wrong}, which does not exist"
         return Assessment(Naming.BESIDE, f"Hidden was {label}; {words}.")
     elsewhere = any(each[0] == truth[0] for answer in found for each in answer)
     place = ", so that only the place is wrong" if elsewhere else ""
@@ -165,14 +168,14 @@ def _of_known(
 
 
 def _unnamed(verdict: Verdict, named: Sequence[Sequence[Named]], smallest: float) -> str:
-    """Why an effect of the library has no name in the answer."""
+    """Reason why an effect of the library is not named in the answer."""
     if verdict is Verdict.NOT_CONVERGED:
         return "no fit was found"
     if verdict is Verdict.OUTSIDE_LIBRARY:
         like = f", most like {_either(named[:1])}" if named else ""
         return f"something was said to be missing that is none of the library's effects{like}"
     if smallest > 1:
-        return f"these recordings would have shown it from {smallest:.2g} times its size on"
+        return f"it is visible in these recordings from {smallest:.2g} times its size on"
     return "nothing beyond noise was found"
 
 

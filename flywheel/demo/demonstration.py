@@ -1,7 +1,8 @@
-"""A robot that is not its model: recorded, compared, diagnosed, adopted, compared again, and revealed.
+"""A robot that differs from its model: recorded, compared, diagnosed, adopted, compared again, and
+revealed.
 
-The robot is a stand-in in a process of its own. What is hidden in it is told to that process, and here kept
-for the last line: everything between sees measurements and commands alone.
+The robot is a stand-in in its own process. Its hidden effect is known to that process, and here
+used in the last line only: everything between receives measurements and commands alone.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from flywheel.validation import Frozen
 
 NOTHING = "none"  # in the place of an effect
 DRAWN = 2.0  # size of what is drawn, in typical ones: noise in the starts of predictions hides most of less
-GIVEN, ADOPTED = "the MJCF as given", "the MJCF with what was found"
+GIVEN, ADOPTED = "the MJCF as given", "the MJCF with the identified effects"
 # Every winch by itself, and big strokes that load the motors; then all winches tight.
 SCRIPTS: tuple[tuple[str, Split], ...] = (
     ("random_steps", "train"),
@@ -63,13 +64,13 @@ COMMANDS = (
 
 
 class DemoConfig(Frozen):
-    """How much a demonstration records and computes.
+    """Size of a demonstration.
 
     Attributes:
       seconds: of each recording [s].
-      held_out: recordings that answer and models are judged by.
-      horizon: of the predictions that are compared [s].
-      draws: of the noise, for what it makes of an error.
+      held_out: recordings for the evaluation of answer and models.
+      horizon: of the compared predictions [s].
+      draws: of the noise, for its influence on errors.
       dt: control step [s].
       threads: simulations at the same time.
     """
@@ -83,7 +84,7 @@ class DemoConfig(Frozen):
 
     @property
     def scripts(self) -> tuple[tuple[str, Split], ...]:
-        """Name of each command script, and what the recording is for."""
+        """Name of each command script, and the purpose of its recording."""
         return SCRIPTS[: 2 + self.held_out]
 
 
@@ -93,17 +94,17 @@ class Demonstration:
 
     Attributes:
       robot: of the MJCF.
-      seed: of all that was drawn.
-      config: how much was recorded and computed.
-      recordings: what the robot measured; those of the split "test" are held out.
-      before: the MJCF as given, beside the held-out recordings.
+      seed: of all random draws.
+      config: its size.
+      recordings: measurements of the robot; those of the split "test" are held out.
+      before: comparison of the unchanged MJCF with the held-out recordings.
       diagnosis: of the others.
-      adopted: effects that the plant was given; none where that was not justified.
-      why: they were adopted, or were not.
-      after: the plant with them, beside the same recordings; None where nothing was adopted.
-      hidden: what the robot had beyond its MJCF; None for nothing.
-      assessment: whether that was found.
-      seconds: it took.
+      adopted: effects added to the plant; empty if not justified.
+      why: reason for the adoption, or against it.
+      after: comparison of that plant with the same recordings; None without adoption.
+      hidden: the robot's effect beyond its MJCF; None for nothing.
+      assessment: of the diagnosis.
+      seconds: duration.
     """
 
     robot: Robot
@@ -121,7 +122,7 @@ class Demonstration:
 
     @property
     def beside(self) -> Comparison:
-        """Both models beside the held-out recordings, the one as given first."""
+        """Both models against the held-out recordings, the unchanged one first."""
         if self.after is None:
             return self.before
         return dataclasses.replace(
@@ -132,21 +133,21 @@ class Demonstration:
 
 
 def drawn_effect(robot: Robot, seed: int) -> str:
-    """An effect that the robot can have, with its place and its size, as `hidden_effects` reads it."""
+    """A possible effect of the robot, with its place and its size, in the format of `hidden_effects`."""
     rng = np.random.default_rng(seed)
     able = [kind for kind in HIDDEN.values() if kind.applies(robot)]
     return placed_effect(robot, able[int(rng.integers(len(able)))], rng)
 
 
 def placed_effect(robot: Robot, kind: type[HiddenEffect], rng: np.random.Generator) -> str:
-    """An effect of a kind, at a place that is drawn where it has one."""
+    """An effect of a kind, at a random place if it has one."""
     truth = kind.typical(robot, rng).truth(robot)
     place = f"{PLACE}{truth.place}" if truth.place else ""
     return f"{truth.name}{place}{SIZE}{DRAWN:g}"
 
 
 def hidden_truth(effect: str, robot: Robot) -> EffectTruth | None:
-    """What an effect is in numbers; None for "none".
+    """An effect in numbers; None for "none".
 
     Args:
       effect: NAME[@PLACE][:SIZE], or "none".
@@ -167,20 +168,20 @@ def demonstrate(
     progress: Progress,
     library: Mapping[str, Effect] = EFFECTS,
 ) -> Demonstration:
-    """Hide an effect in a stand-in, and see what is found of it.
+    """Hide an effect in a stand-in, and try to identify it.
 
     Args:
       robot: of the MJCF.
-      effect: that is hidden: NAME[@PLACE][:SIZE], or "none".
-      seed: of commands, noise and all else that is random.
-      config: how much is recorded and computed.
-      progress: is told what is being done, and each finding in a sentence.
-      library: effects that are considered.
+      effect: hidden one: NAME[@PLACE][:SIZE], or "none".
+      seed: of commands, noise and all other random numbers.
+      config: size of the demonstration.
+      progress: receives each step, and each finding in a sentence.
+      library: candidate effects.
 
     Raises:
       UnknownNameError, ConfigError: there is no such effect, or it cannot be hidden in this robot.
       LinkError: the stand-in does not start, or is lost.
-      DataError, ModelError: recordings that are too short, or a simulation that diverges.
+      DataError, ModelError: recordings are too short, or a simulation diverges.
     """
     begun = time.perf_counter()
     hidden = hidden_truth(effect, robot)
@@ -220,19 +221,19 @@ def demonstrate(
 
 
 def compared_words(found: Comparison) -> str:
-    """How far off a model is, and where most, in sentences."""
+    """Size and main places of a model's error, in sentences."""
     (model,) = found.models
     words = sentence(found, model)
     if model.outcome is Outcome.NOISE_ONLY:
         return words
     worst = [bins.labels[bins.worst(1)[0]] for bins in model.bins if bins.by in PLACES]
-    return f"{words} It is off most at {' and '.join(worst)}."
+    return f"{words} Its error is largest at {' and '.join(worst)}."
 
 
 def _recorded(
     robot: Robot, effect: str, seed: int, config: DemoConfig, progress: Progress
 ) -> tuple[Episode, ...]:
-    """What a stand-in with an effect measures while command scripts are played to it."""
+    """Measurements of a stand-in with an effect under command scripts."""
     scripts = config.scripts
     stand_in = StandInConfig(hidden=() if effect == NOTHING else (effect,))
     with progress.stage("record", len(scripts)) as stage:
@@ -246,8 +247,8 @@ def _recorded(
         finally:
             link.close()
     progress.say(
-        f"The robot was recorded {len(scripts)} times for {config.seconds:g} s; {config.held_out} of these "
-        "recordings are held out: nothing is fitted to them."
+        f"The robot was recorded {len(scripts)} times for {config.seconds:g} s; {config.held_out} "
+        "of these recordings are held out, and not used for fitting."
     )
     return recordings
 
@@ -261,7 +262,7 @@ def _recording(
     config: DemoConfig,
     stage: Stage,
 ) -> Episode:
-    """One recording; `number` counts those before it."""
+    """One recording; `number` counts the earlier ones."""
     name, split = plan
     rng = np.random.default_rng((seed, COMMANDS))
     controls = script(name, robot, config.seconds, config.dt, rng)
@@ -314,7 +315,9 @@ def _compared(
 
 
 def adopted_effects(found: Diagnosis) -> tuple[tuple[WrittenTerm, ...], str]:
-    """Effects of an answer that a plant is given, and why; none where several would do, or none helps."""
+    """Effects of an answer to add to a plant, and the reason; none if several answers fit equally
+    well, or none helps.
+    """
     try:
         effects = adoptable(found.summary())
     except DataError as error:
@@ -323,7 +326,7 @@ def adopted_effects(found: Diagnosis) -> tuple[tuple[WrittenTerm, ...], str]:
     assert errors is not None, "a demonstration holds recordings out"
     labels = ", ".join(effect.label for effect in effects)
     return effects, (
-        f"{labels} is adopted: on the held-out recordings, where nothing but the starts is fitted, the error "
+        f"{labels} is adopted: on the held-out recordings, with only the starts fitted, the error "
         f"falls from {1000 * errors.baseline:.2f} to {1000 * errors.augmented:.2f} mm (noise: "
         f"{1000 * errors.noise:.2f} mm)."
     )

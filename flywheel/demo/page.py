@@ -1,4 +1,4 @@
-"""The page of a demonstration: its story in one HTML file that needs nothing else."""
+"""The page of a demonstration: its story in one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,16 @@ from flywheel.reports.html import Shown, data_uri, render
 BEFORE, ANSWER, AFTER = ("heat", "cables"), ("ranking", "worst"), ("lead_time",)
 SVG = "image/svg+xml"
 LIMITS = (
-    "The robot is simulated, too, if by other code, and lacks one thing at a time; a real one lacks several.",
-    "What is drawn has twice its typical size. Some effects are smaller than the noise here even then, and "
-    "cannot be found.",
-    "Predictions start from measured points, so that noise in the starts is a part of every error here. The "
-    "diagnosis fits the starts, and sees more.",
-    "One story is no statistics: how often the diagnosis is right is counted in docs/results/diagnosis.md.",
+    "This robot is simulated, too (by independent code), and lacks one thing at a time; a real "
+    "one lacks several.",
+    "The hidden effect has twice its typical size. Some effects are still smaller than the noise "
+    "here, and cannot be found.",
+    "Predictions start from measured points, so noise in the starts is a part of every error "
+    "here. The diagnosis fits the starts, and is more sensitive.",
+    (
+        "One story is no statistics: docs/results/diagnosis.md counts how often the diagnosis is "
+        "right."
+    ),
 )
 
 
@@ -34,9 +38,9 @@ class Step:
     """A line of the story.
 
     Attributes:
-      name: what was done.
-      mark: "yes", "no" or "open": how it is coloured.
-      words: what came of it.
+      name: of the step.
+      mark: "yes", "no" or "open": its colour.
+      words: outcome.
     """
 
     name: str
@@ -49,9 +53,9 @@ class RecordingRow:
     """A row of the table of recordings.
 
     Attributes:
-      script: that was played.
-      seconds: how long [s].
-      purpose: what it was used for.
+      script: of the commands.
+      seconds: duration [s].
+      purpose: use of the recording.
     """
 
     script: str
@@ -61,13 +65,13 @@ class RecordingRow:
 
 @dataclass(frozen=True)
 class HiddenValue:
-    """A row of the table of what was hidden.
+    """A row of the table of hidden parameters.
 
     Attributes:
       label: of the effect.
       parameter, unit: of it.
       value: true one.
-      found: in the first answer that has the effect; None where none has.
+      found: in the first answer that has the effect; None if there is none.
     """
 
     label: str
@@ -83,8 +87,8 @@ def write_demo(story: Demonstration, path: str | Path, command: str, film: Path 
     Args:
       story: to tell.
       path: of the HTML file.
-      command: that tells the same story again.
-      film: mp4 of the `worst_window`, or why there is none.
+      command: that repeats the story.
+      film: mp4 of the `worst_window`, or the reason why there is none.
     """
     page = render(
         "demo",
@@ -112,13 +116,13 @@ def write_demo(story: Demonstration, path: str | Path, command: str, film: Path 
 
 
 def worst_window(story: Demonstration) -> WorstWindow:
-    """What the video shows: the window of the diagnosed recordings that the MJCF as given fits worst."""
+    """The window of the video: the diagnosed window with the largest error of the unchanged MJCF."""
     fit = [each.trajectory for each in story.recordings if each.split != HELD_OUT]
     return WorstWindow.of(story.diagnosis, story.robot, fit)
 
 
 def steps(story: Demonstration) -> list[Step]:
-    """The story in a line per step."""
+    """The story, one line per step."""
     verdict = story.diagnosis.verdict
     clear = verdict in (Verdict.NOISE_ONLY, Verdict.EFFECT)
     answer = f"{verdict}: {diagnosis_page.sentence(story.diagnosis)}"
@@ -134,7 +138,7 @@ def steps(story: Demonstration) -> list[Step]:
 
 
 def truth(story: Demonstration) -> list[HiddenValue]:
-    """What was hidden, beside what was found of it; nothing where nothing was hidden."""
+    """The hidden parameters with their estimates; empty without a hidden effect."""
     hidden = story.hidden
     if hidden is None:
         return []
@@ -166,7 +170,7 @@ def _compared_step(found: Comparison) -> Step:
 
 
 def _recordings(story: Demonstration) -> list[RecordingRow]:
-    purposes = {HELD_OUT: "held out, to judge by"}
+    purposes = {HELD_OUT: "held out, for evaluation"}
     return [
         RecordingRow(
             episode.provenance.controller.partition(":")[2],
@@ -178,17 +182,17 @@ def _recordings(story: Demonstration) -> list[RecordingRow]:
 
 
 def _notes(story: Demonstration) -> list[str]:
-    """What else the diagnosis says."""
+    """Further results of the diagnosis."""
     found = story.diagnosis
     form = diagnosis_page.other_form(found)
     notes = [
-        f"It has another form than the effects of the library: {form}." if form else "",
+        f"Its form differs from the effects of the library: {form}." if form else "",
         diagnosis_page.at_bounds(found),
         diagnosis_page.suspects(found),
         diagnosis_page.numbers(found),
     ]
     if (where := found.location) is not None:
-        cable = f"; of all cables most like {where.cable}" if where.cable else ""
+        cable = f"; most similar to an effect of the cable {where.cable}" if where.cable else ""
         notes.append(
             f"Most of what is unexplained is in recording {where.recording}, from {where.begin:.2f} to "
             f"{where.end:.2f} s, at {where.point}{cable}."
@@ -220,34 +224,35 @@ def _video(story: Demonstration, film: Path | str) -> Shown:
     if not isinstance(film, Path):
         return Shown("video", "", film, "")
     shown = worst_window(story)
-    larger = (
-        f" How far they are off is drawn {shown.times} times as large as it is."
-        if shown.times > 1
-        else ""
-    )
+    larger = f" Deviations are drawn {shown.times} times their size." if shown.times > 1 else ""
     words = (
-        f"Recording {shown.recording}, {shown.begin:.2f} to {shown.end:.2f} s: where {GIVEN} is off most "
-        "when its start is fitted. The robot is drawn as predicted; the orange ghosts are the measured "
-        f"points, smoothed.{larger} {SLOWER} times slower than it was."
+        f"Recording {shown.recording}, {shown.begin:.2f} to {shown.end:.2f} s: the window with "
+        f"the largest error of {GIVEN} with a fitted start. The robot is drawn as predicted; the "
+        f"orange ghosts are the measured points, smoothed.{larger} {SLOWER} times slower than "
+        "real time."
     )
     return Shown("video", "", words, data_uri(film.read_bytes(), "video/mp4"))
 
 
 def _filmed(story: Demonstration) -> list[str]:
-    """What is predicted with on the left, and on the right."""
+    """Models of the left and the right prediction."""
     answers = [answer for answer in story.diagnosis.answers if answer]
     names = [" with ".join(each.label for each in answer) for answer in answers[:1]]
     return [GIVEN, *(f"with {name}" for name in names)]
 
 
 def _commands(command: str) -> dict[str, str]:
-    """Command -> what it does."""
+    """Command -> its purpose."""
     return {
         command: "this story again",
         "flywheel demo --effect none": "nothing is hidden: is anything named?",
         "flywheel list effects": "what can be named",
-        "flywheel compare log.csv --robot my_robot.xml": "a log of your robot beside its MJCF",
-        "flywheel diagnose log.csv --robot my_robot.xml": "what your robot has and its MJCF lacks",
+        "flywheel compare log.csv --robot my_robot.xml": (
+            "a log of your robot compared with its MJCF"
+        ),
+        "flywheel diagnose log.csv --robot my_robot.xml": (
+            "effects of your robot that its MJCF lacks"
+        ),
     }
 
 

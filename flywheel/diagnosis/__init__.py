@@ -1,4 +1,4 @@
-"""Find out which physical effect a plant lacks to explain recordings."""
+"""Identify the physical effect that a plant lacks, from recordings."""
 
 from flywheel.diagnosis.diagnose import diagnose
 from flywheel.diagnosis.fitting.windows import noise_floor

@@ -1,4 +1,4 @@
-"""Make what a diagnosis found part of the plant."""
+"""Add the answer of a diagnosis to the plant."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ def adopt(
 ) -> Path:
     """Write the next version of a robot's plant, with the effects of an answer.
 
-    An answer holds all effects that the plant is to have, those of the version before (fitted anew)
-    included: it replaces them. What the plant was not sure of is adopted as it was fitted.
+    An answer contains all effects of the new plant, including those of the previous version (fitted
+    again): it replaces them. Uncertain numbers of the plant are adopted as fitted.
 
     Args:
       summary: `Diagnosis.summary()`, or the JSON of `flywheel diagnose`.
-      robot: that was diagnosed.
+      robot: of the diagnosis.
       folder: of the versions.
-      answer: which alternative, from 1; None for the first of a clear verdict.
-      parent: file of the adopted plant that was diagnosed; None for the MJCF alone.
-      library: that the effects' names are from.
+      answer: number of the alternative, from 1; None for the first of a clear verdict.
+      parent: file of the diagnosed adopted plant; None for the MJCF alone.
+      library: of the effects' names.
 
     Returns:
       The new version's file.
 
     Raises:
-      DataError: there is nothing to adopt, the answer is not clear, or held-out recordings speak
-        against it; the message says what to give to adopt it none the less.
-      ConfigError, UnknownNameError: values that the effects cannot have, or a law file that is absent or
-        another one.
+      DataError: there is nothing to adopt, the answer is not clear, or held-out recordings
+        contradict it; the message says how to adopt it anyway.
+      ConfigError, UnknownNameError: impossible values of the effects, or a law file that is missing
+        or differs.
     """
     said = Answer.of(summary)
     effects = adoptable(summary, answer)
@@ -71,23 +71,23 @@ def adopt(
 
 
 def _check_same(laws: Iterable[LawFile], said: Sequence[LawReference]) -> None:
-    """Refuse law files that are not those by which an answer was found.
+    """Check that law files are those of the answer.
 
     Raises:
-      ConfigError: one is another.
+      ConfigError: one differs.
     """
     for law in laws:
         if law.reference in said:
             continue
         then = ", ".join(map(str, said)) or "none"
         raise ConfigError(
-            f"{law} is not the law file that the answer was found with ({then}): diagnose again, or give the "
-            "file as it was."
+            f"{law} is not the law file of the answer ({then}): diagnose again, or give the "
+            "original file."
         )
 
 
 def adoptable(summary: Mapping[str, Any], answer: int | None = None) -> tuple[WrittenTerm, ...]:
-    """The effects that a plant should have after a diagnosis.
+    """The effects of a plant after a diagnosis.
 
     Args:
       summary, answer: see `adopt`.

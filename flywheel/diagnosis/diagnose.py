@@ -77,40 +77,40 @@ def diagnose(
     stop: Callable[[], bool] = never,
     seconds: float = math.inf,
 ) -> Diagnosis:
-    """Find out which effects a plant, or a trained model, lacks to explain recordings.
+    """Identify the effects that a plant, or a trained model, lacks, from recordings.
 
     Args:
-      plant: the model under test. Effects that it has already are fitted anew beside those found.
+      plant: the model under test. Its effects are fitted again together with new ones.
       recordings: unbatched, of its control step.
-      held_out: further ones, on which the answer is only judged.
-      library: effects that may be missing.
-      settings: tuned numbers, what counts as seen among them (`Limits`).
-      window_seconds: length of the windows [s]; None for what suits the robot.
+      held_out: further ones, for the evaluation only.
+      library: candidate effects.
+      settings: of the diagnosis, including limits (`Limits`).
+      window_seconds: length of the windows [s]; None for one that suits the robot.
       seed: of the search for initial states.
-      progress: told the share of the time that is over, by what phases of this search took so far, and what
-        is being done, every few seconds.
-      model: a trained model to be tested in the plant's stead, which then only says what effects would
-        change, see `network_fit`.
-      unsure: what the plant is not sure of, see `unsure_terms`: fitted beside everything else, within
-        what is known of it, and not asked about.
-      stop: asked now and then whether the best answer so far will do.
-      seconds: after which it will, too [s].
+      progress: receives the elapsed fraction of the time, estimated from the phases so far, and the
+        present step, every few seconds.
+      model: a trained model to test instead of the plant, which is then used for the changes caused
+        by effects, see `network_fit`.
+      unsure: uncertain numbers of the plant, see `unsure_terms`: fitted together with everything
+        else, within their priors, and not tested.
+      stop: called now and then; True to return the best answer so far.
+      seconds: time limit, likewise [s].
 
     Raises:
-      Interrupted: it would have to do before there was any.
-      DataError: recordings that cannot be used; something that one cannot be unsure of; or nothing that
-        is asked about.
-      ModelError: a model for another robot or control step, or that looks back further than windows go.
+      Interrupted: it was stopped before there was any answer.
+      DataError: recordings cannot be used; an effect cannot be uncertain; or there is no candidate.
+      ModelError: a model for another robot or control step, or one whose past is longer than
+        windows.
     """
     begun = time.perf_counter()
     heartbeat = Heartbeat(progress, stop=stop, seconds=seconds)
     under_test = ModelUnderTest(plant, model, seed, heartbeat.again, settings)
     terms = unsure_terms(unsure, plant.terms, {**NAMED, **library})
     if model is not None and terms:
-        raise ModelError("A trained model has no numbers of an MJCF that one can be unsure of.")
+        raise ModelError("A trained model has no numbers of an MJCF that could be uncertain.")
     asked = {name: effect for name, effect in library.items() if name not in unsure}
     if not asked:
-        raise DataError("There is no effect to ask about, but those that the plant is unsure of.")
+        raise DataError("Every candidate is listed under --unsure; leave at least one to test.")
     if held_out:
         _check_usable(under_test, held_out, window_seconds)
     everything = candidates(plant.robot, asked)
@@ -127,7 +127,7 @@ def diagnose(
 def _check_usable(
     under_test: ModelUnderTest, held_out: Sequence[Trajectory], seconds: float | None
 ) -> None:
-    """Refuse recordings that cannot be judged by, before a search that takes minutes."""
+    """Check held-out recordings before a search that takes minutes."""
     try:
         under_test.windows(held_out, seconds)
     except DataError as error:
@@ -135,13 +135,13 @@ def _check_usable(
 
 
 def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Searched:
-    """A search that counts in noise, or, where no model comes down to that, in what models are off besides.
+    """A search with noise, or, if no model fits to noise level, with an additional model discrepancy.
 
-    What the best model leaves is estimated anew until it stands.
+    The residual of the best model is estimated again until it is stable.
 
     Args:
-      search: takes a discrepancy that no model explains [m].
-      heartbeat: knows whether there is time.
+      search: takes a model discrepancy [m].
+      heartbeat: of the time limit.
     """
     searched, known = search(), 0.0
     settings = searched.search.fitter.settings.discrepancy
@@ -154,11 +154,13 @@ def _in_two_scales(search: Callable[..., Searched], heartbeat: Heartbeat) -> Sea
         found = model_discrepancy(fitter, last.fit)
         if max(found, known) <= settings.stands * min(found, known):
             break
-        heartbeat("no model comes down to the noise: counting in what the best one leaves, too")
+        heartbeat("no model fits to noise level; repeating with a model discrepancy")
         known = found
         heartbeat.phase("fit", *PHASES[1:])
         again = partial(search, discrepancy=known)
-        searched = heartbeat.in_time(again, searched, "counting in what models are off besides")
+        searched = heartbeat.in_time(
+            again, searched, ("repeating with another estimate of the model discrepancy")
+        )
     return searched
 
 
@@ -172,9 +174,9 @@ def _searched(
     held_out: float = 0.0,
     discrepancy: float = 0.0,
 ) -> Searched:
-    """Add effects until none explains any more, of what is beyond noise and a discrepancy [m].
+    """Add effects until none explains any more of the error beyond noise and a discrepancy [m].
 
-    Of a limited time some is kept for recordings that are held out, so many times as long as these.
+    Of a limited time a part is reserved for held-out recordings, in proportion to their length.
     """
     settings, around = under_test.settings, None
     for _ in range(1 if under_test.model is None else settings.fitting.network.passes):
@@ -221,13 +223,13 @@ def _searched(
 
 
 def _probes(robot: Robot) -> tuple[Candidate, ...]:
-    """Laws that are asked about, and other forms of effects, where the robot can show the difference."""
+    """Candidate laws, and other forms of effects, if the robot can show the difference."""
     forms = {name: form for name, form in FORMS.items() if form.differs_on(robot)}
     return candidates(robot, {**PROBES, **forms})
 
 
 def _calibrated(search: Search, fit: Fit, unsure: Terms) -> tuple[Search, Fit]:
-    """The model with what it was not sure of, in time steps that will do unless it lacks more."""
+    """The model with its uncertain numbers, in sufficiently short time steps unless it lacks more."""
     if not unsure:
         return search, fit
     fit = calibrated(search.fitter, fit, unsure)
@@ -240,13 +242,13 @@ def _concluded(
     held_out: Sequence[Trajectory],
     heartbeat: Heartbeat,
 ) -> Diagnosis:
-    """What a search says; only the most needed of it where that was interrupted."""
+    """Result of a search; only the most important parts if that was interrupted."""
     search, limits, checks = searched.search, searched.limits, searched.checks
     kept_aside = HeldOut(under_test, held_out, search.fitter.windows)
     heartbeat.phase("judge")
     judged = judge_in_time(searched, kept_aside, under_test.seed, heartbeat)
     heartbeat.phase("conclude")
-    heartbeat("predicting what is held out")
+    heartbeat("predicting the held-out recordings")
     held = heartbeat.briefly(partial(kept_aside.errors, judged.models[-1].fit.terms), None)
     built = as_built(search, judged.models[-1].fit, judged.effects)
     fitter, last = search.fitter, judged.models[-1]
@@ -265,7 +267,7 @@ def _concluded(
     return Diagnosis(
         verdict=_verdict(limits, judged, built, held),
         answers=(judged.answer, *(asked_about(each) for each in rivals)),
-        ranking=heartbeat.briefly(ranking, judged.models[0].scores, "what would be detected"),
+        ranking=heartbeat.briefly(ranking, judged.models[0].scores, "detectable sizes"),
         threshold=limits.threshold,
         other_forms=tuple(asked_about(each) for each in forms),
         errors=errors(fitter, searched.first, last.fit),
@@ -305,7 +307,7 @@ def _suspects(
 ) -> tuple[SuspectParameter, ...]:
     """Numbers of the MJCF that may be what is wrong; those that explain more than the answer first."""
     briefly = search.heartbeat.briefly
-    search.heartbeat("asking for numbers of the MJCF")
+    search.heartbeat("testing numbers of the MJCF")
     nothing: tuple[SuspectParameter, ...] = ()
     fitted = partial(far_off_parameters, search, models)
     far = briefly(fitted, nothing) if unexplained else nothing
@@ -322,7 +324,7 @@ def _sizes(fit: Fit) -> str:
 def _discrepancy(
     fitter: Fitter, last: ScoredModel, kept_aside: HeldOut, under_test: ModelUnderTest
 ) -> DiscrepancyModel:
-    """A learned law on top of the last model, and what it resembles."""
+    """A learned law on top of the last model, and its most similar effects."""
     settings = under_test.settings.checks.discrepancy
     fit = learned_law(fitter, last, under_test.seed, settings)
     return DiscrepancyModel(

@@ -1,4 +1,4 @@
-"""Signs of life while something computes for long, and its end in time."""
+"""Progress of long computations, and their time limit."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ FRAMES = 4  # of a failure that are named
 
 
 class Interrupted(KeyboardInterrupt):
-    """Somebody wants the answer as far as it is known."""
+    """A request for the best answer so far."""
 
     def __str__(self) -> str:
-        return "Stopped before the model as it is was fitted and scored: there is no answer yet."
+        return "Stopped before the first model was fitted and scored: there is no answer yet."
 
 
 def never() -> bool:
-    """Nobody does."""
+    """No request."""
     return False
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A part of a search that ended with an error that nobody foresaw, and without which it went on.
+    """A part of a search that was lost to an unexpected error.
 
     Attributes:
-      what: was being done.
-      error: its kind and its words.
-      at: the last lines of code, the one that failed first.
+      what: name of the part.
+      error: its kind and message.
+      at: the last lines of code, the failing one first.
     """
 
     what: str
@@ -58,14 +58,14 @@ class Failure:
         return cls(what, f"{type(error).__name__}: {error}", ", ".join(at))
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {"what": self.what, "error": self.error, "at": self.at}
 
 
 class Heartbeat:
-    """Hands on what is being done, says it again while that goes on, and knows when it is to end.
+    """Passes on the present step, repeats it at intervals, and knows the time limit.
 
-    Once it is to end, what is left has `GRACE`; what has to be done all the same takes what it takes.
+    At the limit, the rest has `GRACE`; mandatory parts take as long as necessary.
 
     Args:
       progress: told the share of the time that is over, as far as that is known, and what is being done.
@@ -74,7 +74,7 @@ class Heartbeat:
       seconds: after which it is to end, from now on [s].
 
     Attributes:
-      failures: parts that were lost.
+      failures: lost parts.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Heartbeat:
         self.failures: list[Failure] = []
 
     def stopped(self) -> bool:
-        """Whether `again` has said so: what is left is to be short."""
+        """True if `again` has said so: the rest must be short."""
         return self._stopped
 
     def phase(self, name: str, *ahead: str) -> None:
@@ -124,33 +124,33 @@ class Heartbeat:
         return max(0.0, min(here + sum(map(expected, self._ahead)), self._end - now))
 
     def keep(self, seconds: float) -> None:
-        """Keep so much of the time, if that is limited, for what is done at the end [s]."""
+        """Reserve so much of a limited time for the end [s]."""
         self._kept = min(seconds, MOST_KEPT * self._limit)
 
     def in_time(self, compute: Callable[[], T], otherwise: T, what: str = "") -> T:
-        """The result of something that may be left undone; `otherwise` if it is to end early, or fails."""
+        """Run optional work; returns `otherwise` if stopped early or failed."""
         return otherwise if self._stopped else self._tried(self._once, compute, otherwise, what)
 
     def briefly(self, compute: Callable[[], T], otherwise: T, what: str = "") -> T:
-        """The same of something that is begun, and goes on, as long as the grace lasts."""
+        """Run optional work until the grace period is over; returns `otherwise` after it."""
         return self._tried(self._impatient, compute, otherwise, what)
 
     def in_grace(self, compute: Callable[[], T]) -> T:
-        """The result of something without which there is no answer.
+        """Run work without which there is no answer.
 
         Raises:
-          Interrupted: it is not there when the grace is over.
+          Interrupted: it is unfinished when the grace period is over.
         """
         with self._patient(self._impatient):
             return compute()
 
     def insisted(self, compute: Callable[[], T]) -> T:
-        """The result of something that must be done."""
+        """Run to completion; restart if interrupted."""
         with self._patient(never):
             return compute()
 
     def spared(self, compute: Callable[[], T], otherwise: T, what: str) -> T:
-        """The result of one part of many; `otherwise` where it fails, which ends nothing else."""
+        """Run one part of many; returns `otherwise` if it fails, without ending the others."""
         try:
             return compute()
         except Exception as error:  # which nobody foresaw, or it would have been caught
@@ -160,7 +160,7 @@ class Heartbeat:
     def each(
         self, compute: Callable[[S], T | None], parts: Iterable[S], what: Callable[[S], str]
     ) -> list[T]:
-        """The results of those parts of many that have one, and do not fail."""
+        """The results of the successful parts of many."""
         found = [self.spared(partial(compute, part), None, what(part)) for part in parts]
         return [result for result in found if result is not None]
 
@@ -175,7 +175,7 @@ class Heartbeat:
 
     @contextmanager
     def _patient(self, patience: Callable[[], bool]) -> Iterator[None]:
-        """Let `again` raise by another rule."""
+        """Replace the rule by which `again` raises."""
         before, self._patience = self._patience, patience
         try:
             yield
@@ -190,16 +190,16 @@ class Heartbeat:
         return self._clock() >= self._over
 
     def __call__(self, note: str) -> None:
-        """Something else is being done."""
+        """Report a new step."""
         self._note, self._last = note, self._clock()
         past, left = self._clock() - self._begun, self.left()
         self._progress(past / (past + left) if past + left > 0.0 else 0.0, note)
 
     def again(self) -> None:
-        """It goes on; to be called often.
+        """Report that the step continues; to be called often.
 
         Raises:
-          Interrupted: once, if it is to end early; of what is done briefly, when the grace is over.
+          Interrupted: once, at an early end; in short work, after the grace period.
         """
         now = self._clock()
         if not self._stopped and (now >= self._end - self._kept or self._stop()):

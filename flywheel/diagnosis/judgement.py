@@ -1,4 +1,4 @@
-"""From the models of a search to a verdict: what of an answer stands, and what else explains as much."""
+"""From the models of a search to a verdict: tests of the answer, and alternative models."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ UNEXPLAINED = (Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL)
 
 @dataclass(frozen=True)
 class Searched:
-    """How far a search came.
+    """State of a search at its end.
 
     Attributes:
-      first: the model as it was.
+      first: the initial model.
       search: its state.
-      models: of it, the first with what the plant was not sure of.
-      limits: that it was held to.
-      checks: settings of what is asked of the answer.
+      models: of it, the first with the uncertain numbers.
+      limits: in force.
+      checks: settings of the tests of the answer.
     """
 
     first: Fit
@@ -66,20 +66,20 @@ class Searched:
 
 @dataclass(frozen=True)
 class Judged:
-    """What the models of a search say.
+    """Result of the models of a search.
 
     Attributes:
       models: of it.
       effects: of the last model, with intervals.
-      answer: those of them that were asked about; none where nothing was found.
-      before, after: what the first and the last model leave.
-      law: what laws that are none of the library explain that it does not.
-      verdict: before it is asked whether others explain the recordings as well.
+      answer: the candidates among them; empty if nothing was found.
+      before, after: residuals of the first and the last model.
+      law: laws outside the library that explain more.
+      verdict: before alternatives are considered.
       shorter: models without one of the effects, as far as they were fitted.
       rivals: other models that explain the recordings as well.
       forms: likewise, of the same effects by other laws.
-      gain: of all effects that were added, on windows that they were not fitted to; None for none.
-      exchanged: its effects were exchanged for others, which gave `rivals`.
+      gain: of all added effects, on windows that were not fitted; None for none.
+      exchanged: its effects were replaced by others, which gave `rivals`.
     """
 
     models: list[ScoredModel]
@@ -97,24 +97,24 @@ class Judged:
 
 
 def judge_in_time(searched: Searched, held_out: HeldOut, seed: int, heartbeat: Heartbeat) -> Judged:
-    """What of the answer of a search stands; where that is interrupted, as far as it was asked."""
+    """Test of the answer of a search; partial if that is interrupted."""
     judged = heartbeat.insisted(partial(_judged, searched))
     for what, stage in (
         ("unsure effects", without_unsure_effects),
-        ("windows that are loud", partial(with_loud_windows_restarted, seed=seed)),
+        ("windows with large residuals", partial(with_loud_windows_restarted, seed=seed)),
         ("unsure effects", without_unsure_effects),
         ("sizes of parts", partial(without_unclear_factors, held_out=held_out)),
-        ("other models that explain as much", with_alternatives),
+        ("alternative models", with_alternatives),
         ("gains on other windows", partial(with_gains, held_out=held_out)),
     ):
         heartbeat(f"judging the answer: {what}")
         judged = heartbeat.in_time(partial(stage, searched, judged), judged)
-    heartbeat("judging the answer: effects that are one by two names")
+    heartbeat("judging the answer: effects with the same predictions")
     return heartbeat.briefly(partial(with_rivals, searched, judged), judged)
 
 
 def _judged(searched: Searched) -> Judged:
-    """What the longest models of a search say that can be judged."""
+    """Result of the longest assessable models of a search."""
     models, spared = searched.models, searched.search.heartbeat.spared
     for count in range(len(models), 1, -1):
         judged = spared(partial(judge, searched, models[:count]), None, "judging the answer")
@@ -124,7 +124,7 @@ def _judged(searched: Searched) -> Judged:
 
 
 def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] = ()) -> Judged:
-    """What models say, and other models `instead` with a law in the place of an effect."""
+    """Result of models, with other models `instead` that have a law in place of an effect."""
     search, first, last = searched.search, models[0], models[-1]
     before, after = (
         adequacy(search.fitter, each.fit, each.test, each.by_value, searched.checks)
@@ -141,7 +141,7 @@ def judge(searched: Searched, models: list[ScoredModel], instead: Sequence[Fit] 
 
 
 def without_unsure_effects(searched: Searched, judged: Judged) -> Judged:
-    """Without effects of which nobody can say that they are there, beside others that are."""
+    """Without uncertain effects, if others are certain."""
     search = searched.search
     while len(new := added(judged.models)) > 1:
         unsure = [each for each in judged.answer if each.term in new and not each.shown]
@@ -159,7 +159,7 @@ def _before(models: Sequence[ScoredModel], fit: Fit) -> list[ScoredModel]:
 
 
 def with_loud_windows_restarted(searched: Searched, judged: Judged, seed: int) -> Judged:
-    """Before something is said to be left: other initial states for every window that is loud."""
+    """Before a residual is reported: other initial states for every window with a large residual."""
     search, last = searched.search, judged.models[-1]
     if judged.verdict not in UNEXPLAINED:
         return judged
@@ -172,7 +172,7 @@ def with_loud_windows_restarted(searched: Searched, judged: Judged, seed: int) -
 
 
 def without_unclear_factors(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
-    """With one size for all parts, where one for each gains nothing on windows it was not fitted to."""
+    """With one size for all parts, if one for each gains nothing on windows that were not fitted."""
     search, last = searched.search, judged.models[-1]
     unseen = UnseenWindows(search.fitter, judged.models[0], held_out)
     for uneven in (t for t in added(judged.models) if isinstance(t.effect, PerPart)):
@@ -188,7 +188,7 @@ def without_unclear_factors(searched: Searched, judged: Judged, held_out: HeldOu
 def with_alternatives(searched: Searched, judged: Judged) -> Judged:
     """The best of all models that explain the recordings as well, and the others.
 
-    Those with a law that is none of the library are no answer, but may say that this one is none.
+    Those with a law outside the library are no answer, but may refute this one.
     """
     search, last = searched.search, judged.models[-1].fit
     if judged.verdict not in EXPLAINED:
@@ -221,9 +221,9 @@ def with_alternatives(searched: Searched, judged: Judged) -> Judged:
 
 
 def with_rivals(searched: Searched, judged: Judged) -> Judged:
-    """An answer that became one by its gains, or less, with models that explain the recordings as well.
+    """An answer that results from its gains, or a smaller one, with equally good models.
 
-    Beside something else that is left, or where time is up, only those that predict the same.
+    With a residual, or at the time limit, only those with the same predictions.
     """
     search, verdict = searched.search, judged.verdict
     if judged.exchanged or verdict not in (*EXPLAINED, *UNEXPLAINED) or not added(judged.models):
@@ -237,16 +237,16 @@ def with_rivals(searched: Searched, judged: Judged) -> Judged:
 
 
 def _simplest(search: Search, margin: float, fit: Fit) -> float:
-    """Criterion of a model; another law than the library's must be clearly better to be taken."""
+    """Criterion of a model; a law outside the library must be clearly better to be used."""
     other = any(term.asked and term.effect.family != term.effect.name for term in fit.terms)
     return search.criterion(fit) + margin * other
 
 
 def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
-    """An answer with what it gains on windows that it was not fitted to.
+    """An answer with its gain on windows that were not fitted.
 
-    Where the model is known to be wrong, the likelihood promises too much: an effect that does not clearly
-    gain anything there is no part of the answer. Nor is one that numbers of a robot as built make up for.
+    If the model is known to be wrong, the likelihood promises too much: an effect without a clear
+    gain there is not part of the answer. Nor is one that numbers of a robot as built compensate.
     """
     search = searched.search
     unseen = UnseenWindows(search.fitter, judged.models[0], held_out)
@@ -282,9 +282,9 @@ def with_gains(searched: Searched, judged: Judged, held_out: HeldOut) -> Judged:
 def _from_shorter(
     search: Search, fit: Fit, less: Sequence[ScoredModel], groups: Sequence[Sequence[Term]]
 ) -> Fit | None:
-    """A fit that begins where one without some of its terms ended clearly better; None if none did.
+    """A fit restarted from a clearly better one without some of its terms; None if there is none.
 
-    Nothing costs less without an effect: it only ended in another minimum.
+    A model with fewer effects cannot cost less: it only ended in another minimum.
     """
     shorter, terms = min(zip(less, groups, strict=True), key=lambda each: each[0].fit.cost)
     if shorter.fit.cost > fit.cost - search.threshold:
@@ -295,7 +295,7 @@ def _from_shorter(
 
 
 def _with_gain(searched: Searched, judged: Judged, gains: Sequence[Gain], together: Gain) -> Judged:
-    """An answer with what each of its new effects gains, and all of them."""
+    """An answer with the gain of each of its new effects, and of all of them."""
     by_place = {
         (term.effect.name, term.place): each
         for term, each in zip(added(judged.models), gains, strict=True)
@@ -310,7 +310,7 @@ def _with_gain(searched: Searched, judged: Judged, gains: Sequence[Gain], togeth
 
 
 def as_built(search: Search, fit: Fit, effects: Alternative) -> Alternative:
-    """Those of the effects of a fit that are numbers of the robot as it was built."""
+    """The effects of a fit that are numbers of the robot as built."""
     if fit.kept is None:
         return ()
     numbers = places(taken_apart(search.as_built))
@@ -322,7 +322,7 @@ def asked_about(effects: Alternative) -> Alternative:
 
 
 def effects_of(search: Search, fit: Fit, jacobian: Jacobian | None = None) -> Alternative:
-    """All effects of a fit, with intervals; by the Jacobian that led to it where time is up."""
+    """All effects of a fit, with intervals; by its last Jacobian at the time limit."""
     if search.heartbeat.stopped() and fit.cache is not None:
         jacobian = jacobian or fit.cache.jacobian
     if not fit.terms:

@@ -1,4 +1,4 @@
-"""The tuned numbers of a diagnosis: what each is measured in, and why it is what it is.
+"""The settings of a diagnosis, each with its unit and its reason.
 
 Lengths, times and speeds "in natural units" are in multiples of the robot's length L, of sqrt(L / g), and of
 sqrt(L g), so that one number suits robots of every size. Squares and costs are in variances of the
@@ -26,13 +26,13 @@ COUNT = Bounds(1, 1000)  # the same where it is a whole number
 
 @dataclass(frozen=True)
 class WindowSettings:
-    """How recordings are cut into windows.
+    """Cutting of recordings into windows.
 
     Attributes:
       seconds: length of a window, in natural units. Longer ones forget their initial states, shorter ones
-        tell little beside them.
-      remnant: share of that length below which what a recording holds gives no window if others do.
-      least_measured: share of its samples that a window needs.
+        contain little information besides them.
+      remnant: fraction of that length below which a recording gives no window if others do.
+      least_measured: fraction of present samples that a window needs.
     """
 
     seconds: float = 1.8
@@ -42,13 +42,13 @@ class WindowSettings:
 
 @dataclass(frozen=True)
 class InitialStateSettings:
-    """How the first estimates of the initial states are smoothed, and how far they may be off.
+    """Smoothing of the first estimates of the initial states, and their uncertainty.
 
     Attributes:
-      reach: of the samples to either side of a window's begin that are used, in natural units.
-      motion: what is usual, which matters where a window begins beside a gap.
+      reach: of the samples to either side of a window's start, in natural units.
+      motion: prior of the motion, which matters for a window next to a gap.
       place_prior, speed_prior: standard deviations of the estimates, in natural units.
-      winch_prior: of where the winches were when a recording began, in lengths of the robot.
+      winch_prior: of the winch positions at the start of a recording, in lengths of the robot.
     """
 
     reach: float = 1.0
@@ -63,12 +63,12 @@ class JacobianSettings:
     """Finite differences.
 
     Attributes:
-      state_step: of precise differences of an initial state, in natural units.
+      state_step: of accurate differences of an initial state, in natural units.
       rough_steps: of rough ones, in turn: contacts make every one of them blind somewhere.
       winch_step: of a winch's offset, in lengths of the robot.
-      parameter_step: of a value of an effect, in typical sizes: a secant, not a derivative, since friction
+      parameter_step: of a value of an effect, in typical sizes: a secant, not a derivative, because friction
         and play have none at zero.
-      believed: standard deviations of what is known of a value that it may be off.
+      believed: largest allowed deviation from a prior, in standard deviations.
     """
 
     state_step: float = 2e-3
@@ -86,14 +86,14 @@ class LeastSquaresSettings:
       shared_damping: of the shared parameters' step, tried one after the other; infinite for no step.
       least_damping, first_damping, most_damping: of a window's own step.
       max_damping_with_new_jacobian: of a window's own step.
-      damping_multipliers: times the damping that suited a window's last step, all of which are tried.
-      steps: taken with one Jacobian.
+      damping_multipliers: on the best damping of a window's last step, all of which are tried.
+      steps: with one Jacobian.
       reuse_sensitivities_from: number of shared parameters from which they are many: their sensitivities,
-        too, are kept for all these steps, since simulating them costs the most then, and of the dampings the
-        best is taken.
+        too, are kept for all these steps, because their simulation dominates the cost then, and the best of
+        the dampings is used.
       prediction_error_tolerance: error of a window's predicted change, relative to the change, above which
         its Jacobian is stale.
-      negligible_prediction_error: square of such an error that never matters [sigma^2].
+      negligible_prediction_error: square of an always negligible error [sigma^2].
     """
 
     shared_damping: tuple[float, ...] = (0.0, 0.1, 1.0, 10.0, 100.0, inf)
@@ -110,13 +110,13 @@ class LeastSquaresSettings:
 
 @dataclass(frozen=True)
 class FitStoppingSettings:
-    """When a fit stops. `SelectionSettings` has the limits of the search.
+    """Stopping rules of a fit. `SelectionSettings` has the limits of the search.
 
     Attributes:
-      converged_share, converged_fall: fall of the cost in a step below which it has converged, relative and
-        absolute [sigma^2]: far below what tells models apart.
-      wrong: times the noise above which a model is wrong, and not just badly fitted.
-      min_relative_gain: of what such a model leaves above that, what a round must explain to be followed by
+      converged_share, converged_fall: decrease of the cost in a step below which it has converged, relative
+        and absolute [sigma^2]: far below the differences between models.
+      wrong: residual/noise ratio above which a model is wrong, and not just badly fitted.
+      min_relative_gain: fraction of such a model's excess that a round must explain to be followed by
         another.
       rounds: of a fit, at most.
       max_rounds_to_target: further rounds like the last one after which a fit must have reached its target.
@@ -135,10 +135,11 @@ class RefinementSettings:
     """Time steps shorter than the plant's own.
 
     Attributes:
-      tolerated: root mean square of what half the time step changes in a window above which it is halved
-        [sigma]. More tells in the fit, and contacts in coarse steps make cliffs in its cost.
-      tolerated_by_nothing: the same before nothing is said to be there: a small effect may hide behind it.
-      finest: times shorter, at most: quarters are seldom better, and take twice as long.
+      tolerated: root mean square change of a window by half the time step above which it is halved [sigma].
+        More is visible in the fit, and contacts in coarse steps make discontinuities in its cost.
+      tolerated_by_nothing: the same before the answer that nothing is missing: a small effect may hide
+        behind it.
+      finest: largest ratio of steps: quarters are seldom better, and take twice as long.
     """
 
     tolerated: float = 0.3
@@ -148,21 +149,21 @@ class RefinementSettings:
 
 @dataclass(frozen=True)
 class MultistartSettings:
-    """Other initial states for windows that are stuck in a local minimum.
+    """Multistart: other initial states for windows that are stuck in a local minimum.
 
     Attributes:
       stuck: mean square of a window, over the usual one, from which it may be stuck.
-      rotations: random ones of the bodies about axes that no point shows, tried for each such window.
+      rotations: number of random ones of the bodies about invisible axes, tried for each such window.
       rotation_sigma: their standard deviation [rad].
       damping: of a step in the search, all of which are tried.
       rounds: of the search.
-      rounds_before_elimination: after which only the `finalists` of each window go on.
-      finalists: initial states of each window that go on after the elimination.
-      eased: of what makes a window loud, what must go with another state if its state is to blame.
-      before, after: rounds of a fit before windows are begun elsewhere, and after.
-      going: share of the cost that the last round must take away for a fit to go on: stiff cables make it so
-        rough that it is far from its end after the usual rounds.
-      longest: further rounds of such a fit at most.
+      rounds_before_elimination: after which only the `finalists` of each window continue.
+      finalists: initial states of each window that continue after the elimination.
+      eased: fraction of a window's excess that must disappear with another state if its state is to blame.
+      before, after: rounds of a fit before windows start elsewhere, and after.
+      going: fraction of the cost that the last round must remove for a fit to continue: stiff cables make it
+        so rough that it is far from its end after the usual rounds.
+      longest: largest number of further rounds of such a fit.
     """
 
     stuck: float = 1.3
@@ -181,22 +182,22 @@ class MultistartSettings:
 
 @dataclass(frozen=True)
 class NuisanceSettings:
-    """Numbers of the MJCF that are known only so well.
+    """Nuisance parameters: uncertain numbers of the MJCF.
 
     Attributes:
-      beside: standard deviations from what was said, or found, where a fit begins, too.
-      finalists: beginnings that are fitted for more than a round.
-      far_off: times the noise above which no other beginnings are sought: they are not what is wrong.
-      rounds: further ones for every beginning beside what was found.
-      repeats: times that a fit begins beside what was found, at most.
-      worth: fall of the cost that this must bring to be repeated [sigma^2].
-      shakes: times that a fit of a robot as built begins beside what was found.
-      shake: standard deviation of these moves, in those of what is known of the numbers: as little as takes a
-        fit off the edges that contacts make in its cost.
-      most_by_shaking: fall of the cost that such moves may bring [sigma^2]: 100 to 170 were seen, and a fit
+      beside: standard deviations from the prior, or from the result, of additional starts of a fit.
+      finalists: starts that are fitted for more than a round.
+      far_off: residual/noise ratio above which no other starts are tried: they are not the fault.
+      rounds: further ones for every start around the result.
+      repeats: largest number of fits started around the result.
+      worth: decrease of the cost required for a repetition [sigma^2].
+      shakes: number of fits of a robot as built started around the result.
+      shake: standard deviation of these moves, relative to the priors: just enough to move a fit off the
+        edges that contacts make in its cost.
+      most_by_shaking: largest decrease of the cost by such moves [sigma^2]: 100 to 170 were seen, and a fit
         that is farther from its target is not moved.
-      max_rounds_to_target: further rounds like the last one, within which a fit of a robot as built must have
-        reached its target; hardly one brings more than the one before it.
+      max_rounds_to_target: further rounds like the last one, within which a fit of a robot as built must
+        have reached its target; a round rarely gains more than the previous one.
     """
 
     beside: tuple[float, ...] = (-1.0, 1.0)
@@ -213,11 +214,11 @@ class NuisanceSettings:
 
 @dataclass(frozen=True)
 class AsBuiltSettings:
-    """How far the numbers of a robot are from those of its MJCF: standard deviations, part by part.
+    """Standard deviations of a robot's numbers from its MJCF, part by part.
 
-    They are those of a robot that somebody has measured with a ruler, scales and a protractor; a better one
-    has a share of them (`SelectionSettings.as_built_shares`). Where all of them together explain what is
-    left, no single effect is named for it.
+    They are those of a robot measured with a ruler, scales and a protractor; a better one has a
+    fraction of them (`SelectionSettings.as_built_shares`). If all of them together explain the
+    residual, no single effect is named for it.
 
     Attributes:
       stiffness, damping: of each cable [-].
@@ -248,11 +249,11 @@ class NetworkSettings:
     """The own errors of a trained model.
 
     Attributes:
-      draws: of initial states nearby; half make the covariance, half test it.
+      draws: of nearby initial states; half make the covariance, half test it.
       place, speed: standard deviations of these states, in natural units.
       quantile: of its own errors that a network's residual must exceed.
-      passes: the search is repeated from the plant with what was found, so many times at most: where that
-        plant starts depends on what it lacks.
+      passes: largest number of searches, each from the plant of the previous answer: the start of that plant
+        depends on its missing effects.
     """
 
     draws: int = 96
@@ -264,13 +265,12 @@ class NetworkSettings:
 
 @dataclass(frozen=True)
 class ModelDiscrepancySettings:
-    """What no model explains, as a scale of error beside noise.
+    """Model discrepancy: the unexplained error as a second scale of error besides noise.
 
     Attributes:
-      least: times the noise that the best model is off, from which that is counted in, too: below it, noise
-        is what disturbs.
-      passes: of the search with an estimate of it, at most.
-      stands: times by which the next estimate may differ from one that stands.
+      least: residual/noise ratio above which a model discrepancy is added: below it, noise dominates.
+      passes: largest number of searches with an estimate of it.
+      stands: largest ratio of successive stable estimates.
     """
 
     least: float = 1.5
@@ -280,7 +280,7 @@ class ModelDiscrepancySettings:
 
 @dataclass(frozen=True)
 class FittingSettings:
-    """Everything about one fit."""
+    """Settings of one fit."""
 
     initial_states: InitialStateSettings = InitialStateSettings()
     jacobian: JacobianSettings = JacobianSettings()
@@ -299,8 +299,8 @@ class ScoreSettings:
     """The score test.
 
     Attributes:
-      large: change that a typical size makes in some window, above which a part of it is tried, too
-        [sigma]: where a robot rolls, it soon rolls elsewhere.
+      large: change of some window by a typical size, above which a part of it is tried, too [sigma]: a
+        rolling robot soon rolls elsewhere.
       part: of a typical size that is tried then.
     """
 
@@ -314,9 +314,9 @@ class PairSettings:
 
     Attributes:
       count: pairs that are fitted.
-      more: times what the best candidate explains alone, from which a pair is tried.
-      among: candidates, the best ones.
-      singular: condition number of two effects that cannot be told apart.
+      more: ratio to the explanation by the best candidate alone, from which a pair is tried.
+      among: number of best candidates.
+      singular: condition number of two effects that cannot be distinguished.
     """
 
     count: int = 1
@@ -327,19 +327,19 @@ class PairSettings:
 
 @dataclass(frozen=True)
 class FormSettings:
-    """Other forms of an effect that was found.
+    """Other forms of an identified effect.
 
     Attributes:
-      spread: standard deviation of the logarithm of how much larger an effect is at one part than at another:
-        most are within a factor of two.
-      rivals: further effects that are fitted with a size for each part, where the found one has that; and
-        forms that are fitted beside the candidates, at most.
-      more: times what the best candidate explains, from which another law, or an effect at one part alone, is
-        fitted beside it.
-      enough: share of what is left beyond noise that the best candidate promises, from which no effect at one
-        part alone is asked about.
-      alone: share of the sum over all parts that the largest one must have, for the effect to be tried there
-        alone; factors are drawn to one, so that those of the others do not vanish.
+      spread: standard deviation of the logarithm of the ratio between parts: most are within a factor of
+        two.
+      rivals: number of further effects that are fitted with a size for each part, if the identified one has
+        that; and of forms that are fitted in addition to the candidates.
+      more: ratio to the explanation by the best candidate, from which another law, or an effect at one part
+        alone, is fitted in addition to it.
+      enough: fraction of the residual beyond noise promised by the best candidate, from which no effect at
+        one part alone is tested.
+      alone: smallest share of the largest part in the sum over all parts, for trying the effect there alone;
+        factors are drawn to one, so that those of the others do not vanish.
     """
 
     spread: float = 0.5
@@ -351,12 +351,12 @@ class FormSettings:
 
 @dataclass(frozen=True)
 class ScreeningSettings:
-    """Candidates as seen from the first estimates of the initial states.
+    """Screening of candidates at the first estimates of the initial states.
 
     Attributes:
-      sizes: that are tried, in typical sizes.
-      promised: of what a fit leaves, what some score must promise for nothing else to be tried.
-      explained: of what the first estimates leave, what a candidate must explain there.
+      sizes: tried ones, in typical sizes.
+      promised: smallest fraction of a fit's residual that a score must promise to skip the screening.
+      explained: smallest fraction of the cost at the first estimates that a candidate must explain.
     """
 
     sizes: tuple[float, ...] = (-2.0, -1.0, 1.0, 2.0)
@@ -373,28 +373,26 @@ class SelectionSettings:
       share: of the best candidate's LM statistic that one needs to be fitted.
       per_family: places of one effect on the short list.
       max_forward_steps: of the search.
-      max_effects: that are found together.
-      least_share: of what an answer leaves beyond noise, that another effect must promise to explain.
-      least_share_of_last: the same of the last one that may be added, without which the answer is not the
-        whole one anyway.
-      by_chance: of what a fit leaves beyond noise, what other initial states may explain as well.
-      slight_fall: of the cost in a round, by which no comparison is decided [sigma^2].
-      max_rounds_to_target_of_last: `FitStoppingSettings.max_rounds_to_target` where it is about the last
-        effect that may be added.
-      max_rounds_to_target_of_law: the same of a law of no library: one that is given up too early is an
-        effect wrongly named.
-      makes_good: share of what a robot as built explains more than the effects found beside it, that one more
-        effect must explain in its place.
-      usually_off: standard deviations of a number of a robot as built, up to which an effect that changes the
-        same is no answer beside another one in the place of these numbers.
-      unlikely: probability that numbers of a robot as built, which are right, explain so much; below it
-        they are doubted.
-      as_built_shares: of the deviations of a robot as built [-]; the one counts with which recordings are the
-        most likely, since nobody knows how well a robot was made.
-      rival: share of an effect's LM statistic from which another is tried in its place.
-      suspect_share: share by which a number of the MJCF is off at most.
-      restart_mean_square: of a window, from which its initial state is doubted before anything is said to
-        be left [sigma^2].
+      max_effects: in one answer.
+      least_share: fraction of an answer's residual beyond noise that another effect must promise to explain.
+      least_share_of_last: the same for the last allowed effect, without which the answer is incomplete
+        anyway.
+      by_chance: fraction of a fit's residual beyond noise that other initial states may explain as well.
+      slight_fall: decrease of the cost in a round that decides no comparison [sigma^2].
+      max_rounds_to_target_of_last: `FitStoppingSettings.max_rounds_to_target` for the last allowed effect.
+      max_rounds_to_target_of_law: the same for a law of no library: if it is abandoned too early, an effect
+        is named wrongly.
+      makes_good: fraction of the additional explanation by a robot as built that one more effect must reach
+        in its place.
+      usually_off: standard deviations of a number of a robot as built, up to which an effect with the same
+        change is no answer in addition to another one in place of these numbers.
+      unlikely: probability that right numbers of a robot as built explain so much; below it they are
+        doubted.
+      as_built_shares: prior scales tried for a robot as built [-]; the most likely one is used.
+      rival: fraction of an effect's LM statistic from which another is tried in its place.
+      suspect_share: largest deviation of a number of the MJCF.
+      restart_mean_square: of a window, from which its initial state is doubted before a residual is reported
+        [sigma^2].
     """
 
     shortlist: int = 4
@@ -426,11 +424,11 @@ class DiscrepancySettings:
     """The training of a discrepancy model.
 
     Attributes:
-      beginnings: hidden layers whose outputs are trained for a round, to go on with the best.
+      beginnings: number of hidden layers whose outputs are fitted for a round; the best continues.
       rounds: of the best of them, at most.
-      patience: rounds that explain little before it is given up: the next one may explain much.
+      patience: number of rounds with little gain before it is abandoned: the next one may gain much.
       step: of a finite difference of an output, in typical sizes.
-      shown: effects that it is said to resemble.
+      shown: number of similar effects that are reported.
     """
 
     beginnings: int = 2
@@ -442,17 +440,17 @@ class DiscrepancySettings:
 
 @dataclass(frozen=True)
 class CheckSettings:
-    """What is asked of an answer.
+    """Tests of an answer.
 
     Attributes:
-      rare: probability of differences between windows, by noise, that count as none.
-      least_told: share of what all windows tell of a size, below which one tells nothing of it.
-      shift: standard deviations of the initial states by which they are moved, to see what of an effect is
-        still detected: a whole one leaves the valley of the cost where there are contacts.
-      pieces: of a window, in which what is left is located.
-      half: of what the highest piece exceeds noise by, above which pieces beside it belong to it.
-      astray: times the mean square of an unfitted start, from which a window's fit has not converged.
-      most_astray: share of such windows from which nothing can be said.
+      rare: probability under noise of differences between windows that count as none.
+      least_told: smallest share of a window in the information on a size; below it a window is ignored.
+      shift: standard deviations by which the initial states are moved, to see how much of an effect is still
+        detected: a whole one leaves the valley of the cost in the presence of contacts.
+      pieces: of a window, for the localisation of a residual.
+      half: fraction of the highest piece's excess over noise, above which adjacent pieces belong to it.
+      astray: ratio to the mean square of an unfitted start, above which a window's fit has not converged.
+      most_astray: fraction of such windows above which no assessment is possible.
     """
 
     rare: float = 1e-3
@@ -467,28 +465,27 @@ class CheckSettings:
 
 @dataclass(frozen=True)
 class Limits:
-    """What counts as seen, and what as noise.
+    """Limits of visibility, and of noise.
 
     Attributes:
-      threshold: score from which an effect counts as seen.
-      equally_good: difference of two criteria (BIC) below which data do not tell models apart.
-      max_residual_variance: of what is left, above which it is more than noise, were that known exactly.
-      max_held_out_variance: of what is left on held-out recordings, above which numbers of a robot as built
-        explain only the recordings that they were fitted to.
-      least_gain: share of what the model as it was leaves beyond noise, on windows that were not fitted,
-        that effects must take away to be named as a part of what is missing.
-      partial: the same on the recordings that were fitted, above which an answer beside something else is
-        `PARTIAL`: most of the error has a name.
-      adopted: share of the held-out error beyond noise, as mean squares, from which effects beside something
-        that no effect explains are adopted unnamed.
-      tolerance: root mean square beyond noise that a model may be off without anybody wanting to know more
-        [m]; 0 to know all.
-      sure: standard deviations of the noise's own error on top of that.
+      threshold: score from which an effect counts as visible.
+      equally_good: difference of two criteria (BIC) below which models are not distinguished.
+      max_residual_variance: of the residual, above which it is more than noise, with exactly known noise.
+      max_held_out_variance: of the residual on held-out recordings, above which numbers of a robot as built
+        explain only the fitted recordings.
+      least_gain: smallest removed share of the initial model's error beyond noise, on windows that were not
+        fitted, for effects to be named as a part of the answer.
+      partial: the same on the fitted recordings, above which an answer with a residual is `PARTIAL`: most of
+        the error has a name.
+      adopted: share of the held-out error beyond noise, as mean squares, from which effects with an
+        unexplained residual are adopted unnamed.
+      tolerance: RMS model error that you accept; the search stops below it [m]; 0 to accept none.
+      sure: standard deviations of the noise's own error, in addition to that.
       correlated: correlation from sample to sample, likewise.
       inconstant: differences of a size between windows, likewise.
-      outstanding: standard deviations of noise by which one window may stand out.
-      other: of what an answer and another law explain, what the other one does.
-      margin: times a model's own errors in a few draws, which seldom are the worst of them.
+      outstanding: largest excess of one window, in standard deviations of noise.
+      other: share of another law in the explanation by it and an answer.
+      margin: factor on a model's own errors in a few draws, which are seldom the worst of them.
     """
 
     threshold: float = 25.0
@@ -509,7 +506,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Settings:
-    """All tuned numbers of a diagnosis."""
+    """All settings of a diagnosis."""
 
     windows: WindowSettings = WindowSettings()
     fitting: FittingSettings = FittingSettings()
@@ -520,11 +517,11 @@ class Settings:
 
 @dataclass(frozen=True)
 class Setting:
-    """One tuned number.
+    """One setting.
 
     Attributes:
       value: of it.
-      what: it is, as the docstring of its record says.
+      what: its description, from the docstring of its record.
     """
 
     value: float
@@ -537,7 +534,7 @@ def numbers(settings: Any) -> dict[str, Setting]:
 
 
 def unusual(settings: Settings) -> dict[str, float]:
-    """The numbers that differ from the usual ones, by their paths."""
+    """The changed numbers, by their paths."""
     usual = numbers(Settings())
     return {
         path: setting.value
@@ -556,7 +553,7 @@ def _numbers(settings: Any, prefix: str = "") -> Iterator[tuple[str, Setting]]:
 
 
 def _said_of(name: str, record: Any) -> str:
-    """What the docstring of a record says of one of its attributes, in one line; "" for nothing."""
+    """Description of one of a record's attributes in its docstring, in one line; "" for none."""
     _, _, attributes = (getdoc(type(record)) or "").partition("Attributes:\n")
     for entry in re.split(r"\n(?=  \S)", attributes):
         names, _, text = entry.partition(":")
@@ -574,7 +571,7 @@ def changed(settings: S, changes: Mapping[str, float]) -> S:
 
     Raises:
       UnknownNameError: no such path.
-      ConfigError: a number that a setting cannot be.
+      ConfigError: a number outside the setting's bounds.
     """
     known = numbers(settings)
     for path, number in changes.items():

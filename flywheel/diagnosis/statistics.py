@@ -18,11 +18,11 @@ EXTREMES = (
 
 @cache
 def chance(sizes: int, threshold: float) -> float:
-    """Factor by which several sizes must explain more than one, to be as unlikely by noise alone.
+    """Factor on the explanation by several sizes, for the same significance as one.
 
     Args:
       sizes: degrees of freedom.
-      threshold: score from which one size counts as seen.
+      threshold: score from which one size counts as visible.
 
     Returns:
       The ratio of the quantiles of chi-square with so many degrees of freedom and with one.

@@ -1,6 +1,7 @@
 """Physical causes that can be added to a plant.
 
-A new one is a class in the file of its family, and one line in `EFFECTS`; the contract tests pick it up.
+A new one is a class in the file of its family, and one line in `EFFECTS`; the contract tests cover
+it.
 """
 
 from flywheel.effects.adopted import AdoptedPlant

@@ -1,4 +1,4 @@
-"""Adopted plants: an MJCF and the effects that were found missing in it, in a folder, numbered."""
+"""Adopted plants: an MJCF and the effects identified as missing in it, in numbered folders."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ MOST_EVIDENCE = 100  # kinds of evidence
 class AdoptedPlant(Frozen):
     """A version of a robot's plant.
 
-    Nothing of an earlier version is changed: to go back is to use its folder again.
+    Earlier versions are never changed: to go back, use their folder again.
 
     Attributes:
       robot: the robot's name.
       digest: of its MJCF (`Robot.digest`).
-      version: 1 for the first that was adopted.
-      parent: sha256 of the file of the version before; "" for the MJCF alone.
-      effects: all that the plant has beyond its MJCF.
-      effects_from: the law files that some of them are from.
-      evidence: what the effects rest on: verdict, recordings, errors, intervals.
+      version: 1 for the first adopted one.
+      parent: sha256 of the previous version's file; "" for the MJCF alone.
+      effects: all effects beyond the MJCF.
+      effects_from: the law files of some of them.
+      evidence: source of the effects: verdict, recordings, errors, intervals.
     """
 
     robot: Name
@@ -61,7 +61,7 @@ class AdoptedPlant(Frozen):
 
         Raises:
           ConfigError: no such file, or not an adopted plant.
-          RobotError: the MJCF beside it is not the one that it was adopted for.
+          RobotError: the MJCF next to it is not the one of the adoption.
         """
         path = plant_file(path)
         values = read_yaml(path, "adopted plant", ConfigError)
@@ -70,7 +70,7 @@ class AdoptedPlant(Frozen):
         if robot.digest != plant.digest:
             raise RobotError(
                 f"{path.parent / MJCF} has digest {robot.digest[:12]}, the effects in {path} were "
-                f"found for {plant.digest[:12]}: sizes mean nothing on another robot."
+                f"found for {plant.digest[:12]}: sizes are meaningless on another robot."
             )
         return plant, robot
 
@@ -80,20 +80,21 @@ class AdoptedPlant(Frozen):
         return f"{_prefix(self.robot)}{self.version}"
 
     def write(self, parent: str | Path, robot: Robot, laws: Iterable[LawFile] = ()) -> Path:
-        """Write it into `parent/<robot>-<version>`, which must not be there yet, and return its file.
+        """Write it into `parent/<robot>-<version>`, which must not exist yet, and return its file.
 
         Args:
           parent: folder of the versions.
-          robot: whose MJCF is written beside it.
-          laws: files that are copied into the folder, so that they are not lost.
+          robot: whose MJCF is written next to it.
+          laws: files to copy into the folder, so that they are not lost.
 
         Raises:
-          ConfigError: the folder is there, or cannot be made; the evidence is too deep to be read again.
+          ConfigError: the folder exists, or cannot be made; the evidence is nested too deeply to be
+            read again.
         """
         folder = Path(parent) / self.label
         try:
             if folder.exists():
-                raise ConfigError(f"{folder} is there already: versions are never written over.")
+                raise ConfigError(f"{folder} exists already: versions are never overwritten.")
             Path(parent).mkdir(parents=True, exist_ok=True)
             with TemporaryDirectory(dir=parent, prefix=".adopting-") as temporary:
                 draft = Path(temporary) / folder.name
@@ -114,7 +115,7 @@ class AdoptedPlant(Frozen):
         """The effects of a library, with their values.
 
         Raises:
-          ConfigError: a law file that the plant rests on is not in the library, or is another one.
+          ConfigError: a law file of the plant is missing in the library, or differs.
           UnknownNameError, ConfigError: see `WrittenTerm.term`.
         """
         check_given(self.effects_from, law_files(library.values()), f"The plant {self.label}")
@@ -124,14 +125,14 @@ class AdoptedPlant(Frozen):
             file = law_file(term.effect)
             if file is not None and file.sha256 not in known:
                 raise ConfigError(
-                    f"The plant {self.label} has an effect {term.effect.name}, but does not say that it is "
-                    f"the one of {file}."
+                    f"The plant {self.label} has an effect {term.effect.name}, but does not name "
+                    f"the file {file} as its source."
                 )
         return terms
 
 
 def plant_file(path: str | Path) -> Path:
-    """The file of an adopted plant, of the file itself or the folder it is in."""
+    """The file of an adopted plant, given the file itself or its folder."""
     path = Path(path)
     with suppress(OSError, ValueError):  # no name that a file can have: reading it says so
         if path.is_dir():
@@ -151,5 +152,5 @@ _NUMBER = re.compile(r"[0-9]{1,8}")
 
 
 def _prefix(robot: str) -> str:
-    """What the folders of a robot's plants begin with."""
+    """Common prefix of the folders of a robot's plants."""
     return f"{file_name(robot)}-"

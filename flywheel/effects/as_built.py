@@ -1,4 +1,4 @@
-"""A robot as it was built: many numbers of its MJCF at once, each a little off."""
+"""A robot as built: many numbers of its MJCF at once, each slightly off."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FARTHEST = 10.0  # standard deviations
 
 @dataclass(frozen=True)
 class Part:
-    """One number, or one place, of a robot that is not known exactly.
+    """One uncertain number, or place, of a robot.
 
     Attributes:
       effect: that changes it.
@@ -32,13 +32,14 @@ class Part:
 
     @property
     def term(self) -> Term:
-        """At what the MJCF says."""
+        """The MJCF's value."""
         count = len(self.effect.parameters)
         return Term(self.effect, self.place, (0.0,) * count, (self.deviation,) * count)
 
 
 class AsBuilt(ModelEffect):
-    """Several effects on MuJoCo's model as one, so that models need not be told apart by hundreds of terms.
+    """Several effects on MuJoCo's model as one, so that models need not be distinguished by
+    hundreds of terms.
 
     Args:
       robot: whose parts they are.
@@ -90,10 +91,10 @@ def taken_apart(terms: Terms) -> Terms:
 
 
 def handed_over(terms: Terms) -> Terms:
-    """Terms in which effects that are asked about have what numbers of a robot as built say at their place.
+    """Terms in which candidate effects absorb the numbers of a robot as built at their place.
 
-    The numbers say nothing there then: of the effect nothing is known beforehand, so that it need not be near
-    zero. Sizes that cannot be negative stay.
+    The numbers are zero there then: the effect has no prior, so it need not be near zero. Sizes
+    that cannot be negative stay.
     """
     for term in terms:
         said = _said(terms, term)
@@ -103,19 +104,19 @@ def handed_over(terms: Terms) -> Terms:
 
 
 def handed_back(terms: Terms, term: Term) -> Terms:
-    """Terms without one of them; what it said is said by numbers of a robot as built at its place."""
+    """Terms without one of them; numbers of a robot as built at its place take over its value."""
     rest = tuple(each for each in terms if each is not term)
     said = _said(rest, term)
     return _saying(rest, term, _larger(term, said).values[: len(said)]) if said else rest
 
 
 def usual(term: Term, numbers: Terms, deviations: float) -> bool:
-    """Whether a term is no larger than a number of a robot as built may be off.
+    """True if a term is within the tolerance of a number of a robot as built.
 
     Args:
-      term: asked about.
+      term: candidate.
       numbers: of the robot.
-      deviations: standard deviations of a number that it may be off.
+      deviations: allowed number of standard deviations.
     """
     known = next((n.known for n in taken_apart(numbers) if is_number_of(n, term)), ())
     return bool(known) and all(
@@ -125,18 +126,18 @@ def usual(term: Term, numbers: Terms, deviations: float) -> bool:
 
 
 def is_number_of(part: Term, term: Term) -> bool:
-    """Whether a part of a robot as built is what a term asks about."""
+    """True if a part of a robot as built is the quantity of a candidate term."""
     return not part.asked and (part.effect.name, part.place) == (term.effect.name, term.place)
 
 
 def _said(terms: Terms, term: Term) -> tuple[float, ...]:
-    """What numbers of a robot as built say at the place of a term; nothing where there are none."""
+    """Values of the numbers of a robot as built at the place of a term; empty without any."""
     parts = (part for part in taken_apart(terms) if is_number_of(part, term))
     return next((part.values for part in parts), ())
 
 
 def _saying(terms: Terms, term: Term, said: tuple[float, ...]) -> Terms:
-    """Terms whose numbers at the place of a term are as `said`, or zero."""
+    """Terms whose numbers at the place of a term are `said`, or zero."""
     found: list[Term] = []
     for each in terms:
         parts = [
@@ -168,7 +169,7 @@ def together(robot: Robot, parts: Sequence[Part]) -> Terms:
 
 
 def _number(part: Part, size: Parameter, robot: Robot) -> Parameter:
-    """A size of a part, in standard deviations of what is known of it, within its own bounds."""
+    """A size of a part, in standard deviations of its prior, within its own bounds."""
 
     def unit(scales: Scales) -> float:
         return part.deviation

@@ -61,7 +61,7 @@ class Payload(ModelEffect):
 
 
 class BodyMass(ModelEffect):
-    """Bodies that are heavier or lighter than the MJCF says, all by the same share."""
+    """Bodies heavier or lighter than in the MJCF, all by the same fraction."""
 
     name = "body_mass"
     sizes = (Parameter("share", "-", lambda s: 0.05, low=-15.0, high=40.0),)

@@ -1,4 +1,4 @@
-"""Effects on the numbers that a robot was built with: lengths, places, masses and drums, part by part."""
+"""Effects on the numbers of a robot as built: lengths, places, masses and drums, part by part."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OFFSET = tuple(
 
 
 class CableLength(ModelEffect):
-    """A cable whose rest length is another than the MJCF says, or than its winch believes."""
+    """A cable whose rest length differs from the MJCF, or from the winch position."""
 
     name = "cable_length"
     where = "cable"
@@ -40,7 +40,7 @@ class CableLength(ModelEffect):
 
 
 class CableLoss(ModelEffect):
-    """A cable that damps more, or less, than the MJCF says."""
+    """A cable with more, or less, damping than in the MJCF."""
 
     name = "cable_loss"
     where = "cable"
@@ -60,7 +60,7 @@ class CableLoss(ModelEffect):
 
 
 class CableEnd(ModelEffect):
-    """An end of a cable, an attachment or an anchor, that is not where the MJCF says."""
+    """An end of a cable, an attachment or an anchor, away from its place in the MJCF."""
 
     name = "cable_end"
     where = "end"
@@ -81,7 +81,7 @@ class CableEnd(ModelEffect):
 
 
 class MassOfBody(ModelEffect):
-    """One body that is heavier or lighter than the MJCF says, with its inertia."""
+    """One body heavier or lighter than in the MJCF, with its inertia."""
 
     name = "mass_of_body"
     where = "body"
@@ -99,7 +99,7 @@ class MassOfBody(ModelEffect):
 
 
 class InertiaOfBody(ModelEffect):
-    """One body whose mass is spread out more, or less, than the MJCF says."""
+    """One body with more, or less, inertia than in the MJCF."""
 
     name = "inertia_of_body"
     where = "body"
@@ -115,7 +115,7 @@ class InertiaOfBody(ModelEffect):
 
 
 class CentreOfMass(ModelEffect):
-    """One body whose centre of mass is not where the MJCF says."""
+    """One body whose centre of mass differs from the MJCF."""
 
     name = "centre_of_mass"
     where = "body"
@@ -134,7 +134,7 @@ class CentreOfMass(ModelEffect):
 
 
 class DrumRadius(CommandEffect):
-    """One winch whose drum is larger or smaller than it should be, see `wound_on`."""
+    """One winch with a larger or smaller drum, see `wound_on`."""
 
     name = "drum_radius"
     where = "winch"
@@ -149,7 +149,7 @@ class DrumRadius(CommandEffect):
 
 
 def _pieces(model: mujoco.MjModel, place: int | None) -> list[int]:
-    """MuJoCo's numbers of a body of the robot, and of all that is welded to it."""
+    """MuJoCo's numbers of a body of the robot, and of all bodies welded to it."""
     assert place is not None
     root = moving_bodies(model)[place]
     return [piece for piece in range(model.nbody) if model.body_weldid[piece] == root]

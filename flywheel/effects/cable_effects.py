@@ -16,7 +16,9 @@ SHORTEST = 1e-3  # [m]: a simulation that diverged begins anew with cables of no
 
 
 class CableDamping(TensionEffect):
-    """Cables that damp more than the MJCF says: viscous damping of taut cables, beside the MJCF's."""
+    """Cables with more damping than in the MJCF: viscous damping of taut cables, in addition to the
+    MJCF's.
+    """
 
     name = "cable_damping"
     sizes = (Parameter("damping", "N s/m", lambda s: 0.5 * s.weight * s.time / s.length, low=-2.0),)
@@ -29,7 +31,7 @@ class CableDamping(TensionEffect):
 
 
 class CableFriction(TensionEffect):
-    """Friction that every moving cable has to overcome: a constant Coulomb force against its motion."""
+    """Friction of every moving cable: a constant Coulomb force against its motion."""
 
     name = "cable_friction"
     sizes = (Parameter("force", "N", lambda s: 0.05 * s.weight),)
@@ -55,7 +57,7 @@ class Capstan(TensionEffect):
 
 
 class Hysteresis(TensionEffect):
-    """Cables whose tension depends on where they came from: Dahl's rate-independent friction.
+    """Cables whose tension depends on their history: Dahl's rate-independent friction.
 
     It is stiff for small strokes and constant for long ones.
     """
@@ -78,10 +80,10 @@ class Hysteresis(TensionEffect):
 
 
 class Creep(TensionEffect):
-    """Standard linear solid: a spring and damper in series, beside the cable's spring.
+    """Standard linear solid: a spring and damper in series, parallel to the cable's spring.
 
-    The memory is the rest of the series spring: x = e - y, where y follows the extension e with the
-    time constant tau, so that a quick stretch is resisted more than a slow one.
+    The memory is the extension of the series spring: x = e - y, where y follows the extension e
+    with the time constant tau, so that a quick stretch is resisted more than a slow one.
     """
 
     name = "creep"
@@ -117,7 +119,7 @@ class Stiffening(TensionEffect):
 
 
 class WeakCable(ModelEffect):
-    """One cable that is softer than the others of its kind: a share of its stiffness is missing."""
+    """One cable softer than the others of its kind: a fraction of its stiffness is missing."""
 
     name = "weak_cable"
     where = "cable"
@@ -134,7 +136,7 @@ class WeakCable(ModelEffect):
 
 
 class CableStiffness(ModelEffect):
-    """Cables that are stiffer or softer than the MJCF says, all by the same share."""
+    """Cables stiffer or softer than in the MJCF, all by the same fraction."""
 
     name = "cable_stiffness"
     sizes = (Parameter("share", "-", lambda s: 0.05, low=-19.0, high=380.0),)
@@ -149,7 +151,7 @@ class CableStiffness(ModelEffect):
 
 
 def pulls_on(model: mujoco.MjModel, cables: Sequence[int] | np.ndarray) -> np.ndarray:
-    """(actuators,) bool: which of MuJoCo's actuators pull on these cables."""
+    """(actuators,) bool: True for MuJoCo's actuators on these cables."""
     on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
     return np.asarray(on_tendon & np.isin(model.actuator_trnid[:, 0], cables))
 

@@ -1,6 +1,6 @@
-"""What an effect must say of itself: its name, where it acts, its parameters with their bounds.
+"""Declaration of an effect: its name, its place, its parameters with their bounds.
 
-Effects of the package are held to this by the contract tests, those of a law file when it is loaded.
+The contract tests check it for effects of the package, and loading for those of a law file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LONGEST_NAME = 60
 
 
 def wrong_in_declaration(kind: type[Effect]) -> str:
-    """What is wrong first with what a class says of itself, as the end of a sentence; "" for nothing."""
+    """The first fault in the declaration of a class, as the end of a sentence; "" for none."""
     return next(_wrong(kind), "")
 
 
@@ -45,13 +45,13 @@ def _wrong(kind: type[Effect]) -> Iterator[str]:
         yield "has no `name`"
     if not isinstance(name, str) or not name.isidentifier() or len(name) > LONGEST_NAME:
         yield (
-            f"has the name {shown(name)}: a name is of letters, digits and _, begins with no digit, and has "
-            f"at most {LONGEST_NAME} characters"
+            f"has the name {shown(name)}: a name consists of letters, digits and _, does not "
+            f"begin with a digit, and has at most {LONGEST_NAME} characters"
         )
     way = next((way for way in PLACES if issubclass(kind, way)), None)
     if way is None:
         ways = ", ".join(each.__name__ for each in PLACES)
-        yield f"must be one of the ways to act: {ways}"
+        yield f"must be one of these kinds: {ways}"
         return
     if missing := sorted(getattr(kind, "__abstractmethods__", ())):
         yield f"has no method `{missing[0]}`, which a {way.__name__} needs"
@@ -63,7 +63,7 @@ def _wrong(kind: type[Effect]) -> Iterator[str]:
     for word in WORDS:
         said = inspect.getattr_static(kind, word, None)
         if not isinstance(said, str) or not said.strip():
-            yield f"does not say its `{word}` as text"
+            yield f"does not declare its `{word}` as text"
     yield from _wrong_parameters(kind)
 
 
@@ -71,7 +71,7 @@ def _wrong_parameters(kind: type[Effect]) -> Iterator[str]:
     sizes, shapes = getattr(kind, "sizes", ()), kind.shapes
     for what, group in (("sizes", sizes), ("shapes", shapes)):
         if not isinstance(group, tuple) or not all(isinstance(p, Parameter) for p in group):
-            yield f"has {what} that are no tuple of Parameter; for one, write (Parameter(...),)"
+            yield f"has {what} that are not a tuple of Parameter; for one, write (Parameter(...),)"
             return
     if not sizes:
         yield "has no sizes, which are zero where the cause is absent"
@@ -85,7 +85,7 @@ def _wrong_parameters(kind: type[Effect]) -> Iterator[str]:
 
 
 def _wrong_ranges(sizes: tuple[Parameter, ...], shapes: tuple[Parameter, ...]) -> Iterator[str]:
-    """Sizes must be able to be zero, and shapes have alternatives."""
+    """Sizes must include zero, and shapes need alternatives."""
     for size in sizes:
         if not size.low <= 0.0 <= size.high:
             yield (
@@ -106,7 +106,7 @@ def _wrong_ranges(sizes: tuple[Parameter, ...], shapes: tuple[Parameter, ...]) -
 
 def _wrong_parameter(parameter: Parameter) -> Iterator[str]:
     if not isinstance(parameter.name, str) or not parameter.name.isidentifier():
-        yield "whose name is not of letters, digits and _"
+        yield "whose name does not consist of letters, digits and _"
     if not isinstance(parameter.unit, str) or not parameter.unit.strip():
         yield 'without a unit; write "-" for none'
     if not (_is_number(parameter.low) and _is_number(parameter.high)):

@@ -1,9 +1,9 @@
-"""One physical cause that a plant can have or not.
+"""One physical cause, which a plant can have or not.
 
-An effect has *sizes*, zero where the cause is absent, and may have *shapes* (time and length
-constants), which mean nothing while the sizes are zero. It acts in one of four ways, each a base
+An effect has *sizes*, zero if the cause is absent, and may have *shapes* (time and length
+constants), which are meaningless while the sizes are zero. It acts in one of four ways, each a base
 class here: on MuJoCo's model, on the commands, on the winches while they move, or on the tension of
-the cables. A plant with no effects, or with effects of size zero, is the MJCF to the bit.
+the cables. A plant without effects, or with effects of size zero, equals the MJCF bit by bit.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class Parameter:
 
     Attributes:
       name, unit: as printed.
-      typical: a size that users meet, for a robot of given scales.
-      low, high: bounds of the fit, in typical sizes. Of a true value beyond them something stays
-        unexplained, mostly so much that the verdict is PARTIAL or OUTSIDE_LIBRARY.
-      grid: for shapes, the multiples of the typical value that are told apart.
+      typical: a realistic size, for a robot of given scales.
+      low, high: bounds of the fit, in typical sizes. If the true value is beyond them, a residual
+        remains, mostly so large that the verdict is PARTIAL or OUTSIDE_LIBRARY.
+      grid: for shapes, the tested multiples of the typical value.
     """
 
     name: str
@@ -47,23 +47,23 @@ class Parameter:
 
     @property
     def one_sided(self) -> bool:
-        """Whether the parameter cannot be negative."""
+        """True if the parameter cannot be negative."""
         return self.low >= 0.0
 
 
 class Effect(ABC):
-    """Base of the four ways to act. Effects are stateless; `EFFECTS` holds one of each.
+    """Base of the four kinds. Effects are stateless; `EFFECTS` has one of each.
 
     Attributes:
       name: as in `EFFECTS`.
-      where: what it is tied to: the whole robot, one cable, one tracked point, one winch, one body, or one
-        end of a cable.
+      where: kind of its place: the whole robot, one cable, one tracked point, one winch, one body,
+        or one end of a cable.
       sizes, shapes: its parameters.
       equation: in the symbols of docs/effects.md.
-      source: where the law comes from.
+      source: of the law.
       shown_by: the experiment that shows it best.
       acts_on: kind of part that one of the whole robot acts on, each by itself; "robot" for none.
-      form: how it differs from the effect of its family; "" for that effect.
+      form: difference from the effect of its family; "" for that effect.
     """
 
     name: ClassVar[str]
@@ -78,12 +78,14 @@ class Effect(ABC):
 
     @property
     def family(self) -> str:
-        """Name of the effect whose physical cause it has; its own, but for other forms."""
+        """Name of the effect with the same physical cause; its own, except for other forms."""
         return self.name
 
     @property
     def part(self) -> Where:
-        """What it can be at alone: what it is tied to, or what an effect of the whole robot acts on."""
+        """Kind of place where it can act alone: its own, or the parts on which an effect of the
+        whole robot acts.
+        """
         return self.acts_on if self.where == "robot" else self.where
 
     @property
@@ -92,7 +94,7 @@ class Effect(ABC):
         return self.sizes + self.shapes
 
     def places(self, robot: Robot) -> tuple[int | None, ...]:
-        """Where on a robot it can be: indices of its parts of that kind, or None for all of it."""
+        """Possible places on a robot: indices of its parts of that kind, or None for all of it."""
         return (None,) if self.where == "robot" else tuple(range(len(parts_of(robot, self.where))))
 
 
@@ -109,11 +111,11 @@ class ModelEffect(Effect):
     def edit(
         self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
     ) -> None:
-        """Change the model, which nobody else uses. `mj_setConst` is called afterwards."""
+        """Change the model, a private copy. `mj_setConst` is called afterwards."""
 
 
 class CommandEffect(Effect):
-    """Between what was commanded and what the winches are told.
+    """Between the commands and the winches.
 
     Attributes:
       stage: of the way from the computer (0) to the spool; effects act in this order.
@@ -125,7 +127,7 @@ class CommandEffect(Effect):
 
     @abstractmethod
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
-        """Commands (n, T, W) that the winches really get.
+        """Commands (n, T, W) that reach the winches.
 
         Args:
           controls: (n, T, W) commands from the beginning of an episode on.
@@ -158,7 +160,7 @@ class Cables:
 
     @property
     def taut(self) -> np.ndarray:
-        """Whether each cable is longer than its rest length."""
+        """True for each cable longer than its rest length."""
         return self.elastic > 0
 
     @property
@@ -193,7 +195,7 @@ class TensionEffect(Effect):
 
     @abstractmethod
     def tension(self, cables: Cables, memory: Memory, values: Values) -> tuple[Floats, Memory]:
-        """Extra tension (n, C) [N], and the memory (n, C) at the next instant.
+        """Additional tension (n, C) [N], and the memory (n, C) at the next instant.
 
         Args:
           cables: of n simulations.
@@ -219,13 +221,13 @@ class Winches:
 
 
 class WinchEffect(Effect):
-    """Changes the rate of the winches by where they are and what they carry, step by step."""
+    """Changes the rate of the winches depending on their position and load, step by step."""
 
     acts_on = "winch"
 
     @abstractmethod
     def rate(self, rate: Floats, winches: Winches, values: Values) -> Floats:
-        """Rates (n, W) [m/s] of winches that are told `rate` (n, W).
+        """Rates (n, W) [m/s] of winches with commands `rate` (n, W).
 
         Args:
           rate: positive pays out [m/s].
@@ -236,14 +238,14 @@ class WinchEffect(Effect):
 
 @dataclass(frozen=True)
 class Term:
-    """An effect at a place, with its values: what is added to a plant.
+    """An effect at a place, with its values: an addition to a plant.
 
     Attributes:
-      effect: which.
-      place: index of the part, as `Effect.places` has them, or None.
+      effect: the effect.
+      place: index of the part, as in `Effect.places`, or None.
       values: of all its parameters [their units].
-      known: standard deviations of what is known of them before any recording, around zero, infinite where
-        that is nothing; empty where nothing is known of any.
+      known: standard deviations of their prior, around zero, infinite without one; empty without
+        any prior.
     """
 
     effect: Effect
@@ -259,17 +261,17 @@ class Term:
 
     @property
     def unknown(self) -> int:
-        """How many of its values nothing is known of."""
+        """Number of its values without a prior."""
         return sum(map(math.isinf, self.known)) if self.known else len(self.values)
 
     @property
     def asked(self) -> bool:
-        """Whether it is asked about: it is not only a number that is known, if not exactly."""
+        """True for a candidate, False for a merely uncertain number."""
         return self.unknown > 0
 
     @property
     def absent(self) -> bool:
-        """Whether all sizes are zero."""
+        """True if all sizes are zero."""
         return not any(self.values[: len(self.effect.sizes)])
 
     def label(self, robot: Robot) -> str:

@@ -1,7 +1,8 @@
-"""Other laws of effects of the library: of the same physical cause, with as many parameters.
+"""Other laws of effects of the library: the same physical cause, with as many parameters.
 
-A diagnosis tries them in the place of an effect that it found, before it looks for a second one. Where cables
-differ, *in proportion to stiffness* is counted from their mean, so that sizes mean the same in both laws.
+A diagnosis tries them in place of an identified effect, before it looks for a second one. If cables
+differ, *in proportion to stiffness* is relative to their mean, so that sizes have the same meaning
+in both laws.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ BY_STIFFNESS = "in proportion to the stiffness of each cable"
 
 
 class OtherForm(Effect):
-    """One by another law than that of its family.
+    """An effect with another law than that of its family.
 
     Attributes:
       of: name of the family.
@@ -40,7 +41,7 @@ class OtherForm(Effect):
         return self.of
 
     def differs_on(self, robot: Robot) -> bool:
-        """Whether a robot can tell it from the effect of its family."""
+        """True if a robot can distinguish it from the effect of its family."""
         return True
 
 
@@ -86,9 +87,9 @@ class HysteresisByStiffness(ByStiffness, Hysteresis):
 
 
 class CreepOnLength(OtherForm, Creep):
-    """A relaxing arm that follows the length of a cable, and not its stretch.
+    """A relaxing arm that follows the length of a cable, not its stretch.
 
-    A winch that hauls in does not load it; the cable that is drawn out does.
+    A winch that hauls in does not load it; a cable that is drawn out does.
     """
 
     name = "creep_on_length"
@@ -118,7 +119,7 @@ class StiffeningByStrain(OtherForm, Stiffening):
 
 
 class WinchGainOnLength(OtherForm, WinchGain):
-    """Position winches that wind up more, or less, than they are told: the drum has another radius.
+    """Position winches that wind more, or less, than commanded: the drum has another radius.
 
     Rate winches have the gain of their family.
     """

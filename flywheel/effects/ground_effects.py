@@ -16,7 +16,7 @@ FULL = 6  # condim with sliding, turning and rolling friction
 
 
 class GroundFriction(ModelEffect):
-    """Ground that is more, or less, slippery than the MJCF's: one factor on all sliding friction."""
+    """Ground with more, or less, friction than the MJCF's: one factor on all sliding friction."""
 
     name = "ground_friction"
     sizes = (Parameter("share", "-", lambda s: 0.25, low=-3.6, high=12.0),)
@@ -50,7 +50,7 @@ class RollingResistance(ModelEffect):
 
 
 class Slope(ModelEffect):
-    """Ground that is not level: it is tilted about the x- and y-axis, and gravity is seen from it."""
+    """Sloped ground: it is tilted about the x- and y-axis, and gravity is expressed relative to it."""
 
     name = "slope"
     sizes = (
@@ -71,7 +71,7 @@ class Slope(ModelEffect):
 
 
 class ContactSoftness(ModelEffect):
-    """Ground that gives way more, or less, than the MJCF's.
+    """Ground softer, or harder, than the MJCF's.
 
     The stiffness of all contacts is divided by one factor; the damping ratio stays.
     """

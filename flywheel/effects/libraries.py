@@ -1,4 +1,4 @@
-"""Libraries of effects: those of the package, with those of law files."""
+"""Libraries of effects: those of the package, and those of law files."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ RESERVED = frozenset(
 
 
 def with_laws(files: Iterable[LawFile], library: Mapping[str, Effect] = NAMED) -> dict[str, Effect]:
-    """A library with the effects of law files after its own.
+    """A library extended by the effects of law files.
 
     Args:
-      files: that are run.
-      library: to add them to.
+      files: to run.
+      library: to extend.
 
     Raises:
       ConfigError: a file cannot be used, see `LawFile.effects`; or it defines an effect whose name is taken.

@@ -1,7 +1,7 @@
-"""Law files: Python files outside the package, with effects of one's own.
+"""Law files: Python files outside the package with the user's own effects.
 
-A law file is run only where somebody asks for it: by an option, in a run's configuration, or as the copy
-that a run keeps. What only names one, such as an adopted plant, holds its sha256 and never runs it.
+A law file is run only on request: by an option, in a run's configuration, or as the copy in a run.
+A reference to one, as in an adopted plant, contains its sha256 and never runs it.
 
 The effects of a law file go to other processes with the text of the file, which is run there again.
 """
@@ -39,7 +39,7 @@ Sha256 = Annotated[Name, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
 
 class LawReference(Frozen):
-    """Which law file is meant, without it.
+    """Reference to a law file, without its text.
 
     Attributes:
       file: its name.
@@ -54,10 +54,10 @@ class LawReference(Frozen):
 
 
 class LawFile(LawReference):
-    """A law file that somebody gave, validated from its path, or from that and the sha256 that it must have.
+    """A law file, validated from its path, or from that and its required sha256.
 
     Attributes:
-      text: of the file; left out where the law file is written down.
+      text: of the file; not stored in references.
     """
 
     text: str = Field(exclude=True, repr=False)
@@ -103,15 +103,15 @@ class LawFile(LawReference):
 
     @property
     def reference(self) -> LawReference:
-        """Which file it is."""
+        """The reference to it."""
         return LawReference(file=self.file, sha256=self.sha256)
 
     def effects(self) -> Mapping[str, Effect]:
         """Name -> effect, for all effects that the file defines. The file is run once in a process.
 
         Raises:
-          ConfigError: it is not Python, raises while it is imported, defines no effect, or one that is not
-            declared as effects must be.
+          ConfigError: it is not Python, raises on import, defines no effect, or one with a wrong
+            declaration.
         """
         key = (self.file, self.sha256)
         if key not in _LOADED:
@@ -129,13 +129,13 @@ def law_file(effect: Effect) -> LawFile | None:
 
 
 def law_files(effects: Iterable[Effect]) -> tuple[LawFile, ...]:
-    """The law files that effects are from, each once."""
+    """The law files of effects, each once."""
     found = (law_file(effect) for effect in effects)
     return tuple({file.sha256: file for file in found if file is not None}.values())
 
 
 def check_different(files: Iterable[LawFile]) -> None:
-    """Refuse two law files of one name: a plant and a run keep them side by side.
+    """Reject two law files of one name: a plant and a run store them in one folder.
 
     Raises:
       ConfigError: there are two.
@@ -148,15 +148,15 @@ def check_different(files: Iterable[LawFile]) -> None:
 
 
 def check_given(wanted: Iterable[LawReference], given: Iterable[LawFile], whose: str) -> None:
-    """Refuse to go on without the law files that something rests on.
+    """Check that all required law files are given.
 
     Args:
-      wanted: which ones.
-      given: those that there are.
-      whose: what rests on them, at the beginning of a sentence.
+      wanted: required ones.
+      given: available ones.
+      whose: the owner of the references, at the beginning of a sentence.
 
     Raises:
-      ConfigError: one is absent, or has another text.
+      ConfigError: one is missing, or has another text.
     """
     there = {file.sha256: file for file in given}
     for reference in wanted:
@@ -165,17 +165,17 @@ def check_given(wanted: Iterable[LawReference], given: Iterable[LawFile], whose:
         same = [file for file in there.values() if file.file == reference.file]
         if same:
             raise ConfigError(
-                f"{whose} has effects of {reference}, but the {reference.file} that was given is "
-                f"another one (sha256 {same[0].sha256[:SHORT]}): give the file as it was."
+                f"{whose} has effects of {reference}, but the given {reference.file} differs "
+                f"(sha256 {same[0].sha256[:SHORT]}): give the original file."
             )
         raise ConfigError(
-            f"{whose} has effects of the law file {reference}, which was not given: add "
+            f"{whose} has effects of the law file {reference}, which is missing: add "
             f"--effects-from {reference.file}, or effects_from in a run's configuration."
         )
 
 
 def line_in(problem: BaseException, file: LawReference) -> str:
-    """Where in a law file something was raised: " in line 3"; "" if not there."""
+    """Line in a law file at which something was raised: " in line 3"; "" if not there."""
     lines, trace = [], problem.__traceback__
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == file.file:
@@ -185,7 +185,7 @@ def line_in(problem: BaseException, file: LawReference) -> str:
 
 
 def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
-    """A method of a law: whatever it raises becomes one sentence about the effect."""
+    """A method of a law, with every exception turned into one sentence about the effect."""
 
     @functools.wraps(method)
     def called(effect: Effect, *arguments: Any, **named: Any) -> Any:
@@ -214,7 +214,7 @@ def _words(problem: BaseException) -> str:
 
 
 def _loaded(file: LawFile) -> dict[str, Effect]:
-    """Run a law file, and check what it declares."""
+    """Run a law file, and check its declarations."""
     module = _run(file)
     kinds = [
         kind
@@ -268,14 +268,14 @@ def _run(file: LawFile) -> ModuleType:
     except (Exception, SystemExit) as problem:
         del sys.modules[module.__name__]
         raise ConfigError(
-            f"The law file {file.file} raises {type(problem).__name__}{line_in(problem, file)} while it is "
-            f"imported: {_words(problem)}."
+            f"The law file {file.file} raises {type(problem).__name__}{line_in(problem, file)} on "
+            f"import: {_words(problem)}."
         ) from None
     return module
 
 
 def _sent(effect: Effect) -> tuple[Any, ...]:
-    """How an effect of a law file goes to another process."""
+    """Pickling of an effect of a law file for another process."""
     return _received, (_FILES[type(effect)], effect.name)
 
 

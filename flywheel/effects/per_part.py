@@ -1,8 +1,8 @@
 """An effect whose size differs from cable to cable, or from winch to winch.
 
-Every part has the effect's size times a factor of its own. Of these factors something is known: that they are
-not far from one. So they are drawn to the common size where data say little of them (shrinkage), and the
-effect costs an explanation little more than one of the same size everywhere.
+Every part has the effect's size times a factor. These factors have a prior near one. They are drawn
+to the common size if the data contain little information on them (shrinkage), and the effect costs
+an explanation little more than one of the same size everywhere.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ FARTHEST = 4.0  # of the logarithm of a factor: one part has it and the others h
 
 
 def per_part(effect: Effect, robot: Robot) -> PerPart | None:
-    """An effect with a size for each part; None for one that is not of cables or winches, or of one only."""
+    """An effect with a size for each part; None for one that is not of cables or winches, or of one
+    part only.
+    """
     if isinstance(effect, PerPart) or effect.where != "robot" or len(effect.sizes) != 1:
         return None
     cables, winches = parts_of(robot, "cable"), parts_of(robot, "winch")
@@ -52,9 +54,9 @@ def per_part(effect: Effect, robot: Robot) -> PerPart | None:
 
 
 def per_part_term(term: Term, robot: Robot, deviation: float) -> Term | None:
-    """A term with a factor for each part, whose logarithm is known to a standard deviation.
+    """A term with a factor for each part, whose logarithm has a prior standard deviation.
 
-    All are one; of a term at a part alone, two deviations more there than elsewhere.
+    All are one; for a term at a part alone, that part is two standard deviations above the others.
     """
     effect = per_part(term.effect, robot)
     if effect is None:
@@ -70,7 +72,7 @@ def per_part_term(term: Term, robot: Robot, deviation: float) -> Term | None:
 
 
 def with_shares(term: Term, sizes: Floats, deviation: float) -> Term:
-    """A term with factors whose sizes at its parts (n,) are as given, as far as two deviations allow."""
+    """A term with factors for given sizes of its parts (n,), as far as two standard deviations allow."""
     logs = np.log(np.maximum(sizes, LEAST * sizes.max()))
     common = float(logs.mean())
     factors = np.clip(logs - common, -2.0 * deviation, 2.0 * deviation)
@@ -79,7 +81,7 @@ def with_shares(term: Term, sizes: Floats, deviation: float) -> Term:
 
 
 def acts_on_same_parts(effect: Effect, model: Term, robot: Robot) -> bool:
-    """Whether an effect can have the factors of a term."""
+    """True if an effect can have the factors of a term."""
     uneven = per_part(effect, robot)
     return (
         uneven is not None
@@ -89,7 +91,7 @@ def acts_on_same_parts(effect: Effect, model: Term, robot: Robot) -> bool:
 
 
 def alike(term: Term, model: Term, robot: Robot) -> Term:
-    """A term with the factors of another one, where that has some and both act on the same parts."""
+    """A term with the factors of another one, if that has any and both act on the same parts."""
     effect = per_part(term.effect, robot)
     if effect is None or not acts_on_same_parts(term.effect, model, robot):
         return term
@@ -99,7 +101,9 @@ def alike(term: Term, model: Term, robot: Robot) -> Term:
 
 
 def at_largest_part(term: Term) -> tuple[Term, float]:
-    """A term at the part where it is largest, without factors; and that part's share of the sum of all."""
+    """A term at the part with the largest size, without factors; and that part's share of the sum
+    of all.
+    """
     effect = term.effect
     assert isinstance(effect, PerPart)
     count = len(effect.parts)
@@ -123,8 +127,8 @@ class PerPart(Effect):
 
     Args:
       effect: of the same size everywhere.
-      parts: names of the parts that have factors.
-      where: what they are.
+      parts: names of the parts with factors.
+      where: their kind.
     """
 
     def __init__(self, effect: Effect, parts: tuple[str, ...], where: Where) -> None:
@@ -199,5 +203,5 @@ def _one(scales: Scales) -> float:
 
 
 def has_factors(parameters: Mapping[str, float]) -> bool:
-    """Whether written parameters are of an effect whose size differs from part to part."""
+    """True if written parameters belong to an effect whose size differs from part to part."""
     return any(name.startswith(LOG_FACTOR) for name in parameters)

@@ -1,4 +1,4 @@
-"""What counts as large for a robot: sizes of effects are stated relative to these."""
+"""Scales of a robot: sizes of effects are relative to these."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Scales:
       length: the robot's characteristic length [m].
       mass: of all its bodies [kg].
       cap: largest radius of the spheres around its tracked points [m]; a hundredth of `length`
-        where there is none.
-      bodies: how many it has.
+        without any.
+      bodies: their number.
     """
 
     length: float

@@ -1,4 +1,4 @@
-"""Effects between where points are and where they are seen."""
+"""Effects between the true and the measured positions of points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flywheel.robots import Robot, tracked_site
 
 
 class MarkerOffset(ModelEffect):
-    """A marker that does not sit where the MJCF says: it is seen at an offset fixed on its body."""
+    """A marker away from its place in the MJCF: measured at a constant offset on its body."""
 
     name = "marker_offset"
     where = "point"
@@ -35,10 +35,10 @@ class MarkerOffset(ModelEffect):
 
 
 class SensorLatency(CommandEffect):
-    """Every position is seen a fixed time later.
+    """Every position is measured a fixed time later.
 
-    In the sensor's own time it is the commands that come late: with nothing but commands and positions
-    a latency is a command delay, exactly, and is computed as one.
+    In the sensor's own time the commands are late: with commands and positions alone a latency
+    equals a command delay exactly, and is computed as one.
     """
 
     name = "sensor_latency"

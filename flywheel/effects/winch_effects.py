@@ -1,4 +1,4 @@
-"""Effects between a command and what the winch does."""
+"""Effects between a command and the winch's motion."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from flywheel.robots import Robot
 
 
 class WinchBacklash(CommandEffect):
-    """The rest length follows the motor with free play, in the middle of it at the beginning.
+    """The rest length follows the motor with free play, starting in its middle.
 
-    The motor of a position winch is taken to rest where its first command wants it.
+    The motor of a position winch is assumed to rest at its first command.
     """
 
     name = "winch_backlash"
@@ -35,7 +35,7 @@ class WinchBacklash(CommandEffect):
 
 
 class CommandDelay(CommandEffect):
-    """Commands that act a fixed time after they were given; before the first one the winches hold."""
+    """Commands that act a fixed time later; before the first one the winches hold."""
 
     name = "command_delay"
     stage = 0
@@ -49,7 +49,7 @@ class CommandDelay(CommandEffect):
 
 
 class ActuatorLag(CommandEffect):
-    """Winches that take their time to get up to speed: a first-order lag between command and winch."""
+    """Winches that accelerate slowly: a first-order lag between command and winch."""
 
     name = "actuator_lag"
     stage = 1
@@ -73,10 +73,10 @@ class ActuatorLag(CommandEffect):
 
 
 class WinchGain(CommandEffect):
-    """Winches that are faster or slower than they should be: another drum radius, another gear.
+    """Winches faster or slower than commanded: another drum radius, another gear.
 
-    A position winch still goes to where it was told, but at another rate. Its motor is taken to rest where
-    its first command wants it.
+    A position winch still reaches its command, but at another rate. Its motor is assumed to rest at
+    its first command.
     """
 
     name = "winch_gain"
@@ -114,17 +114,17 @@ class TorqueSpeed(WinchEffect):
 
 
 def wound_on(controls: Floats, share: Floats, robot: Robot) -> Floats:
-    """Commands (n, T, W) to winches whose drums are larger by a share (n, W) than they should be.
+    """Commands (n, T, W) to winches whose drums are larger than nominal by a fraction (n, W).
 
-    A rate winch is faster. A position winch winds up another length than it was told, counted from where
-    the keyframe has it.
+    A rate winch is faster. A position winch winds another length than commanded, counted from its
+    keyframe.
     """
     still = robot.holding(robot.winch_of(robot.keyframe))
     return np.asarray(controls + share[:, None] * (controls - still))
 
 
 def delayed(controls: Floats, steps: Floats, robot: Robot) -> Floats:
-    """Commands (n, T, W), `steps` (n, W) control steps later; parts of a step are shared out."""
+    """Commands (n, T, W), `steps` (n, W) control steps later; fractions of a step are interpolated."""
     steps = np.round(steps, 9)  # 0.07 / 0.01 is a little more than seven
     total = controls.shape[1]
     first = np.where(robot.rate_driven, 0.0, controls[:, :1])

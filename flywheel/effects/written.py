@@ -1,4 +1,4 @@
-"""Effects with their values as they are written down: in YAML, JSON and run configurations."""
+"""Effects with their values in written form: in YAML, JSON and run configurations."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class WrittenTerm(Frozen):
 
     @classmethod
     def of(cls, term: Term, robot: Robot) -> Self:
-        """Write a term down."""
+        """The written form of a term."""
         location = place_name(term.effect, term.place, robot)
         return cls(effect=term.effect.name, location=location, parameters=term.named)
 
     @classmethod
     def labelled(cls, label: str, parameters: Mapping[str, float]) -> Self:
-        """Parse what `label` writes."""
+        """Parse the format of `label`."""
         effect, _, location = label.partition(AT)
         return cls(effect=effect, location=location, parameters=dict(parameters))
 
@@ -59,7 +59,7 @@ class WrittenTerm(Frozen):
 
         Raises:
           UnknownNameError: no such effect, place or parameter.
-          ConfigError: a parameter is missing, or has a sign that it cannot have.
+          ConfigError: a parameter is missing, or has an impossible sign.
         """
         effect = lookup(library, self.effect, "effect")
         if has_factors(self.parameters):

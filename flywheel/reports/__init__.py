@@ -1,4 +1,4 @@
-"""What people look at: the figures and the page of a run."""
+"""Figures and pages for people."""
 
 from flywheel.reports.figures import FIGURES, draw, write_figures
 from flywheel.reports.page import write_page, write_report

@@ -1,4 +1,4 @@
-"""The pictures of a comparison."""
+"""The figures of a comparison."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ def heat(found: Comparison) -> Figure:
 
 
 def points(found: Comparison) -> Figure:
-    """Bars by end cap and by what the end caps did."""
+    """Bars by end cap and by its state of motion."""
     return _bars(found, "points", ("end cap", "contact", "speed"))
 
 
 def cables(found: Comparison) -> Figure:
-    """Bars by cable and by what the cables did."""
+    """Bars by cable and by its state."""
     return _bars(found, "cables", ("cable", "tension", "command"))
 
 
@@ -127,15 +127,15 @@ def _name_windows(axes: Axes, labels: Sequence[str]) -> None:
 
 
 def colour_of(number: int) -> str:
-    """Colour of the model with this place on the page."""
+    """Colour of the model with this index on the page."""
     return COLOURS[number % len(COLOURS)]
 
 
 PICTURES: dict[str, tuple[Callable[[Comparison], Figure], str, str]] = {
     "lead_time": (
         lead_time,
-        "How far ahead it can be trusted",
-        "Bands: where noise alone would keep each model in 95 %, by what it makes of the start. Dashed "
+        "Horizon of reliable predictions",
+        "Bands: 95 % of each model's errors if noise in its start were the only cause. Dashed "
         "green: the noise itself, which no model can beat.",
     ),
     "heat": (
@@ -145,13 +145,13 @@ PICTURES: dict[str, tuple[Callable[[Comparison], Figure], str, str]] = {
     ),
     "points": (
         points,
-        "At which end caps, and doing what",
-        "In brackets: share of the samples. Contact is a height of less than three sigmas; speeds are "
-        "thirds of the samples.",
+        "By end cap and its motion",
+        "In brackets: fraction of the samples. Contact is a height of less than three sigmas; "
+        "speeds are thirds of the samples.",
     ),
     "cables": (
         cables,
-        "At which cables, and doing what",
+        "By cable and its state",
         "Error of the distance between the tracked points at a cable's ends. Tensions are those of "
         "nominal cables in the measured poses, in thirds of the taut samples; a winch moves above "
         "2 % of its range of commands.",

@@ -1,4 +1,4 @@
-"""The page of a comparison: one HTML file that needs nothing else."""
+"""The page of a comparison: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ from flywheel.reports.comparison_figures import PICTURES, picture
 from flywheel.reports.html import Shown, data_uri, render
 
 LIMITS = (
-    "What noise makes of a model's error is found by letting the model predict itself, from pasts as "
-    "noisy as the recorded ones. Winch positions are taken to be known as well as they were there.",
-    "A prediction starts from a measured past, which hides small effects; flywheel diagnose, which fits "
-    "the starts and looks for the changes that known effects make, sees more.",
-    "Cables' tensions are estimated from measured points and nominal cables: sort by them, no more.",
+    "The influence of noise on a model's error is simulated by letting the model predict itself, "
+    "from pasts as noisy as the recorded ones. Winch positions are assumed to be known as well "
+    "as they were there.",
+    "A prediction starts from a measured past, which hides small effects; flywheel diagnose, "
+    "which fits the starts and tests known effects, is more sensitive.",
+    (
+        "Tensions of cables are estimates from measured points and nominal cables: use them for "
+        "sorting only."
+    ),
 )
 
 
@@ -27,8 +31,8 @@ def write_comparison(
     Args:
       found: to show.
       path: of the HTML file.
-      about: where it comes from, as lines of two columns.
-      videos: model -> mp4 of the window that the last model predicts worst, or why there is none.
+      about: its provenance, as lines of two columns.
+      videos: model -> mp4 of the last model's worst window, or the reason why there is none.
     """
     page = render(
         "comparison",
@@ -49,18 +53,18 @@ def sentence(found: Comparison, model: Judgement) -> str:
     """The verdict on a model in words."""
     low, _, high = model.noise_rms
     error = f"The error of {model.name} is {model.rms:.3g} times the noise"
-    by_noise = f"noise in its starts alone makes {low:.3g} to {high:.3g}"
+    by_noise = f"noise in its starts alone gives {low:.3g} to {high:.3g}"
     if not model.forecast_is_off:
-        words = f"{error}, and no more than noise makes of it: {by_noise}."
+        words = f"{error}, which noise alone explains: {by_noise}."
     elif model.rms > high:
         words = f"{error}; {by_noise}."
     else:
         words = (
-            f"{error}; {by_noise}, but not in this way: {model.excess:.3g} times more is left than noise "
-            "leaves."
+            f"{error}; {by_noise}, but with another pattern: {model.excess:.3g} times more is "
+            "left than noise leaves."
         )
     if model.rms > found.persistence_rms:
-        words += " It would be less if nothing moved."
+        words += " A prediction without motion would have a smaller error."
     if model.fitted is None:
         return words
     fitted = model.fitted

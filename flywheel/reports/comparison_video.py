@@ -1,4 +1,4 @@
-"""The window that a model predicts worst, as a video: the prediction, and the measurements as ghosts."""
+"""The worst window of a model as a video: the prediction, with the measurements as ghosts."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def film_window(found: Comparison, model: Judgement, window: int, path: Path) ->
     Args:
       found: the comparison.
       model: whose prediction is drawn.
-      window: which.
+      window: its index.
       path: of the mp4.
 
     Raises:
-      Exception: whatever a graphics driver throws where nothing can be drawn.
+      Exception: any error of a graphics driver without rendering.
     """
     windows = found.windows
     states = states_of(windows.robot, windows.dt, model.points[window], model.winch[window])

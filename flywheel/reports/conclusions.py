@@ -1,4 +1,4 @@
-"""What a run shows, in sentences that follow from its numbers, whichever way they came out."""
+"""Results of a run, in sentences derived from its numbers."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ LEAST_CHANGE = 0.02  # of an error; anything less counts as no difference
 
 @dataclass(frozen=True)
 class Conclusion:
-    """One question to a run.
+    """One question about a run.
 
     Attributes:
-      answer: "open" where the numbers do not decide, or are not there yet.
+      answer: "open" if the numbers do not decide, or are missing.
       text: one or two sentences with the numbers.
     """
 
@@ -33,10 +33,10 @@ class _Pair(NamedTuple):
 
     Attributes:
       name: of the error, in a word.
-      error: the same at length.
+      error: the same in full.
       unit: of it.
-      goal: that it may be times the floor's.
-      first, second: what it is.
+      goal: allowed ratio to the floor's.
+      first, second: its values.
     """
 
     name: str
@@ -52,7 +52,7 @@ class _Pair(NamedTuple):
 
 
 def headline(run: RunResult) -> str:
-    """One sentence: did the error fall, did success rise."""
+    """One sentence on the trend of error and success."""
     results = run.of_arm("mppi")
     if (on_robot := _robot_conclusion(run)) is not None:
         return on_robot.text
@@ -65,19 +65,19 @@ def headline(run: RunResult) -> str:
     falls = {
         "yes": "the prediction error fell",
         "no": "the prediction error did not fall",
-        "open": "whether the prediction error fell is not decided",
+        "open": "it is undecided whether the prediction error fell",
     }[error.answer]
     rises = {
         "yes": "success rose",
         "no": "success did not rise",
-        "open": "whether success rose is not decided",
+        "open": "it is undecided whether success rose",
     }[success.answer]
     joint = "and" if error.answer == success.answer else "but"
     return f"{start}, {falls} {joint} {rises}{tail}"
 
 
 def conclusions(run: RunResult) -> list[Conclusion]:
-    """The questions that a run can answer by now, in the order of their weight."""
+    """The questions that a run can answer by now, most important first."""
     results = run.of_arm("mppi")
     if len(results) < 2:
         return []
@@ -109,7 +109,7 @@ def rate(success: Success) -> str:
 
 
 def _robot_conclusion(run: RunResult) -> Conclusion | None:
-    """Whether the plant came nearer to the robot; None for a run without one."""
+    """Progress of the plant on the robot; None for a run without one."""
     given = list(run.robot_errors("given").values())
     plant = run.robot_errors("plant")
     if not given or not plant:
@@ -119,7 +119,10 @@ def _robot_conclusion(run: RunResult) -> Conclusion | None:
     added = [e.label for e in run.effects_before(max(plant) + 1) if e.label not in known]
     noise = "" if run.robot_noise is None else f" (noise {run.robot_noise.e_pos_rmse:.2f} %)"
     if not added:
-        text = f"The MJCF is {before:.2f} % off on the robot{noise}, and no effect was added to it."
+        text = (
+            f"The error of the MJCF on the robot is {before:.2f} %{noise}, and no effect was "
+            "added to it."
+        )
         return Conclusion("open", text)
     change = f"from {before:.2f} to {after:.2f} %{noise}, with {', '.join(added)} added."
     if _lower(after, before):
@@ -166,7 +169,7 @@ def _control_conclusion(run: RunResult, last: IterationResult) -> Conclusion:
     control = run.of_arm("control")[-1]
     ours, theirs = run.test_errors(last), run.test_errors(control)
     if control.iteration != last.iteration or ours is None or theirs is None:
-        return Conclusion("open", "The control arm has not come as far as the MPPI arm.")
+        return Conclusion("open", "The control arm has not reached the MPPI arm's iteration.")
     pairs = _pairs(ours.short, theirs.short)
     better = [_lower(each.first, each.second) for each in pairs]
     words = [
@@ -192,19 +195,19 @@ def _floor_conclusion(ours: ErrorNumbers, floor: ErrorNumbers) -> Conclusion:
 
 
 def _informed_conclusion(ours: ErrorNumbers, floor: ErrorNumbers) -> Conclusion:
-    """Whether anything is left to be learnt: not a goal, but what the goals must not hide."""
+    """Remaining potential: not a goal, but information that the goals must not hide."""
     pairs = _pairs(ours, floor)
     words = [f"{each.error} {each.ratio:.1f} times" for each in pairs]
     return Conclusion(
         "yes" if all(each.ratio <= 1.0 for each in pairs) else "no",
-        "Against exact physics that also computes the unseen roll (the informed floor): "
+        "Relative to exact physics that also computes the invisible roll (the informed floor): "
         f"{', '.join(words)} its error.",
     )
 
 
 def _oracle_conclusion(ours: Success, oracle: Success) -> Conclusion:
     if not oracle.reached:
-        return Conclusion("open", f"The oracle reached {rate(oracle)}: it sets no measure.")
+        return Conclusion("open", f"The oracle reached {rate(oracle)}: it is no reference.")
     share = _ratio(ours.rate, oracle.rate)
     return Conclusion(
         "yes" if share >= GOAL_SUCCESS else "no",
@@ -228,7 +231,7 @@ def _pairs(first: ErrorNumbers, second: ErrorNumbers) -> list[_Pair]:
 
 
 def _lower(error: float, reference: float) -> bool:
-    """Lower by more than what counts as no difference; never so if one is NaN."""
+    """True if lower by more than an insignificant difference; never if one is NaN."""
     return error < (1 - LEAST_CHANGE) * reference
 
 

@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis."""
+"""The figures of a diagnosis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEAST_HEIGHT = 2.2  # of a picture with a colour bar, so that its label fits bes
 
 
 def ladder(found: Diagnosis) -> Figure:
-    """Errors from the plant as it was to the last model, on fitted and on held-out recordings."""
+    """Errors from the initial plant to the last model, on fitted and on held-out recordings."""
     rungs = found.evidence.ladder
     figure = Figure(figsize=(8.0, 0.9 + 0.45 * (len(rungs) + 3)))
     axes = figure.add_subplot()
@@ -28,7 +28,7 @@ def ladder(found: Diagnosis) -> Figure:
     values = [MILLI * rung.error for rung in rungs]
     colours = [BEFORE, *[AFTER] * (len(rungs) - 1)]
     if found.held_out is not None:
-        labels += ["held out, as it was", "held out, last model"]
+        labels += ["held out, initial plant", "held out, last model"]
         values += [MILLI * found.held_out.baseline, MILLI * found.held_out.augmented]
         colours += [BEFORE, AFTER]
     place = np.arange(len(labels))[::-1]
@@ -45,7 +45,7 @@ def ladder(found: Diagnosis) -> Figure:
 
 
 def ranking(found: Diagnosis) -> Figure:
-    """Scores of the best candidates on top of the plant as it was."""
+    """Scores of the best candidates on top of the initial plant."""
     scores = [s for s in found.ranking if s.score > 0][:SHOWN][::-1]
     figure = Figure(figsize=(8.0, 1.0 + 0.3 * max(1, len(scores))))
     axes = figure.add_subplot()
@@ -54,7 +54,9 @@ def ranking(found: Diagnosis) -> Figure:
     colours = [AFTER if own else style.FAINT for own in mine]
     axes.barh(range(len(scores)), [s.score for s in scores], color=colours, height=0.7)
     axes.set_yticks(range(len(scores)), [s.candidate.label for s in scores])
-    axes.axvline(found.threshold, color=style.INK, linestyle=(0, (1, 1.6)), label="counts as seen")
+    axes.axvline(
+        found.threshold, color=style.INK, linestyle=(0, (1, 1.6)), label="counts as visible"
+    )
     style.logarithmic(axes.xaxis)
     axes.set_xlabel("score: what it would explain, in noise variances per size")
     axes.legend(loc="lower right")
@@ -63,7 +65,7 @@ def ranking(found: Diagnosis) -> Figure:
 
 
 def worst_window(found: Diagnosis) -> Figure | None:
-    """Measured and predicted path of the point that was predicted worst."""
+    """Measured and predicted path of the point with the largest error."""
     evidence = found.evidence
     squares = np.nan_to_num(evidence.squares(evidence.before))
     window, point = np.unravel_index(squares.argmax(), squares.shape)
@@ -81,7 +83,7 @@ def worst_window(found: Diagnosis) -> Figure | None:
             evidence.before[window, :, point, axis],
             color=BEFORE,
             linestyle="--",
-            label="as it was",
+            label="initial plant",
         )
         axes.plot(time, evidence.after[window, :, point, axis], color=AFTER, label="last model")
         axes.set_title(f"{evidence.points[point]}, {'xyz'[axis]} [m]")
@@ -99,7 +101,7 @@ def heat(found: Diagnosis) -> Figure:
     before, after = evidence.squares(evidence.before), evidence.squares(evidence.after)
     top = max(2.0, float(np.nanquantile(before, 0.98)))
     for axes, squares, title in zip(
-        parts, (before, after), ("as it was", "last model"), strict=True
+        parts, (before, after), ("initial plant", "last model"), strict=True
     ):
         image = axes.imshow(squares.T, vmin=0.8, vmax=top, cmap="YlOrRd", aspect="auto")
         axes.set_title(title)
@@ -112,7 +114,7 @@ def heat(found: Diagnosis) -> Figure:
 
 
 def places(found: Diagnosis) -> Figure | None:
-    """What a change of each cable would explain of what is left, window by window."""
+    """Residual explained by a change of each cable, window by window."""
     if found.location is None or not found.location.cables.any():
         return None
     names = found.evidence.cables
@@ -128,7 +130,7 @@ def places(found: Diagnosis) -> Figure | None:
 
 
 def likeness(found: Diagnosis) -> Figure | None:
-    """Which candidates are easily confused."""
+    """Similarity of candidates."""
     evidence = found.evidence
     if len(evidence.rivals) < 2:
         return None
@@ -148,13 +150,13 @@ def likeness(found: Diagnosis) -> Figure | None:
 
 
 def whiteness(found: Diagnosis) -> Figure:
-    """Autocorrelation of what is left."""
+    """Autocorrelation of the residual."""
     evidence = found.evidence
     figure = Figure(figsize=(8.0, 2.6))
     axes = figure.add_subplot()
     lags = np.arange(1, len(evidence.lags_before) + 1) * evidence.dt
     axes.axhspan(-evidence.band, evidence.band, color=NOISE, alpha=0.25, label="white noise, 95 %")
-    axes.plot(lags, evidence.lags_before, "o--", color=BEFORE, label="as it was")
+    axes.plot(lags, evidence.lags_before, "o--", color=BEFORE, label="initial plant")
     axes.plot(lags, evidence.lags_after, "o-", color=AFTER, label="last model")
     axes.set_xlabel("lag [s]")
     axes.set_ylabel("autocorrelation")
@@ -171,36 +173,36 @@ PICTURES: dict[str, tuple[Callable[[Diagnosis], Figure | None], str, str]] = {
     ),
     "ranking": (
         ranking,
-        "What could explain it",
-        "Score of each effect alone on top of the plant as it was, after all that the unknown starts, "
-        "the winches' offsets and smaller time steps could explain was taken out.",
+        "Candidate explanations",
+        "Score of each effect alone on top of the initial plant, after the part that unknown "
+        "starts, winch offsets and smaller time steps could explain was removed.",
     ),
     "worst": (
         worst_window,
-        "Where it was worst",
+        "The largest error",
         "The tracked point and window of the largest error.",
     ),
     "heat": (heat, "Where and when", "Mean square residual; one is noise."),
     "places": (
         places,
-        "What no effect explains: where it would have to act",
-        "What a change of one cable, in one window alone, would explain of what is left.",
+        "The unexplained error: when and at which cable it would have to act",
+        "Residual explained by a change of one cable, in one window alone.",
     ),
     "likeness": (
         likeness,
-        "Who is like whom",
-        "Of the best candidates: near one, these recordings can hardly tell two apart.",
+        "Similar candidates",
+        "Of the best candidates: near one, these recordings can hardly distinguish the two.",
     ),
     "whiteness": (
         whiteness,
-        "What is left",
+        "The residual",
         "White noise has no memory: its autocorrelation stays within the band.",
     ),
 }
 
 
 def picture(name: str, found: Diagnosis) -> bytes | None:
-    """One figure as SVG; None where there is nothing to show."""
+    """One figure as SVG; None without data."""
     with matplotlib.rc_context(style.RC):
         figure = PICTURES[name][0](found)
         if figure is None:

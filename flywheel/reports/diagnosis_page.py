@@ -1,4 +1,4 @@
-"""The page of a diagnosis: one HTML file that needs nothing else."""
+"""The page of a diagnosis: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ from flywheel.reports.html import Shown, data_uri, render
 
 SHOWN = 3  # numbers of a robot that are named
 NEARER = (
-    "This robot is nearer to its MJCF than is usual: its recordings are the most likely where each number "
-    "may be off by {:.3g} of that deviation."
+    "This robot is closer to its MJCF than usual: its recordings are most likely with {:.3g} "
+    "of that standard deviation for each number."
 )
 LIMITS = (
-    "Sizes and intervals are those of the effects named, should nothing else be missing: 95 %, from the "
-    "curvature of the fit or from how much the windows disagree, whichever is larger, and from what the time "
-    "step does.",
-    'A plant with long time steps fits best with values that make up for them ("in this plant"; these are '
-    "adopted); the values of the robot are without.",
-    "An effect whose detectable size is above what the robot can have cannot be ruled out by these data.",
+    "Sizes and intervals assume that nothing but the named effects is missing: 95 %, from the "
+    "curvature of the fit or from the variation between windows, whichever is larger, and from "
+    "the time step's influence.",
+    'A plant with long time steps fits best with values that compensate for them ("in this plant"; '
+    "these are adopted); the values of the robot are without that compensation.",
+    (
+        "An effect whose detectable size is above the robot's possible sizes cannot be ruled out by "
+        "these data."
+    ),
     "Only effects of the library have names. See docs/own_effect.md for adding one of your own.",
 )
 
@@ -38,7 +41,7 @@ def write_diagnosis(found: Diagnosis, path: str | Path, about: Mapping[str, str]
     Args:
       found: to show.
       path: of the HTML file.
-      about: where it comes from, as lines of two columns.
+      about: its provenance, as lines of two columns.
     """
     return write_output(path, diagnosis_page(found, about))
 
@@ -82,34 +85,40 @@ def sentence(found: Diagnosis) -> str:
         return _outside(found)
     names = _names(found.answers[0])
     if found.verdict is Verdict.PARTIAL:
-        form = ", in another form than the library has it," if found.other_form else ""
+        form = ", in another form than the library's," if found.other_form else ""
         share = "" if found.gain is None else f": {found.gain.share:.0%} of the error beyond noise"
         either = " or ".join(_names(answer) for answer in found.answers)
-        alike = ", and these recordings do not tell which" if len(found.answers) > 1 else ""
+        alike = ", and these recordings do not distinguish them" if len(found.answers) > 1 else ""
         return (
-            f"{either}{form} explains a part of what is missing{share}{alike}. Something else is missing "
-            "besides."
+            f"{either}{form} explains a part of the error{share}{alike}. Something else is missing as "
+            "well."
         )
     if found.verdict is Verdict.AMBIGUOUS:
         others = "; or ".join(_names(answer) for answer in found.answers[1:])
-        return f"{names}; or {others}: these recordings do not tell."
+        return f"{names}; or {others}: these recordings do not distinguish them."
     return f"The {_subject(found)} lacks {names}."
 
 
 def _nothing_missing(found: Diagnosis) -> str:
-    """What is said where nothing is missing, or nothing that matters."""
+    """The sentence if nothing, or nothing relevant, is missing."""
     if tolerated(found.settings.limits, found.after):
         left = millimetres(found.after.beyond_noise)
-        return f"The {_subject(found)} is {left} off beyond noise, which is tolerated."
+        return (
+            f"The {_subject(found)} has an error of {left} beyond noise, which is within the "
+            "tolerance."
+        )
     if found.as_built:
-        return "No effect is missing: numbers of the MJCF that are all a little off explain these recordings."
+        return (
+            "No effect is missing: numbers of the MJCF that are all slightly off explain "
+            "these recordings."
+        )
     if found.first_lengths:
         return f"Nothing beyond noise is left, but {_only_if(found)}."
     return f"The {_subject(found)} explains these recordings: nothing beyond noise is left."
 
 
 def first_lengths(found: Diagnosis) -> str:
-    """Winches that would have to have begun elsewhere; "" for none, or where the verdict's words say it."""
+    """Winches whose first lengths would have to differ; "" for none, or if the verdict says so."""
     if not found.first_lengths or sentence(found).endswith(f"{_only_if(found)}."):
         return ""
     said = _only_if(found)
@@ -117,7 +126,7 @@ def first_lengths(found: Diagnosis) -> str:
 
 
 def _only_if(found: Diagnosis) -> str:
-    """What has to be believed of winches, in words."""
+    """Required first lengths of winches, in words."""
     by_cables: dict[tuple[str, ...], list[FirstLength]] = {}
     for each in found.first_lengths:
         by_cables.setdefault(each.cables, []).append(each)
@@ -148,16 +157,20 @@ def _began(lengths: Sequence[FirstLength], recordings: int) -> str:
 
 
 def _outside(found: Diagnosis) -> str:
-    """What is said where no effect of the library is what is missing."""
+    """The sentence if something outside the library is missing."""
     if found.as_built and found.location is None:
         return (
-            "Something is missing: numbers of the MJCF that are all a little off explain the recordings that "
-            "were fitted, but not those that were held out. Diagnose with more, or other, recordings."
+            "Something is missing: numbers of the MJCF that are all slightly off explain the "
+            "fitted recordings, but not the held-out ones. Diagnose with more, or other, "
+            "recordings."
         )
     if not any(found.answers):
         return "Something is missing, and it is none of the library's effects."
     names = " or ".join(_names(answer) for answer in found.answers)
-    return f"Something is missing that is none of the library's effects; most like it: {names}."
+    return (
+        "Something is missing that is none of the library's effects; the most similar one: "
+        f"{names}."
+    )
 
 
 def millimetres(length: float) -> str:
@@ -166,7 +179,7 @@ def millimetres(length: float) -> str:
 
 
 def interrupted(found: Diagnosis) -> str:
-    """What was left undone; "" for nothing."""
+    """The unfinished part; "" for none."""
     if not found.interrupted:
         return ""
     return (
@@ -188,30 +201,31 @@ def failures(found: Diagnosis) -> str:
 
 
 def scale(found: Diagnosis) -> str:
-    """What scores and intervals count in, where that is not noise alone; "" where it is."""
+    """The error scale of scores and intervals, if it is not noise alone; "" otherwise."""
     if not found.model_discrepancy:
         return ""
     return (
-        f"No model comes down to the noise of {millimetres(found.errors.noise)}. What the best one leaves "
-        f"({millimetres(found.after.beyond_noise)}) goes on from sample to sample, and disturbs a fit as "
-        f"white noise of {millimetres(found.model_discrepancy)} would: scores and intervals count in that."
+        f"No model fits to the noise level of {millimetres(found.errors.noise)}. The residual of "
+        f"the best one ({millimetres(found.after.beyond_noise)}) is correlated in time, and "
+        f"disturbs a fit like white noise of {millimetres(found.model_discrepancy)}: scores and "
+        "intervals use that scale."
     )
 
 
 def gains(found: Diagnosis) -> str:
-    """What the first answer is worth on windows that it was not fitted to; "" where that was not asked."""
+    """The gain of the first answer on windows that were not fitted; "" if not computed."""
     gain = found.gain
     if gain is None or not found.answers[0] or not np.isfinite(gain.share):
         return ""
     held_out = f" ({gain.held_out} of them of held-out recordings)" if gain.held_out else ""
     alone = [each for each in found.answers[0] if each.gain is not None]
     by_itself = ", ".join(f"{each.label} {_share(each.gain)}" for each in alone if each.gain)
-    parts = f" Of that, what only one can do: {by_itself}." if len(alone) > 1 else ""
+    parts = f" The unique contribution of each: {by_itself}." if len(alone) > 1 else ""
     return (
-        f"On {gain.windows} windows that it was not fitted to{held_out}, the answer takes away "
-        f"{_share(gain)} of what the {_subject(found)} has beyond noise.{parts} Beyond noise, "
-        f"{millimetres(found.before.beyond_noise)} were left on the fitted recordings, and "
-        f"{millimetres(found.after.beyond_noise)} are (root mean square)."
+        f"On {gain.windows} windows that were not fitted{held_out}, the answer removes "
+        f"{_share(gain)} of the error of the {_subject(found)} beyond noise.{parts} Beyond noise, "
+        f"the fitted recordings have {millimetres(found.before.beyond_noise)} without it, and "
+        f"{millimetres(found.after.beyond_noise)} with it (root mean square)."
     )
 
 
@@ -221,70 +235,74 @@ def _share(gain: Gain) -> str:
 
 
 def other_form(found: Diagnosis) -> str:
-    """What says that the answer has another form than the effects of the library; "" if nothing does."""
+    """Evidence that the answer has another form than the effects of the library; "" without any."""
     law = found.misspecification
     if not found.other_form:
         return ""
     if law.gain > found.settings.limits.equally_good:
         return (
-            f"{law.instead}, which is none of them, explains more in the place of what was found (by "
-            f"{law.gain:.0f}, BIC)"
+            f"{law.instead}, which is outside the library, explains more in place of the answer "
+            f"(by {law.gain:.0f}, BIC)"
         )
-    return f"of what can be explained, {law.name}, which is none of them, explains {law.share:.0%} besides"
+    return (
+        f"{law.name}, which is outside the library, explains {law.share:.0%} of the remaining error"
+    )
 
 
 def forms(found: Diagnosis) -> str:
-    """Whether the form of what was found is decided; "" where no other was tried, or needed."""
+    """The decision between forms of the answer; "" if no other was tried, or needed."""
     first = {each.described for each in found.answers[0]}
     others = {each.described for answer in found.other_forms for each in answer} - first
     if not others:
         return ""
     return (
-        f"The form is not decided: {' or '.join(sorted(others))} explains these recordings as well. "
-        "The cause is the same; what it does in other motions may differ."
+        f"The form is undecided: {' or '.join(sorted(others))} explains these recordings as well. "
+        "The cause is the same; other motions may differ."
     )
 
 
 def numbers(found: Diagnosis) -> str:
-    """Where the plant's own time steps are too long for these recordings; "" where they will do."""
+    """Note on too long time steps of the plant for these recordings; "" if they are short enough."""
     steps = found.time_steps
     if not steps.shorter:
         return ""
     return (
-        f"The plant's own time steps of {1000 * steps.own:g} ms are too long for {steps.shorter} of "
-        f"{len(steps.taken)} windows, which fit better in steps of down to {1000 * min(steps.taken):g} ms. "
-        "What that changes is numbers, and counts for no effect."
+        f"The plant's own time steps of {1000 * steps.own:g} ms are too long for {steps.shorter} "
+        f"of {len(steps.taken)} windows, which fit better in steps of down to "
+        f"{1000 * min(steps.taken):g} ms. The difference is numerical, and not attributed to an "
+        "effect."
     )
 
 
 def held_back(found: Diagnosis) -> str:
-    """What the plant was not sure of, that these recordings take to be further off; "" for nothing."""
+    """Uncertain numbers of the plant that these recordings put at their limit; "" for none."""
     names = ", ".join(each.effect for each in found.calibration if each.held_back)
     if not names:
         return ""
     believed = found.settings.fitting.jacobian.believed
     return (
-        f"These recordings ask for more of {names} than is believed ({believed:g} of the deviations that "
-        "were named). Name a larger deviation, or look for what else is missing."
+        f"These recordings require more of {names} than is allowed ({believed:g} of the given "
+        "standard deviations). Give a larger standard deviation, or look for something else that "
+        "is missing."
     )
 
 
 def as_built(found: Diagnosis) -> str:
-    """What numbers of the robot that are all a little off have to do with the answer; "" for nothing."""
+    """The part of numbers of the robot as built in the answer; "" for none."""
     built = found.as_built
     if built is None:
         return ""
     first = ", ".join(each.label for each in built.farthest[:SHOWN])
     return (
-        f"{built.count} numbers of the MJCF, all a little off, explain more than any other effect. Each is "
-        f"off by {built.root_mean_square:.1f} of the deviation that is usual for it (root mean square), most "
-        f"of all {first}. They are fitted beside the answer, and not adopted."
-        + (f" {NEARER.format(built.share)}" if built.share < 1.0 else "")
+        f"{built.count} numbers of the MJCF, all slightly off, explain more than any other "
+        f"effect. Each deviates by {built.root_mean_square:.1f} of its usual standard deviation "
+        f"(root mean square), most of all {first}. They are fitted together with the answer, and "
+        "not adopted." + (f" {NEARER.format(built.share)}" if built.share < 1.0 else "")
     )
 
 
 def at_bounds(found: Diagnosis) -> str:
-    """Which fitted values of the answers ended at a bound; "" for none."""
+    """Fitted values of the answers at a bound; "" for none."""
     ended = {
         f"{value.name} of {each.label} is at its bound, {value.in_plant:.4g} {value.unit.strip('-')}".strip()
         + f" (its interval reaches to {_farther(value):.4g})"
@@ -295,13 +313,13 @@ def at_bounds(found: Diagnosis) -> str:
     if not ended:
         return ""
     return (
-        f"{'; '.join(sorted(ended))}. The true value may be beyond it; a part of the error then stays, as if "
-        "something else were missing."
+        f"{'; '.join(sorted(ended))}. The true value may be beyond it; a part of the error then "
+        "remains, as if something else were missing."
     )
 
 
 def suspects(found: Diagnosis) -> str:
-    """Which number of the MJCF may be what is wrong instead; "" for none."""
+    """Number of the MJCF that may be wrong instead; "" for none."""
     if not found.suspects:
         return ""
     first, *others = found.suspects
@@ -309,13 +327,14 @@ def suspects(found: Diagnosis) -> str:
         return _far_off(first)
     ways = f"{abs(first.off):.1%} {'more' if first.off > 0 else 'less'} of {first.name}"
     does = "more than" if first.more else "nearly as much as"
-    explains = f"{does} {first.instead}" if first.instead else "some of what is left"
+    explains = f"{does} {first.instead}" if first.instead else "some of the residual"
     names = " or ".join(each.name for each in others)
     also = f" Another {names} would explain about as much." if others else ""
     share = max(1, round(100 * abs(first.off)))
     return (
-        f"Or a number of the MJCF is wrong: {ways} would explain {explains} (score {first.score:.0f}).{also} "
-        f"If you are not sure of it, ask again with --unsure {first.name}={share}%."
+        f"Or a number of the MJCF is wrong: {ways} would explain {explains} (score "
+        f"{first.score:.0f}).{also} If you are not sure of it, repeat the diagnosis with --unsure "
+        f"{first.name}={share}%."
     )
 
 
@@ -345,7 +364,7 @@ def _far_off(suspect: SuspectParameter) -> str:
 
 
 def _subject(found: Diagnosis) -> str:
-    """What was tested."""
+    """The subject of the test."""
     return f"model {found.model}" if found.model else "plant"
 
 

@@ -1,4 +1,4 @@
-"""The window that a plant fits worst, as a video: before and after the diagnosis, beside each other."""
+"""The worst window of a plant as a video: before and after the diagnosis, side by side."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ FARTHEST = 0.25  # that a point may then seem to be off, as a share of the robot
 
 @dataclass(frozen=True)
 class WorstWindow:
-    """What is drawn of the window that the plant as it was fits worst; T steps.
+    """The worst window of the initial plant, for drawing; T steps.
 
     Attributes:
-      robot: that is drawn.
+      robot: to draw.
       dt: control step [s].
       recording: number of the recording, from 0.
       begin, end: of the window in the recording [s].
       measured: (T, P, 3) points without noise [m].
-      predicted: (T, P, 3) by the plant as it was, and where something was found, by the one with the first
-        answer [m].
-      winch: (T, W) positions as they are known [m].
-      times: as large as it is a difference is drawn.
+      predicted: (T, P, 3) by the initial plant, and if something was found, by the one with the
+        first answer [m].
+      winch: (T, W) best known positions [m].
+      times: magnification of differences in the drawing.
     """
 
     robot: Robot
@@ -52,11 +52,11 @@ class WorstWindow:
 
     @classmethod
     def of(cls, found: Diagnosis, robot: Robot, recordings: Sequence[Trajectory]) -> WorstWindow:
-        """Look for it.
+        """Find the window.
 
         Args:
           found: the diagnosis.
-          robot: that was diagnosed.
+          robot: of the diagnosis.
           recordings: that were fitted.
         """
         evidence, dt = found.evidence, found.evidence.dt
@@ -81,13 +81,13 @@ class WorstWindow:
         )
 
     def film(self, path: Path) -> Path:
-        """Film it, each prediction beside the one before.
+        """Film it, the predictions side by side.
 
         Args:
           path: of the mp4.
 
         Raises:
-          Exception: whatever a graphics driver throws where nothing can be drawn.
+          Exception: any error of a graphics driver without rendering.
         """
         films = [self._frames(points) for points in self.predicted]
         rows = (np.concatenate(parts, axis=1) for parts in zip(*films, strict=True))
@@ -102,6 +102,6 @@ class WorstWindow:
 
 
 def _times(off: Floats, robot: Robot) -> int:
-    """How many times as large differences (T, P, 3) are drawn, so that there is room for them."""
+    """Magnification of differences (T, P, 3) in the drawing, within the available room."""
     room = FARTHEST * robot.length / max(float(np.linalg.norm(off, axis=-1).max()), 1e-9)
     return max((each for each in MAGNIFIED if each <= room), default=1)

@@ -16,7 +16,7 @@ MEASURES = (("e_pos_rmse", "position error, RMSE/L [%]"), ("e_rot", "rotation er
 
 
 def error_by_lead_time(run: RunResult) -> Figure | None:
-    """How errors grow with lead time, for each iteration's model of the MPPI arm."""
+    """Growth of errors with lead time, for each iteration's model of the MPPI arm."""
     results = [(i, e) for i in run.of_arm("mppi") if (e := run.test_errors(i)) and e.by_lead_time]
     if not results:
         return None
@@ -92,7 +92,7 @@ def training_curves(run: RunResult) -> Figure | None:
 
 
 def overlay(run: RunResult) -> Figure | None:
-    """One test window from above, as it was and as predicted by the last iteration's model."""
+    """One test window from above, measured and as predicted by the last iteration's model."""
     results = [i for i in run.of_arm("mppi") if i.overlay is not None]
     if not results:
         return None
@@ -107,7 +107,7 @@ def overlay(run: RunResult) -> Figure | None:
 
 
 def _measures(run: RunResult) -> tuple[tuple[str, str], ...]:
-    """What is drawn: no rotations if orientation is not observable."""
+    """Errors to draw: no rotations if orientation is not observable."""
     errors = [found for result in run.iterations if (found := run.test_errors(result))]
     return MEASURES[:1] if any(each.short.turnless for each in errors) else MEASURES
 
@@ -144,7 +144,7 @@ def _error_lines(axes: Axes, run: RunResult, kind: str, measure: str) -> None:
 
 
 def _diverged(axes: Axes, iteration: int, colour: str) -> None:
-    """Say why a point is missing."""
+    """Write the reason for a missing point."""
     axes.annotate(
         "\N{MULTIPLICATION SIGN} diverged",
         (iteration, 0.93),
@@ -158,7 +158,7 @@ def _diverged(axes: Axes, iteration: int, colour: str) -> None:
 
 
 def _floors(run: RunResult) -> list[tuple[str, Errors, dict[str, Any]]]:
-    """MuJoCo restarted from the same observations: name, errors and line style of each that was measured."""
+    """MuJoCo restarted from the same observations: name, errors and line style of each measured one."""
     floors = [
         ("floor", run.floor, style.FLOOR_LINE),
         ("informed floor", run.informed_floor, style.INFORMED_LINE),

@@ -1,4 +1,4 @@
-"""The pictures of experiments that are still to be made."""
+"""The figures of planned experiments."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LIKE = 20  # candidates of the matrix
 
 
 def svg(draw: Callable[[], Figure]) -> bytes:
-    """A figure, drawn in the house's style, as SVG."""
+    """A figure, drawn in the common style, as SVG."""
     with matplotlib.rc_context(style.RC):
         file = BytesIO()
         draw().savefig(file, format="svg", metadata={"Date": None})
@@ -27,17 +27,17 @@ def svg(draw: Callable[[], Figure]) -> bytes:
 
 
 def smallest_sizes(found: Power) -> Figure:
-    """Smallest size that would be seen, of every candidate that can be seen."""
+    """Smallest visible size of every visible candidate."""
     shown = [prospect for prospect in found.prospects if prospect.visible][::-1]
     figure = Figure(figsize=(8.0, 1.0 + 0.22 * max(1, len(shown))))
     axes = figure.add_subplot()
     colours = [style.MPPI if prospect.shown else style.FAINT for prospect in shown]
     axes.barh(range(len(shown)), [p.smallest for p in shown], color=colours, height=0.7)
     axes.set_yticks(range(len(shown)), [p.candidate.label for p in shown])
-    axes.axvline(found.size, color=style.INK, linestyle=(0, (1, 1.6)), label="asked about")
+    axes.axvline(found.size, color=style.INK, linestyle=(0, (1, 1.6)), label="requested size")
     style.logarithmic(axes.xaxis)
     axes.set_ylim(-0.7, len(shown) - 0.3)
-    axes.set_xlabel("smallest size that would be seen, in typical sizes")
+    axes.set_xlabel("smallest visible size, in typical sizes")
     axes.grid(axis="y", visible=False)
     axes.legend(loc="upper right")
     return figure
@@ -58,7 +58,7 @@ def likeness(found: Power) -> Figure:
 
 
 def told_apart(found: Design) -> Figure:
-    """Separation of every pair of rivals, beside that of plain random scripts."""
+    """Separation of every pair of effects, compared with plain random scripts."""
     figure = Figure(figsize=(8.0, 1.1 + 0.5 * len(found.pairs)))
     axes = figure.add_subplot()
     place = np.arange(len(found.pairs))[::-1]
@@ -67,7 +67,7 @@ def told_apart(found: Design) -> Figure:
     plain = [pair.plain for pair in found.pairs]
     axes.barh(place - 0.19, plain, height=0.36, color=style.FAINT, label="random steps, median")
     axes.set_yticks(place, [f"{p.first.label} or {p.second.label}" for p in found.pairs])
-    axes.axvline(found.needed, color=style.INK, linestyle=(0, (1, 1.6)), label="told apart")
+    axes.axvline(found.needed, color=style.INK, linestyle=(0, (1, 1.6)), label="distinguished")
     axes.set_xlabel("separation [sigma]")
     axes.grid(axis="y", visible=False)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)
@@ -91,7 +91,7 @@ def search(found: Design) -> Figure:
 
 
 def winch_paths(found: Design, winches: Sequence[str]) -> Figure:
-    """Where the script brings each winch."""
+    """Positions of each winch under the script."""
     columns = min(3, len(winches))
     rows = -(-len(winches) // columns)
     figure = Figure(figsize=(9.5, 0.5 + 1.5 * rows))

@@ -1,4 +1,4 @@
-"""Pages about experiments that are still to be made: what they would show."""
+"""Pages about planned experiments: effects that they would show."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from flywheel.reports.experiment_figures import (
 from flywheel.reports.html import Shown, data_uri, render
 
 PREDICTED = (
-    "All of this is predicted by the plant, for small effects around it. A robot that lacks much is "
-    "elsewhere after a second than the plant says.",
-    "What unknown starts of the windows, unknown offsets of the winches and smaller time steps could "
-    "explain does not count.",
+    "All of this is predicted by the plant, for small effects around it. A robot with large "
+    "missing effects leaves the predicted motion within a second.",
+    "The part that unknown starts of the windows, unknown offsets of the winches and smaller "
+    "time steps could explain does not count.",
 )
 
 
 @dataclass(frozen=True)
 class Listing:
-    """A table, ready to be shown."""
+    """A table, ready for display."""
 
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
 
 
 def power_sentence(found: Power) -> str:
-    """What commands would show, in words."""
+    """Effects visible under given commands, in words."""
     shown = [prospect for prospect in found.prospects if prospect.shown]
     alone = [prospect for prospect in shown if not prospect.taken_for]
     size = "their typical size" if found.size == 1 else f"{found.size:g} times their typical size"
     return (
-        f"At {size} these commands would show {len(shown)} of {len(found.prospects)} candidates, and "
-        f"tell {len(alone)} of them from every other one."
+        f"At {size} these commands would show {len(shown)} of {len(found.prospects)} candidates, "
+        f"and distinguish {len(alone)} of them from every other one."
     )
 
 
 def confusions(found: Power) -> list[str]:
-    """For each candidate that would be seen, but not for sure as itself, what it may be taken for."""
+    """For each visible but ambiguous candidate, the ones it may be taken for."""
     return [
         f"{p.candidate.label} may be taken for {', '.join(c.label for c in p.taken_for)}."
         for p in found.prospects
@@ -56,16 +56,16 @@ def confusions(found: Power) -> list[str]:
 
 
 def design_sentence(found: Design) -> str:
-    """What a script is worth, in words."""
+    """Value of a script, in words."""
     if not found.enough:
         return (
-            f"No script was found that tells the rivals apart: {found.separation:.1f} sigmas, and "
-            f"{found.needed:g} are needed. A longer script, less noise or another sensor may do it."
+            f"No script was found that distinguishes the effects: {found.separation:.1f} sigmas, and "
+            f"{found.needed:g} are needed. A longer script, less noise or another sensor may help."
         )
     ratio = f"{found.separation / found.plain:.1f} times" if found.plain > 0 else "infinitely"
     return (
-        f"These commands tell the rivals at least {found.separation:.1f} sigmas apart, {ratio} as far as "
-        f"random steps of the same length ({found.plain:.1f})."
+        f"These commands separate the effects by at least {found.separation:.1f} sigmas, {ratio} "
+        f"as much as random steps of the same length ({found.plain:.1f})."
     )
 
 
@@ -74,16 +74,26 @@ def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Pat
     figures = [
         _shown(
             svg(lambda: smallest_sizes(found)),
-            "How small an effect would show",
-            "Blue: the size asked about would be seen. Candidates without a bar are invisible.",
+            "Smallest visible effects",
+            "Blue: the requested size would be visible. Candidates without a bar are invisible.",
         ),
         _shown(
             svg(lambda: likeness(found)),
-            "Who would be taken for whom",
-            "Of the candidates that show best: near one, the experiment can hardly tell two apart.",
+            "Candidates that resemble each other",
+            (
+                "Of the candidates that show best: near one, the experiment can hardly distinguish "
+                "the two."
+            ),
         ),
     ]
-    columns = ("effect", "smallest seen", "in typical sizes", "most like", "|cos|", "apart [sigma]")
+    columns = (
+        "effect",
+        "smallest visible",
+        "in typical sizes",
+        "most like",
+        "|cos|",
+        "apart [sigma]",
+    )
     rows = []
     for p in found.prospects:
         unit, rival = p.candidate.effect.sizes[0].unit, p.rival
@@ -113,23 +123,26 @@ def write_design(
     Args:
       found: to show.
       path: of the file.
-      about: where it comes from, as lines of two columns.
+      about: its provenance, as lines of two columns.
       winches: their names.
     """
     figures = [
         _shown(
             svg(lambda: told_apart(found)),
-            "How far apart",
-            "What one rival at its typical size changes and the other, at any size, cannot explain.",
+            "Separation",
+            (
+                "The change caused by one effect at its typical size that the other cannot explain "
+                "at any size."
+            ),
         ),
         _shown(
             svg(lambda: winch_paths(found, winches)),
-            "Where the winches go",
-            f"Rest lengths under the commands. The script began as one of {found.family!r}.",
+            "Positions of the winches",
+            f"Rest lengths under the commands. The script started as one of {found.family!r}.",
         ),
         _shown(svg(lambda: search(found)), "The search", "Scripts are drawn, and the best varied."),
     ]
-    columns = ("rivals", "", "|cos|", "apart [sigma]", "random: |cos|", "random: apart [sigma]")
+    columns = ("effects", "", "|cos|", "apart [sigma]", "random: |cos|", "random: apart [sigma]")
     rows = [
         (
             pair.first.label,
@@ -168,7 +181,10 @@ def _write(
     about: Mapping[str, str],
     enough: float,
 ) -> Path:
-    counts = f"{enough:g} sigmas count as seen, and as told apart: a score of {enough**2:g} in a diagnosis."
+    counts = (
+        f"{enough:g} sigmas count as visible, and as distinguished: a score of {enough**2:g} in a "
+        "diagnosis."
+    )
     page = render(
         "experiment",
         title=title,

@@ -22,9 +22,9 @@ class Picture:
     """One figure of a run.
 
     Attributes:
-      draw: makes it, or gives None where the run has nothing to show yet.
+      draw: makes it, or returns None without data.
       title: above it.
-      caption: below it; says what each line and mark means.
+      caption: below it; explains each line and mark.
     """
 
     draw: Callable[[RunResult], Figure | None]
@@ -36,54 +36,54 @@ FIGURES: dict[str, Picture] = {
     "robot": Picture(
         robot_figures.on_the_robot,
         "On the robot",
-        "Left: predictions of the robot's held-out recordings, which nothing learned from, by the MJCF as it "
-        "was given, by the plant with the effects that diagnoses found, and by the network; the dashed green "
-        "line is the noise of the measurements. Right: goals that MPPI reached on the robot with each of "
-        "them, with Wilson's 95% interval.",
+        "Left: predictions of the robot's held-out recordings, which were not used for learning, "
+        "by the unchanged MJCF, by the plant with the identified effects, and by the network; "
+        "the dashed green line is the measurement noise. Right: goals reached by MPPI on the "
+        "robot with each of them, with Wilson's 95% interval.",
     ),
     "success": Picture(
         goal_figures.success_over_iterations,
         "Goals reached",
-        "Share of the evaluation tasks reached in time, with Wilson's 95% interval. The same "
+        "Fraction of the evaluation tasks reached in time, with Wilson's 95% interval. The same "
         "tasks in every iteration and arm. Iteration 0 is common to both arms.",
     ),
     "errors": Picture(
         error_figures.error_over_iterations,
         "Prediction errors over iterations",
-        "Test episodes are never trained on. The floors are the plant itself, restarted from what "
-        "the model may see: with the unseen roll of the rods drawn at random, and (informed) computed "
-        "from the cables by exact parameters.",
+        "Test episodes are never trained on. The floors are the plant itself, restarted from the "
+        "model's inputs: with the invisible roll of the rods drawn at random, and (informed) "
+        "computed from the cables by exact parameters.",
     ),
     "ladder": Picture(
         ladder_figures.ladder_over_iterations,
-        "Nearer to the recordings",
-        "Left: the plant that data are simulated on, with the starts of all windows fitted; a step "
-        "down is named after what a diagnosis added. Right: the networks trained on it, predicting "
-        "from what was measured.",
+        "Progress on the recordings",
+        "Left: the plant of the simulated data, with the starts of all windows fitted; a step "
+        "down is labelled with the effect added by a diagnosis. Right: the networks trained on "
+        "it, predicting from measurements.",
     ),
     "lead-time": Picture(
         error_figures.error_by_lead_time,
         "Prediction errors by lead time",
         "MPPI arm, light to dark from the first to the last iteration. Dashed: the floors. "
-        "Dotted: the prediction that nothing moves.",
+        "Dotted: the prediction without motion.",
     ),
     "walks": Picture(
         goal_figures.walks,
-        "Where the robot went",
-        "Every evaluation episode from above, on a course among its obstacles, elsewhere moved to a "
-        "common start (+). Blue, solid: reached its goal (circle, drawn to its tolerance). Orange, "
-        "dashed: did not.",
+        "Paths of the robot",
+        "Every evaluation episode from above, on a course among its obstacles, elsewhere moved "
+        "to a common start (+). Blue, solid: reached its goal (circle, drawn to its tolerance). "
+        "Orange, dashed: did not.",
     ),
     "unseen": Picture(
         goal_figures.unseen_courses,
         "Courses that no model was trained on",
-        "The last champion's ways, and beside them those of MPPI that knows the plant.",
+        "The last champion's paths, and those of MPPI that knows the plant.",
     ),
     "times": Picture(
         goal_figures.times_to_goal,
         "Time to the goal",
-        "One dot per episode that reached its goal; the bar is their median. The grey line is the "
-        "time allowed.",
+        "One dot per episode that reached its goal; the bar is their median. The grey line is "
+        "the time limit.",
     ),
     "overlay": Picture(
         error_figures.overlay,
@@ -105,7 +105,7 @@ FIGURES: dict[str, Picture] = {
 
 
 def draw(name: str, run: RunResult, format: Literal["svg", "png"] = "svg") -> bytes | None:
-    """One figure as a file's bytes, the same for the same run; None where there is nothing to show.
+    """One figure as a file's bytes, the same for the same run; None without data.
 
     Raises:
       UnknownNameError: no such figure.
@@ -115,7 +115,7 @@ def draw(name: str, run: RunResult, format: Literal["svg", "png"] = "svg") -> by
 
 
 def as_file(drawn: Callable[[], Figure | None], format: Literal["svg", "png"]) -> bytes | None:
-    """A figure in our style as a file's bytes; None where there is nothing to show."""
+    """A figure in the common style as a file's bytes; None without data."""
     with matplotlib.rc_context(style.RC):
         figure = drawn()
         if figure is None:
@@ -129,7 +129,7 @@ def as_file(drawn: Callable[[], Figure | None], format: Literal["svg", "png"]) -
 def write_figures(
     run: RunResult, folder: str | Path, format: Literal["svg", "png"] = "png"
 ) -> list[Path]:
-    """Write every figure that the run has data for as `<folder>/<name>.<format>`."""
+    """Write every figure with data as `<folder>/<name>.<format>`."""
     folder = Path(folder)
     written = []
     for name in FIGURES:

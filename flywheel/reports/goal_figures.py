@@ -59,7 +59,7 @@ def success_over_iterations(run: RunResult) -> Figure | None:
 
 
 def times_to_goal(run: RunResult) -> Figure | None:
-    """Each episode's time to the goal, the median, and how many missed it."""
+    """Each episode's time to the goal, the median, and the number of misses."""
     series = _series(run)
     if not series:
         return None
@@ -105,9 +105,9 @@ def unseen_courses(run: RunResult) -> Figure | None:
 
 
 def paths_from_above(drivers: Series) -> Figure | None:
-    """Paths of each of some drivers, side by side, with their goals; None where there is not one.
+    """Paths of some drivers, side by side, with their goals; None if there are none.
 
-    On a course as they were, among its obstacles; elsewhere all begun at one point.
+    On a course in place, among its obstacles; elsewhere moved to a common start.
 
     Args:
       drivers: name, colour and episodes of each.
@@ -138,7 +138,7 @@ def paths_from_above(drivers: Series) -> Figure | None:
 
 
 def planning_times(run: RunResult) -> Figure | None:
-    """How long one plan takes, over all iterations of the MPPI arm, and for the oracle."""
+    """Planning time, over all iterations of the MPPI arm, and for the oracle."""
     own = [s for i in run.of_arm("mppi") if i.navigation for s in i.navigation.plan_seconds]
     oracle = run.oracle.plan_seconds if run.oracle is not None else ()
     if not own:
@@ -201,7 +201,7 @@ def _times(axes: Axes, place: int, colour: str, navigation: Navigation, allowed:
 
 
 def _titled(name: str, navigation: Navigation, columns: int) -> str:
-    """Who drove and how often that reached its goal, above one of so many panels."""
+    """Name and success of the driver, above one of so many panels."""
     count = navigation.success
     title = f"{' '.join(name.split())}: {count.reached}/{count.total}"
     return textwrap.fill(title, LETTERS // columns)
@@ -214,7 +214,7 @@ def _seen_from_above(
     middle: Floats,
     reach: float,
 ) -> None:
-    """One driver's paths, in a square around (2,) that reaches so far [m]."""
+    """One driver's paths, in a square around (2,) of given half width [m]."""
     _obstacles(axes, course)
     _paths(axes, navigation, bool(course))
     axes.set(aspect="equal")
@@ -223,7 +223,7 @@ def _seen_from_above(
 
 
 def _course(series: Series) -> tuple[Box, ...]:
-    """The obstacles that all episodes went among; none where these differ."""
+    """The common obstacles of all episodes; none if these differ."""
     found = {walk.obstacles for _, _, navigation in series for walk in navigation.walks}
     return found.pop() if len(found) == 1 else ()
 
@@ -251,7 +251,7 @@ def _paths(axes: Axes, navigation: Navigation, absolute: bool) -> None:
 
 
 def _frame(series: Series, course: tuple[Box, ...]) -> tuple[Floats, float]:
-    """Middle (2,) and half width [m] of a square around all that is drawn."""
+    """Middle (2,) and half width [m] of a square around all drawn items."""
     walks = [walk for _, _, navigation in series for walk in navigation.walks if walk.path]
     room = max(navigation.tolerance for _, _, navigation in series)
     if not course:

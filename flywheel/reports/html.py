@@ -1,4 +1,4 @@
-"""Pages from the templates beside this file: names in them are text, never HTML."""
+"""Pages from the templates next to this file: names in them are text, never HTML."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure or video as templates take it."""
+    """A figure or video in the form for templates."""
 
     name: str
     title: str
@@ -24,7 +24,7 @@ def render(template: str, **fields: Any) -> str:
 
     Args:
       template: its name, without the ending.
-      fields: what the template shows.
+      fields: of the template.
     """
     environment = Environment(
         loader=PackageLoader("flywheel.reports"),

@@ -1,4 +1,4 @@
-"""How plant and network come nearer to the recordings, effect by effect."""
+"""Progress of plant and network on the recordings, effect by effect."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def ladder_over_iterations(run: RunResult) -> Figure | None:
 
 
 def _plant(axes: Axes, run: RunResult) -> None:
-    """Root mean square with fitted starts; a step down is labelled with what was added."""
+    """Root mean square with fitted starts; a step down is labelled with the added effect."""
     notes = {t.iteration: t.diagnosis for t in run.of_arm("mppi") if t.diagnosis is not None}
     first = min(notes)
     fitted, held_out = (

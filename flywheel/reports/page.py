@@ -1,4 +1,4 @@
-"""The page of a run: one HTML file that needs nothing else, neither network nor neighbours."""
+"""The page of a run: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ LARGEST_VIDEO = 16 * 2**20  # bytes; a page has to be mailed around
 
 LIMITS = (
     "One seed: differences between iterations of one run do not carry over to other seeds.",
-    "Position errors are squared distances of centres of mass: MSE/L has the unit of a length and "
-    "is shown times 100, RMSE/L is a share of the robot's characteristic length L.",
+    "Position errors are squared distances of centres of mass: MSE/L has the unit of a length "
+    "and is shown times 100, RMSE/L is a fraction of the robot's characteristic length L.",
     "Intervals are Wilson's, at 95%; they cover the choice of tasks, not that of the training.",
 )
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table of results; every cell is ready to be shown."""
+    """A line of the table of results; every cell is ready for display."""
 
     name: str
     kind: str
@@ -53,11 +53,11 @@ def write_page(folder: str | Path, run: RunResult | None = None) -> Path:
     """Write `<folder>/report.html` about a run, finished or not.
 
     Args:
-      folder: of the run; holds its videos.
-      run: by default as the folder's `result.json` has it.
+      folder: of the run; contains its videos.
+      run: by default from the folder's `result.json`.
 
     Raises:
-      DataError: the folder holds no run.
+      DataError: the folder contains no run.
     """
     folder = Path(folder)
     page = render_page(run or RunResult.load(folder), folder)
@@ -88,7 +88,7 @@ def render_page(run: RunResult, folder: Path) -> str:
 
 
 def result_rows(run: RunResult) -> list[Row]:
-    """Every iteration of both arms, then the lines that they are judged by."""
+    """Every iteration of both arms, then the lines for comparison."""
     rows = [_iteration_row(run, result) for arm in run.arms for result in run.of_arm(arm)
             if result.arm == arm]  # fmt: skip
     beside: list[tuple[str, Errors | None, Navigation | None]] = [
@@ -112,7 +112,7 @@ def result_rows(run: RunResult) -> list[Row]:
 
 @dataclass(frozen=True)
 class RobotRow:
-    """A line of the table about the robot; every cell is ready to be shown."""
+    """A line of the table about the robot; every cell is ready for display."""
 
     iteration: str
     minutes: str
@@ -125,7 +125,7 @@ class RobotRow:
 
 
 def robot_rows(run: RunResult) -> list[RobotRow]:
-    """What each model of each iteration came to on the robot; empty for a run without one."""
+    """Results of each model of each iteration on the robot; empty for a run without one."""
     rows = []
     for result in run.of_arm("mppi"):
         if (robot := result.robot) is None:
@@ -150,7 +150,7 @@ def robot_rows(run: RunResult) -> list[RobotRow]:
 
 
 def robot_time(run: RunResult) -> list[str]:
-    """How much robot time each model needed, as sentences."""
+    """Robot time needed by each model, as sentences."""
     sentences = []
     for model in ("plant", "residual", "network"):
         if (minutes := run.minutes_to_best(model)) is not None:
@@ -245,9 +245,9 @@ def _videos(run: RunResult, folder: Path) -> list[Shown]:
 
 
 def _who(result: IterationResult) -> str:
-    """Who drives in the video of an iteration."""
+    """The driver in the video of an iteration."""
     if result.robot is not None:
-        return f"The robot as it was measured, MPPI on model {result.robot.filmed}"
+        return f"The robot as measured, MPPI on model {result.robot.filmed}"
     return f"MPPI on this iteration's model; {PATHS}"
 
 
@@ -261,19 +261,19 @@ def _video(folder: Path, title: str, name: str, who: str) -> Shown:
 
 
 def _missing(run: RunResult) -> list[str]:
-    """What this run does not tell, because it was not measured (yet)."""
+    """Missing results of this run, because they were not measured (yet)."""
     sentences = []
     if not run.finished:
-        sentences.append("The run has not ended: what is measured at its end is missing here.")
+        sentences.append("The run has not ended: the measurements at its end are missing here.")
     if not run.pooled:
         sentences.append(
             "Test errors are on the test episodes that each iteration had, not on common ones: "
             "they are not strictly comparable."
         )
     if run.floor is None:
-        sentences.append("No floor was measured: how small the errors can be is not known.")
+        sentences.append("No floor was measured: the smallest possible errors are unknown.")
     if run.oracle is None:
-        sentences.append("No oracle was run: how many goals can be reached at all is not known.")
+        sentences.append("No oracle was run: the number of reachable goals is unknown.")
     if "control" not in run.arms:
         sentences.append("No control arm: more data and more training alone may explain a gain.")
     return sentences

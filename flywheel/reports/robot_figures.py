@@ -1,4 +1,4 @@
-"""What a run came to on its robot: errors and success of each model, over iterations and robot time."""
+"""Results of a run on its robot: errors and success of each model, over iterations and robot time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flywheel.results import RunResult
 
 NAMES = {
     "given": "MJCF as given",
-    "plant": "MJCF with found effects",
+    "plant": "MJCF with identified effects",
     "residual": "residual model (plant and network)",
     "network": "network",
 }
@@ -78,7 +78,7 @@ def _errors(axes: Axes, run: RunResult) -> None:
 
 
 def _name_steps(axes: Axes, run: RunResult) -> None:
-    """What was added to the plant, at the iteration where it was."""
+    """Labels of the effects added to the plant, at their iterations."""
     plant = {i: e.short.e_pos_rmse for i, e in run.robot_errors("plant").items()}
     for result in run.of_arm("mppi"):
         note = result.diagnosis

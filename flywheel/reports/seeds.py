@@ -1,4 +1,4 @@
-"""What several runs of one configuration with different seeds say together."""
+"""Summary of several runs of one configuration with different seeds."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class SeedRow:
     """One line of the summary.
 
     Attributes:
-      name: of the model, or of what models are compared with.
+      name: of the model, or of the line for comparison.
       e_pos_mse, e_pos_rmse, e_rot: short-horizon errors on each run's own pooled tests [%], [deg].
       full_rmse, full_rot: over whole episodes.
       success: of all runs' tasks together.
-      seconds: median time to the goal, of all that were reached [s].
+      seconds: median time to the goal, over all reached goals [s].
     """
 
     name: str
@@ -49,7 +49,7 @@ class SeedRow:
 
 
 def summarise(runs: Sequence[RunResult]) -> list[SeedRow]:
-    """One row per model and per line to compare with, over all runs.
+    """One row per model and per line for comparison, over all runs.
 
     Raises:
       DataError: no run, one that is not finished, two with the same seed, or with configurations that
@@ -76,10 +76,10 @@ def _check(runs: Sequence[RunResult]) -> None:
         raise DataError("There is no run to summarise.")
     for run in runs:
         if not run.finished:
-            raise DataError(f"The run {run.name!r} has not ended; go on with it first (--resume).")
+            raise DataError(f"The run {run.name!r} has not ended; complete it first (--resume).")
     seeds = [run.config.get("seed") for run in runs]
     if len(set(seeds)) < len(seeds):
-        raise DataError(f"Each run needs a seed of its own, got {', '.join(map(str, seeds))}.")
+        raise DataError(f"Each run needs a different seed, got {', '.join(map(str, seeds))}.")
     first = _without_seed(runs[0])
     for run in runs[1:]:
         if changes := list(differences(first, _without_seed(run))):
@@ -114,7 +114,7 @@ def _row(
 def _spread(
     errors: Sequence[Errors | None], number: Callable[[Errors], float | None]
 ) -> Spread | None:
-    """None where a run has no such number: a mean over some of the runs would mislead."""
+    """None if a run has no such number: a mean over some of the runs would mislead."""
     found = [None if e is None else number(e) for e in errors]
     values = [value for value in found if value is not None]
     if len(values) < len(found):

@@ -1,7 +1,7 @@
-"""How every figure looks: one style, and colours that people with colour blindness can tell apart.
+"""Style of all figures, with colours that people with colour blindness can distinguish.
 
-The colours are those of Okabe and Ito (2008, jfly.uni-koeln.de/color); what they mean is the same
-in every figure and on MLflow's charts, and nothing is told by colour alone.
+The colours are those of Okabe and Ito (2008, jfly.uni-koeln.de/color); their meaning is the same in
+every figure and on MLflow's charts, and nothing is shown by colour alone.
 """
 
 from __future__ import annotations
@@ -86,15 +86,15 @@ def whole_steps(axes: Axes, iterations: list[int]) -> None:
 
 
 class PlainNumbers(LogFormatter):
-    """Numbers of a logarithmic axis as one says them: 0.9 and 1.025, not 9e-01 and 1.025 x 10^0."""
+    """Numbers of a logarithmic axis in plain notation: 0.9 and 1.025, not 9e-01 and 1.025 x 10^0."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """The label of a tick; empty where there is no room for one."""
+        """The label of a tick; empty if there is no room for one."""
         return f"{x:g}" if super().__call__(x, pos) else ""
 
 
 def logarithmic(axis: Axis) -> None:
-    """Make an axis logarithmic, with labels between the powers of ten where it has few of these."""
+    """Make an axis logarithmic, with labels between the powers of ten if it has few of these."""
     which = "x" if axis is axis.axes.xaxis else "y"
     axis.axes.set(**{f"{which}scale": "log"})
     axis.set_major_formatter(PlainNumbers())

@@ -1,7 +1,7 @@
-"""The door through which a robot comes in: what it is to whoever drives it, and the ways to reach one.
+"""The interface to a robot, and the ways to reach one.
 
-`StandIn` is a robot that does not exist: the truth simulator with sensors. `SimulatedLink` has one in a
-process of its own, `TcpLink` reaches one by the network, `ReplayedLink` plays back what went over a link.
+`StandIn` is a simulated robot: the truth simulator with sensors. `SimulatedLink` runs one in its
+own process, `TcpLink` reaches one over the network, `ReplayedLink` replays the messages of a link.
 """
 
 from flywheel.robot_link.protocol import RobotInfo, RobotLink, Sample

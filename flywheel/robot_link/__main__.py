@@ -15,7 +15,7 @@ from flywheel.robots import read_robot
 
 
 def main() -> None:
-    """Serve one stand-in for as long as somebody holds the standard input."""
+    """Serve one stand-in until the standard input is closed."""
     if not (line := sys.stdin.buffer.readline()):
         return  # whoever started it is gone already
     order = json.loads(line)

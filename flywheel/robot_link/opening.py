@@ -1,4 +1,4 @@
-"""The ways to a robot, as people write them: `simulated`, `tcp://...`, `ros://...`, `MODULE:CLASS`."""
+"""The addresses of robots in written form: `simulated`, `tcp://...`, `ros://...`, `MODULE:CLASS`."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ def open_link(
     """Reach a robot.
 
     Args:
-      where: "simulated" for a stand-in in a process of its own, "tcp://HOST:PORT" (the port may be left
-        out), "ros://HOST:PORT" for rosbridge, or "MODULE:CLASS" for a class of one's own that
-        takes a Robot and the arguments.
+      where: "simulated" for a stand-in in its own process, "tcp://HOST:PORT" (the port may be
+        omitted), "ros://HOST:PORT" for rosbridge, or "MODULE:CLASS" for a user's class that takes a
+        Robot and the arguments.
       robot: of the MJCF.
       period: of a stand-in's control loop [s].
-      stand_in: what a stand-in is, beyond its MJCF.
-      arguments: of a class of one's own.
+      stand_in: its physics and sensors, beyond its MJCF.
+      arguments: of a user's class.
 
     Raises:
-      ConfigError: there is no such way.
-      LinkError: the robot is not there, is another one, or has another control period.
+      ConfigError: the address is invalid.
+      LinkError: the robot does not answer, is another one, or has another control period.
     """
     link = _opened(where, robot, period, stand_in or StandInConfig(), arguments or {})
     try:
@@ -73,7 +73,7 @@ def _opened(
     made = _made(_class(module, name), where, robot, arguments)
     if not isinstance(made, RobotLink):
         raise ConfigError(
-            f"{where} is no RobotLink: it needs info, reset, observe, send, stop and close."
+            f"{where} is not a RobotLink: it needs info, reset, observe, send, stop and close."
         )
     return made
 

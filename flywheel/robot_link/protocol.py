@@ -1,8 +1,8 @@
-"""What a robot is to whoever drives it: it is reset, observed, sent commands, and stopped.
+"""The interface of a robot to its driver: it is reset, observed, commanded, and stopped.
 
-**Time.** A robot has a clock of its own, in seconds since its last reset, and a control period. `observe`
-waits for the next period to begin; a command that is sent after it acts until the next one is sent, or
-until it is no longer valid. Then the robot holds its winches still.
+**Time.** A robot has its own clock, in seconds since its last reset, and a control period.
+`observe` waits for the next period to begin; a command sent after it acts until the next one is
+sent, or until it expires. Then the robot holds its winches.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from flywheel.robots import Robot
 
 @dataclass(frozen=True)
 class RobotInfo:
-    """What a robot says about itself.
+    """Description of a robot by itself.
 
     Attributes:
       name: of the robot.
-      points, winches: names of what it measures and of what it moves, as in its MJCF.
+      points, winches: names of its measured points and of its winches, as in its MJCF.
       control_low, control_high: (W,) limits of its commands.
       period: of its control loop [s].
-      latency: how old its measurements are when they arrive, as far as it knows [s].
-      dead_man: longest time that a command can be valid for [s].
-      real_time: its clock goes on by itself; else it waits to be observed.
+      latency: age of its measurements on arrival, as far as known [s].
+      dead_man: longest validity of a command [s].
+      real_time: its clock runs by itself; else it waits to be observed.
     """
 
     name: str
@@ -43,7 +43,7 @@ class RobotInfo:
     real_time: bool = False
 
     def check_is(self, robot: Robot) -> None:
-        """Refuse a robot that is not the one of an MJCF.
+        """Check that a robot is the one of an MJCF.
 
         Raises:
           LinkError: it has other points, winches or limits.
@@ -60,15 +60,15 @@ class RobotInfo:
             here, there = getattr(its, what), getattr(self, what)
             if not np.allclose(here, there, rtol=1e-6, atol=0.0):
                 raise LinkError(
-                    f"The robot {self.name} takes commands with {what} {there.tolist()}; the MJCF of "
-                    f"{robot.name} says {here.tolist()}."
+                    f"The robot {self.name} takes commands with {what} {there.tolist()}; the MJCF "
+                    f"of {robot.name} has {here.tolist()}."
                 )
 
     def check(self, sample: Sample) -> Sample:
-        """The sample, if it can be one of this robot.
+        """The sample, checked for this robot.
 
         Raises:
-          LinkError: it has another number of points or winches, or a time that is no number.
+          LinkError: it has another number of points or winches, or an invalid time.
         """
         shapes = sample.points.shape, sample.winch.shape
         if shapes != ((len(self.points), 3), (len(self.winches),)):
@@ -84,7 +84,7 @@ class RobotInfo:
 
     @classmethod
     def of(cls, robot: Robot, period: float, **more: float | bool) -> RobotInfo:
-        """What a robot of this MJCF says.
+        """The description of a robot of this MJCF.
 
         Args:
           robot: of the MJCF.
@@ -104,13 +104,13 @@ class RobotInfo:
 
 @dataclass(frozen=True)
 class Sample:
-    """What a robot measured.
+    """A measurement of a robot.
 
     Attributes:
       time: of the robot's clock now [s].
-      stamp: when this was measured, by the same clock [s]. A stamp that came before brings nothing new.
+      stamp: of the measurement, by the same clock [s]. A repeated stamp contains nothing new.
       points: (P, 3) positions of the tracked points [m]; NaN where missing.
-      winch: (W,) winch positions, as rest length paid out [m]; NaN where not measured.
+      winch: (W,) winch positions, as rest length paid out [m]; NaN if not measured.
     """
 
     time: float
@@ -120,48 +120,50 @@ class Sample:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """(P,) whether each point was measured."""
+        """(P,) bool: True for a measured point."""
         return np.asarray(np.isfinite(self.points).all(axis=-1))
 
 
 @runtime_checkable
 class RobotLink(Protocol):
-    """A robot that can be driven, real or simulated. One at a time may drive it.
+    """A robot that can be driven, real or simulated, by one driver at a time.
 
-    Every call raises LinkError where the robot cannot be reached, refuses, or answers with what cannot be
-    understood. It is stopped then, as far as it can be.
+    Every call raises LinkError if the robot cannot be reached, rejects the request, or gives an
+    invalid answer. It is stopped then, as far as possible.
     """
 
     @property
     def info(self) -> RobotInfo:
-        """What the robot says about itself."""
+        """The description of the robot."""
         ...
 
     def reset(self, seed: int = 0) -> None:
-        """Stand still where an episode begins; the clock begins at 0.
+        """Rest at the start of an episode; the clock starts at 0.
 
         Args:
-          seed: of what is random in a simulated robot. A real one has no use for it.
+          seed: of random numbers in a simulated robot. Ignored by a real one.
         """
         ...
 
     def observe(self) -> Sample:
-        """Wait for the next control period, and give the newest measurement. The first comes at once."""
+        """Wait for the next control period, and return the newest measurement. The first call
+        returns at once.
+        """
         ...
 
     def send(self, controls: Floats, valid_until: float) -> None:
-        """Command (W,) that acts from now on.
+        """Send a command (W,) that acts from now on.
 
         Args:
-          controls: within the limits; what is beyond is cut off.
-          valid_until: time of the robot's clock after which it holds still [s].
+          controls: clipped to the limits.
+          valid_until: time of the robot's clock after which it holds its winches [s].
         """
         ...
 
     def stop(self) -> None:
-        """Hold the winches still until the next command."""
+        """Hold the winches until the next command."""
         ...
 
     def close(self) -> None:
-        """Stop, and let others drive."""
+        """Stop, and release the robot for others."""
         ...

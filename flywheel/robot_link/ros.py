@@ -1,14 +1,14 @@
 """A robot behind ROS or ROS 2, by rosbridge (`roslibpy`).
 
-| topic or service | type | what |
+| topic or service | type | content |
 |---|---|---|
 | `points` | `sensor_msgs/PointCloud` | tracked points [m], in the MJCF's order; NaN or null where missing |
 | `winches` | `sensor_msgs/JointState` | positions of winches [m] by name; those with encoders |
 | `command` | `std_msgs/Float64MultiArray` | commands (W,), in the MJCF's order |
-| `reset` | `std_srvs/Trigger` | answers once the robot stands still where an episode begins |
+| `reset` | `std_srvs/Trigger` | answers once the robot rests at the start of an episode |
 
-ROS messages have no time until which they are valid. The node that moves the winches must hold them still
-itself when no command has come for `dead_man` seconds.
+ROS messages do not expire. The node that moves the winches must hold them itself if no command has
+come for `dead_man` seconds.
 """
 
 from __future__ import annotations
@@ -32,18 +32,19 @@ SILENCE = 1.0  # longest time without a measurement before the robot is taken to
 
 
 class RosLink:
-    """A robot that publishes its points and obeys commands. Implements `RobotLink`.
+    """A robot that publishes its points and subscribes to commands. Implements `RobotLink`.
 
-    Stamps are those of the messages' headers, counted from the first message after a reset, so that the
-    clocks of two machines need not agree. What was measured then is taken to be `latency` old.
+    Stamps are those of the messages' headers, counted from the first message after a reset, so that
+    the clocks of two machines need not agree. That first measurement is assumed to be `latency`
+    old.
 
     Args:
       robot: of its MJCF.
       host, port: of rosbridge.
       period: of the control loop [s].
       points, winches, command, reset: names of topics and of the service.
-      latency: how old measurements are when they arrive [s].
-      dead_man: after which the robot's node holds still without commands [s].
+      latency: age of measurements on arrival [s].
+      dead_man: time without commands after which the robot's node holds the winches [s].
 
     Raises:
       ConfigError: roslibpy is not installed.
@@ -98,14 +99,15 @@ class RosLink:
             topic.subscribe(told)
 
     def reset(self, seed: int = 0) -> None:
-        """Ask the robot to stand still where an episode begins; its clock begins with the next message."""
+        """Ask the robot to rest at the start of an episode; its clock starts with the next message."""
         try:
             answer = self._reset.call(self._request(), timeout=RESETTING)
         except Exception as error:
             raise LinkError(f"The robot at {self._where} was not reset: {error}.") from None
         if not answer.get("success", False):
             raise LinkError(
-                f"The robot at {self._where} was not reset: {answer.get('message') or 'it did not say why'}."
+                f"The robot at {self._where} was not reset: "
+                f"{answer.get('message') or 'without a reason'}."
             )
         self._command = self._robot.holding(self._robot.winch_of(self._robot.keyframe))
         with self._new:
@@ -121,9 +123,9 @@ class RosLink:
         time.sleep(max(0.0, self._steps * self.info.period - now))
         with self._new:
             if self._points is None:
-                raise LinkError("The robot has to be reset before it is driven.")
+                raise LinkError("The robot must be reset before it is driven.")
             if not self._ros.is_connected:
-                raise LinkError(f"The rosbridge at {self._where} is lost.")
+                raise LinkError(f"The connection to the rosbridge at {self._where} is lost.")
             if time.monotonic() - self._arrived > SILENCE:
                 raise LinkError(
                     f"The robot at {self._where} has measured nothing for {SILENCE:g} s."
@@ -144,11 +146,11 @@ class RosLink:
         self._publish(np.clip(controls, self.info.control_low, self.info.control_high))
 
     def stop(self) -> None:
-        """Publish the command that holds the winches still."""
+        """Publish a holding command."""
         self._publish(np.where(self._robot.rate_driven, 0.0, self._command))
 
     def close(self) -> None:
-        """Stop, and leave rosbridge."""
+        """Stop, and disconnect from rosbridge."""
         if self._ros.is_connected:
             self.stop()
             for topic in self._heard:
@@ -158,7 +160,7 @@ class RosLink:
 
     def _publish(self, controls: Floats) -> None:
         if not self._ros.is_connected:
-            raise LinkError(f"The rosbridge at {self._where} is lost.")
+            raise LinkError(f"The connection to the rosbridge at {self._where} is lost.")
         self._command = controls
         layout = {"dim": [], "data_offset": 0}
         self._commands.publish({"layout": layout, "data": controls.tolist()})

@@ -1,6 +1,7 @@
 """A stand-in behind a TCP port: in real time, or as fast as it is observed.
 
-One driver at a time is let in. When it leaves, is lost, or sends what is no message, the robot holds still.
+Only one driver can connect at a time. When it leaves, is lost, or sends an invalid message, the
+robot holds its winches.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ Say = Callable[[str], None]
 
 @dataclass
 class Pace:
-    """How well real time was kept.
+    """Statistics of real time.
 
     Attributes:
       periods: control periods so far.
-      late: of these, how many began more than a period late.
+      late: number of these that began more than a period late.
     """
 
     periods: int = 0
@@ -54,8 +55,8 @@ class RobotServer:
 
     Args:
       robot: the stand-in.
-      real_time: let its clock go on by itself; else it waits to be observed.
-      say: is told who comes and goes.
+      real_time: let its clock run by itself; else it waits to be observed.
+      say: receives connections and disconnections.
     """
 
     def __init__(
@@ -74,21 +75,21 @@ class RobotServer:
 
     @property
     def info(self) -> RobotInfo:
-        """What it says about itself."""
+        """Its description."""
         return replace(self._robot.info, real_time=self._real_time)
 
     async def serve(
         self, host: str, port: int, listening: Callable[[int], None] = lambda port: None
     ) -> None:
-        """Let drivers in, until cancelled.
+        """Accept drivers, until cancelled.
 
         Args:
-          host: this machine only, unless another address of it is given.
-          port: 0 for any that is free.
-          listening: is told the port.
+          host: the local machine only, unless another address of it is given.
+          port: 0 for any free one.
+          listening: receives the port.
 
         Raises:
-          LinkError: the port cannot be had.
+          LinkError: the port is not available.
         """
         try:
             server = await asyncio.start_server(self._let_in, host, port, limit=LONGEST_LINE)
@@ -120,13 +121,13 @@ class RobotServer:
                 await writer.wait_closed()
 
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> str:
-        """Answer one driver; why it ended."""
+        """Serve one driver; returns the reason for its end."""
         greeted = False
         while True:
             try:
                 line = await asyncio.wait_for(reader.readline(), self._silence)
             except TimeoutError:
-                return f"said nothing for {self._silence:g} s"
+                return f"was silent for {self._silence:g} s"
             except ValueError:
                 writer.write(
                     Refused(message=f"A message has at most {LONGEST_LINE:,} bytes.").line()
@@ -137,12 +138,12 @@ class RobotServer:
             try:
                 request = request_of(line)
                 if not greeted and not isinstance(request, Hello):
-                    raise LinkError("The first message is hello.")
+                    raise LinkError("The first message must be hello.")
                 greeted = True
                 answer = await self._answer(request)
             except FlywheelError as error:
                 writer.write(Refused(message=str(error)).line())
-                return f"was refused ({error})"
+                return f"was rejected ({error})"
             if answer is not None:
                 writer.write(answer.line())
                 await writer.drain()
@@ -168,13 +169,13 @@ class RobotServer:
         if isinstance(request, Stop):
             robot.stop()
             return Stopped()
-        raise LinkError(f"{type(request).__name__} is no message of a driver.")
+        raise LinkError(f"{type(request).__name__} is not a message of a driver.")
 
     async def _observed(self) -> Message:
         if not self._real_time:
             return Measured.of(self._robot.observe())
         if self._ticking is None:
-            raise LinkError("The robot has to be reset before it is driven.")
+            raise LinkError("The robot must be reset before it is driven.")
         ticking = self._ticking
         async with self._ticked:
             await self._ticked.wait_for(lambda: self.pace.periods > self._given or self._failed)
@@ -184,7 +185,7 @@ class RobotServer:
         return Measured.of(self._robot.sample())
 
     async def _tick(self) -> None:
-        """Let control periods pass in real time. A command counts for the period in which it came."""
+        """Run control periods in real time. A command counts for the period of its arrival."""
         period = self._robot.info.period
         while not self._failed:
             due = self._begun + (self.pace.periods + 1) * period

@@ -1,4 +1,4 @@
-"""A stand-in in a process of its own, which waits to be observed: the same commands give the same bits."""
+"""A stand-in in its own process, which waits to be observed: the same commands give the same bits."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ ENDING = 5.0  # that the process may take to end by itself [s]
 class SimulatedLink:
     """A stand-in that is started, driven and ended from here. Implements `RobotLink`.
 
-    Only what `config` says crosses over to the other process, and only measurements come back.
+    Only `config` is passed to the other process, and only measurements are returned.
 
     Args:
       robot: of its MJCF.
-      config: what it is beyond that.
+      config: its physics and sensors beyond that.
       period: of its control loop [s].
 
     Raises:
@@ -48,7 +48,7 @@ class SimulatedLink:
             self._process.stdin.flush()
             answer = json.loads(self._process.stdout.readline() or b"{}")
             if "port" not in answer:
-                raise LinkError(answer.get("error", "The stand-in ended before it was there."))
+                raise LinkError(answer.get("error", "The stand-in ended before it was ready."))
             self._link = TcpLink(LOOPBACK, answer["port"])
         except (OSError, LinkError) as error:
             self._end()

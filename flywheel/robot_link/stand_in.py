@@ -1,6 +1,6 @@
-"""A stand-in for a real robot: the truth simulator behind the same door, with sensors of its own.
+"""A stand-in for a real robot: the truth simulator behind the same interface, with its own sensors.
 
-Nothing but measurements comes out of it. It waits to be observed; `server` lets it go in real time.
+It returns nothing but measurements. It waits to be observed; `server` runs it in real time.
 """
 
 from __future__ import annotations
@@ -26,20 +26,21 @@ Seconds = Annotated[float, Bounds(0, 1, "s")]
 
 
 class StandInConfig(Frozen):
-    """What a stand-in is, beyond its MJCF. Whoever drives it is told of the latency at most.
+    """Physics and sensors of a stand-in, beyond its MJCF. The driver knows at most the latency.
 
     Attributes:
-      hidden: effects of the truth simulator, as `NAME[@PLACE][:SIZE]`; a size of 2 is twice the typical one.
-      noise: standard deviation of each coordinate of a point, as a share of `robot.length`.
+      hidden: effects of the truth simulator, as `NAME[@PLACE][:SIZE]`; a size of 2 is twice the
+        typical one.
+      noise: standard deviation of each coordinate of a point, as a fraction of `robot.length`.
       rate: measurements per second [Hz]; None for one in every control period.
-      latency: how old they are when they arrive [s].
-      latency_told: whether their stamps say so.
-      dropout: share of the points that are missing.
-      burst: how long a missing point stays away on average [s]; 0 for each measurement by itself.
-      winch_measured: give all winch positions; else only those that the MJCF has a sensor for.
+      latency: their age on arrival [s].
+      latency_told: True if their stamps include it.
+      dropout: fraction of missing points.
+      burst: mean duration of a dropout [s]; 0 for each measurement by itself.
+      winch_measured: measure all winch positions; else only those that the MJCF has a sensor for.
       winch_noise: standard deviation of measured winch positions [m].
       contact: of the truth simulator with the ground.
-      dead_man: longest time that a command is obeyed for [s].
+      dead_man: longest validity of a command [s].
     """
 
     hidden: tuple[Annotated[str, Field(max_length=200)], ...] = Field(default=(), max_length=20)
@@ -56,15 +57,15 @@ class StandInConfig(Frozen):
 
 
 class StandIn:
-    """A robot that does not exist. Implements `RobotLink`.
+    """A simulated robot. Implements `RobotLink`.
 
     Args:
       robot: of its MJCF.
-      config: what it is beyond that.
+      config: its physics and sensors beyond that.
       period: of its control loop [s].
 
     Raises:
-      ConfigError: periods or effects that do not fit.
+      ConfigError: periods or effects do not fit.
       UnknownNameError: there is no such effect or place.
     """
 
@@ -140,7 +141,7 @@ class StandIn:
         """The command (W,) of the next control periods.
 
         Raises:
-          LinkError: it is none for this robot.
+          LinkError: it is not a command for this robot.
         """
         self._ready()
         controls = np.asarray(controls, float)
@@ -153,7 +154,7 @@ class StandIn:
         self._valid_until = min(float(valid_until), self._time + self._config.dead_man)
 
     def stop(self) -> None:
-        """Hold the winches still."""
+        """Hold the winches."""
         if self._moving is not None:
             self._command, self._valid_until = self._still(), 0.0
 
@@ -167,15 +168,15 @@ class StandIn:
 
     def _ready(self) -> Simulation:
         if self._moving is None:
-            raise LinkError(f"{self._robot.name} has to be reset before it is driven.")
+            raise LinkError(f"{self._robot.name} must be reset before it is driven.")
         return self._moving
 
     def _still(self) -> Floats:
-        """The command that holds the winches: no rate, or the position that was asked for last."""
+        """The command that holds the winches: zero rate, or the last commanded position."""
         return np.where(self._robot.rate_driven, 0.0, self._command)
 
     def _measured(self, period: int) -> Sample:
-        """What is measured now; its time is when it will arrive."""
+        """The measurement of this instant; its time is that of its arrival."""
         config, rng = self._config, self._rng
         truth = self._ready().look()
         points = truth.seen + rng.normal(size=truth.seen.shape) * config.noise * self._robot.length
@@ -187,7 +188,7 @@ class StandIn:
         return Sample(arrives, stamp, points, np.where(there, winch, np.nan))
 
     def _lost(self, chance: Floats) -> np.ndarray:
-        """(P,) bool. Points go and come back at random, at rates that give the share."""
+        """(P,) bool. Points disappear and reappear at random, at rates that give the required fraction."""
         dropout, burst = self._config.dropout, self._config.burst
         between = self._every * self._period
         back = min(1.0 - dropout, between / burst) if burst else 1.0 - dropout

@@ -36,11 +36,11 @@ class TcpLink:
     """A robot that is reached over TCP. Implements `RobotLink`.
 
     Args:
-      host, port: where it listens.
-      patience: longest time that it may take to answer [s].
+      host, port: of its server.
+      patience: longest wait for an answer [s].
 
     Raises:
-      LinkError: it is not there, or no robot.
+      LinkError: it does not answer, or is not a robot.
     """
 
     def __init__(self, host: str, port: int, patience: float = 5.0) -> None:
@@ -60,11 +60,11 @@ class TcpLink:
         self.info: RobotInfo = about.info
 
     def reset(self, seed: int = 0) -> None:
-        """Let it stand where an episode begins."""
+        """Let it rest at the start of an episode."""
         self._ask(Reset(seed=seed), Ready, RESETTING)
 
     def observe(self) -> Sample:
-        """The newest measurement, once the next control period has begun."""
+        """The newest measurement, once the next control period has started."""
         return self._ask(Observe(), Measured).sample
 
     def send(self, controls: Floats, valid_until: float) -> None:
@@ -72,11 +72,11 @@ class TcpLink:
         self._tell(command_of(controls, valid_until))
 
     def stop(self) -> None:
-        """Let it hold still."""
+        """Let it hold its winches."""
         self._ask(Stop(), Stopped)
 
     def close(self) -> None:
-        """Let it hold still, and let others drive. A robot that cannot be reached stops by itself."""
+        """Let it hold its winches, and release it for others. An unreachable robot stops by itself."""
         try:
             self.stop()
         except LinkError:
@@ -105,10 +105,10 @@ class TcpLink:
         except OSError as error:
             raise self._lost(str(error)) from None
         if not line:
-            raise self._lost("it hung up")
+            raise self._lost("it closed the connection")
         answer = answer_of(line)
         if isinstance(answer, Refused):
-            raise LinkError(f"The robot at {self._where} refuses: {answer.message}")
+            raise LinkError(f"The robot at {self._where} rejects the request: {answer.message}")
         if not isinstance(answer, expected):
             raise LinkError(
                 f"The robot at {self._where} answered {type(message).__name__.lower()} with "

@@ -1,6 +1,7 @@
-"""What went over a link, written down, and played back with no robot present.
+"""Transcripts of a link, and their replay without a robot.
 
-A transcript has the lines of the wire format (`wire`): what was asked, each followed by its answer.
+A transcript consists of the lines of the wire format (`wire`): each request, followed by its
+answer.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ Expected = TypeVar("Expected", bound=Message)
 
 
 class TranscribedLink:
-    """Writes down what goes over a link. Implements `RobotLink`.
+    """Records the messages on a link. Implements `RobotLink`.
 
     Args:
-      link: that is used.
-      path: of the transcript; what is there is replaced.
+      link: in use.
+      path: of the transcript; an existing file is replaced.
     """
 
     def __init__(self, link: RobotLink, path: Path) -> None:
@@ -81,13 +82,13 @@ class TranscribedLink:
 
 
 class ReplayedLink:
-    """Answers from a transcript, and refuses what was not asked when it was written. Implements `RobotLink`.
+    """Answers from a transcript, and rejects requests that differ from it. Implements `RobotLink`.
 
     Args:
       path: of the transcript.
 
     Raises:
-      LinkError: there is none, or it is damaged.
+      LinkError: it is missing, or damaged.
     """
 
     def __init__(self, path: Path) -> None:
@@ -108,7 +109,7 @@ class ReplayedLink:
         return 0.0
 
     def coming(self, kind: type[Expected]) -> Expected:
-        """The driver's next message, which stays the next one.
+        """The driver's next message, without advancing.
 
         Raises:
           LinkError: it is another one, or the transcript ends.
@@ -119,29 +120,29 @@ class ReplayedLink:
         return message
 
     def reset(self, seed: int = 0) -> None:
-        """As it was."""
+        """As recorded."""
         self._ask(Reset(seed=seed), Ready)
 
     def observe(self) -> Sample:
-        """What was measured then."""
+        """The recorded measurement."""
         return self._ask(Observe(), Measured).sample
 
     def send(self, controls: Floats, valid_until: float) -> None:
-        """Must be what was sent then."""
+        """Check that the command equals the recorded one."""
         self._tell(command_of(controls, valid_until))
 
     def stop(self) -> None:
-        """As it was."""
+        """As recorded."""
         self._ask(Stop(), Stopped)
 
     def close(self) -> None:
-        """Nothing is left to do."""
+        """Nothing: there is no connection."""
 
     def _tell(self, message: Message) -> None:
         then = self._next()
         if request_of(then) != message:
             raise LinkError(
-                f"{self._path} was written by another run: then came {then.decode()[:200]}, now "
+                f"{self._path} was written by another run: recorded {then.decode()[:200]}, now "
                 f"{message.model_dump_json()[:200]}."
             )
 

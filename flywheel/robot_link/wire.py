@@ -1,16 +1,16 @@
-"""How a robot and whoever drives it talk over TCP: a line of JSON for each message, in UTF-8.
+"""Messages between a robot and its driver over TCP: a line of JSON each, in UTF-8.
 
 The driver begins with `hello`, and the robot answers with `robot`. After that the driver sends
 
 | message | answer |
 |---|---|
 | `{"type": "reset", "seed": 0}` | `{"type": "ready"}` |
-| `{"type": "observe"}` | `{"type": "sample", ...}`, once the next control period has begun |
+| `{"type": "observe"}` | `{"type": "sample", ...}`, once the next control period has started |
 | `{"type": "send", "controls": [...], "valid_until": 1.25}` | none |
 | `{"type": "stop"}` | `{"type": "stopped"}` |
 
-What the robot refuses it answers with `{"type": "error", "message": "..."}`, and stops; a `send` that is
-refused is so answered at the next message. What is not measured is null. Numbers are SI units.
+The robot rejects a request with `{"type": "error", "message": "..."}`, and stops; a rejected `send`
+is answered so at the next message. Unmeasured values are null. Numbers are SI units.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ Name = Annotated[str, Field(max_length=200)]
 
 
 class Message(Frozen):
-    """Base of the messages. Fields that are not known here are refused."""
+    """Base of the messages. Unknown fields are rejected."""
 
     def line(self) -> bytes:
-        """As it goes over the wire."""
+        """The bytes on the wire."""
         return self.model_dump_json().encode() + b"\n"
 
 
@@ -55,7 +55,7 @@ class Hello(Message):
 
 
 class Reset(Message):
-    """Begin an episode."""
+    """Start an episode."""
 
     type: Literal["reset"] = "reset"
     seed: Annotated[int, Bounds(0, 2**63 - 1)] = 0
@@ -68,7 +68,7 @@ class Observe(Message):
 
 
 class Send(Message):
-    """A command, and the time of the robot's clock after which it is not valid any more [s]."""
+    """A command, and the time of the robot's clock after which it expires [s]."""
 
     type: Literal["send"] = "send"
     controls: Annotated[tuple[Command, ...], Field(max_length=MOST)]
@@ -76,32 +76,32 @@ class Send(Message):
 
 
 class Stop(Message):
-    """Hold still."""
+    """Hold the winches."""
 
     type: Literal["stop"] = "stop"
 
 
 class Ready(Message):
-    """The robot stands where an episode begins."""
+    """The robot rests at the start of an episode."""
 
     type: Literal["ready"] = "ready"
 
 
 class Stopped(Message):
-    """The robot holds still."""
+    """The robot holds its winches."""
 
     type: Literal["stopped"] = "stopped"
 
 
 class Refused(Message):
-    """Why the robot does not do what it was asked for."""
+    """Reason for a rejected request."""
 
     type: Literal["error"] = "error"
     message: Annotated[str, Field(max_length=10_000)]
 
 
 class About(Message):
-    """What the robot says about itself, see `RobotInfo`."""
+    """Description of the robot, see `RobotInfo`."""
 
     type: Literal["robot"] = "robot"
     format: Format = FORMAT
@@ -117,14 +117,14 @@ class About(Message):
 
     @classmethod
     def of(cls, info: RobotInfo) -> About:
-        """The message that says this."""
+        """The message with this content."""
         values = {name: getattr(info, name) for name in cls.model_fields if hasattr(info, name)}
         limits = {name: getattr(info, name).tolist() for name in ("control_low", "control_high")}
         return cls.model_validate({**values, **limits})
 
     @property
     def info(self) -> RobotInfo:
-        """What it says."""
+        """Its content."""
         values = self.model_dump(exclude={"type", "format"})
         limits = {name: np.array(values[name]) for name in ("control_low", "control_high")}
         return RobotInfo(**{**values, **limits})
@@ -141,7 +141,7 @@ class Measured(Message):
 
     @classmethod
     def of(cls, sample: Sample) -> Measured:
-        """The message that says this."""
+        """The message with this content."""
         there = np.all(np.abs(sample.points) <= FARTHEST, axis=-1).tolist()  # NaN is not
         points = zip(sample.points.tolist(), there, strict=True)
         return cls(
@@ -153,7 +153,7 @@ class Measured(Message):
 
     @property
     def sample(self) -> Sample:
-        """What it says."""
+        """Its content."""
         missing = (np.nan, np.nan, np.nan)
         points = np.array([p or missing for p in self.points], float).reshape(-1, 3)
         winch = np.array([np.nan if x is None else x for x in self.winch], float)
@@ -185,13 +185,13 @@ def answer_of(line: bytes) -> Answer:
 
 
 def check_format(number: int, whose: str) -> None:
-    """Refuse another format of messages.
+    """Check the format of messages.
 
     Raises:
-      LinkError: it is another one.
+      LinkError: it differs.
     """
     if number != FORMAT:
-        raise LinkError(f"The {whose} speaks format {number} of the messages; this is {FORMAT}.")
+        raise LinkError(f"The {whose} uses format {number} of the messages; this is {FORMAT}.")
 
 
 def command_of(controls: Floats, valid_until: float) -> Send:
@@ -204,7 +204,7 @@ def command_of(controls: Floats, valid_until: float) -> Send:
     within = (np.abs(controls) <= FARTHEST).all() and abs(valid_until) <= LONGEST  # NaN is not
     if controls.ndim != 1 or not within:
         raise LinkError(
-            "A command is finite numbers of reasonable size, one for each winch, got "
+            "A command consists of finite numbers of reasonable size, one for each winch, got "
             f"{np.array2string(controls, threshold=20)} until {valid_until}."
         )
     return Send(controls=tuple(controls.tolist()), valid_until=float(valid_until))
@@ -217,6 +217,7 @@ def _read(kind: TypeAdapter[Any], line: bytes, whose: str) -> Any:
         problem = error.errors()[0]
         where = ".".join(str(part) for part in problem["loc"])
         raise LinkError(
-            f"The {whose} sent what is no message here: {where + ': ' if where else ''}{problem['msg']}; got "
+            f"The {whose} sent an invalid message: "
+            f"{where + ': ' if where else ''}{problem['msg']}; got "
             f"{line[:100].decode(errors='replace').strip()!r}."
         ) from None

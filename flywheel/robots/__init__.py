@@ -1,4 +1,4 @@
-"""Robots: what an MJCF says, and the ones that are shipped."""
+"""Robots: read from an MJCF, and the shipped ones."""
 
 from importlib.resources import files
 

@@ -1,4 +1,4 @@
-"""Elements that code adds to a robot's MJCF: its <default> does not apply to them."""
+"""Elements added to a robot's MJCF in code, independent of its <default>."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ _EMPTY = mujoco.MjSpec()  # kept as long as its defaults, which are MuJoCo's own
 
 
 def add_plain(parent: mujoco.MjSpec | mujoco.MjsBody, kind: str, **fields: Any) -> Any:
-    """Add an element whose fields are MuJoCo's own built-in ones, but for those given.
+    """Add an element whose fields are MuJoCo's own built-in ones, except for the given ones.
 
-    The only way in which code adds to a spec: MuJoCo's own `add_...` would begin with what the MJCF says
-    in its <default>, so that one robot written in two ways would become two.
+    The only way in which code adds to a spec: MuJoCo's own `add_...` would start from the MJCF's
+    <default>, so that one robot written in two ways would become two.
 
     Args:
-      parent: the spec, or the body, that gets it.
+      parent: the spec, or the body.
       kind: of element: "actuator", "body", "geom", "hfield", ...
-      fields: as MuJoCo names them. A name, where something refers to it, comes from `free_name`.
+      fields: MuJoCo's names. A name, if it is referred to, comes from `free_name`.
 
     Returns:
       MuJoCo's element.
@@ -30,11 +30,11 @@ def add_plain(parent: mujoco.MjSpec | mujoco.MjsBody, kind: str, **fields: Any) 
 
 
 def free_name(wanted: str, elements: Iterable[Any]) -> str:
-    """The name wanted, or one with a number behind it where one of the elements has that already.
+    """The given name, or one with a number appended if an element has that already.
 
     Args:
       wanted: name.
-      elements: all those of a spec that are of the same kind.
+      elements: all those of a spec of the same kind.
     """
     taken = {element.name for element in elements}
     names = (f"{wanted}_{number}" if number else wanted for number in count())

@@ -1,4 +1,4 @@
-"""Rigid bodies, their geometric pieces and their tracked points, as the MJCF has them."""
+"""Rigid bodies, their geometric pieces and their tracked points, as in the MJCF."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SOLIDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
 
 
 def moving_bodies(model: mujoco.MjModel) -> list[int]:
-    """MuJoCo's ids of the bodies that move on their own, in the order of `Robot.bodies`."""
+    """MuJoCo's ids of the independently moving bodies, in the order of `Robot.bodies`."""
     static = model.body_weldid == 0
     return [b for b in range(model.nbody) if model.body_weldid[b] == b and not static[b]]
 
@@ -29,7 +29,7 @@ def body_index(model: mujoco.MjModel, mujoco_body: int) -> int:
 def in_body_frame(model: mujoco.MjModel, data: mujoco.MjData, body: int, at: Floats) -> Floats:
     """The world point `at` (3,) in the frame of `Robot.bodies[body]`, or of the world if -1 [m].
 
-    Rounded to a picometre, to lose the rounding of the way there and back.
+    Rounded to a picometre, to remove the rounding errors of the transformations.
     """
     if body < 0:
         return np.round(at, 12) + 0.0
@@ -38,18 +38,18 @@ def in_body_frame(model: mujoco.MjModel, data: mujoco.MjData, body: int, at: Flo
 
 
 def tracked_site(model: mujoco.MjModel, point: TrackedPoint) -> tuple[int, Floats]:
-    """The site that a point's sensor measures, by MuJoCo's id, and how its body is turned.
+    """The site of a point's sensor, by MuJoCo's id, and the rotation of its body.
 
     Returns:
-      The site, and the rotation (3, 3) from the frame of the site's body to that of the body that moves,
-      in which `TrackedPoint.offset` is: they differ where the site is on a body welded to it.
+      The site, and the rotation (3, 3) from the frame of the site's body to that of the moving
+      body, in which `TrackedPoint.offset` is given: they differ for a site on a welded body.
     """
     site = int(model.sensor(point.name).objid[0])
     return site, turn_of(model, int(model.site_bodyid[site]))
 
 
 def turn_of(model: mujoco.MjModel, body: int) -> Floats:
-    """Rotation (3, 3) from the frame of MuJoCo's `body` to that of the one that it is welded to."""
+    """Rotation (3, 3) from the frame of MuJoCo's `body` to that of the body to which it is welded."""
     turn = np.eye(3)
     while model.body_weldid[body] != body:
         here = np.zeros(9)
@@ -115,7 +115,7 @@ def _points(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[TrackedPoint, .
 
 
 def _touching_radius(model: mujoco.MjModel, data: mujoco.MjData, body: int, site: int) -> float:
-    """Radius of the sphere around the site that can touch the ground [m], 0 if there is none."""
+    """Radius of the contact sphere around the site [m], 0 if there is none."""
     spheres = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
     root = moving_bodies(model)[body]
     here = np.linalg.norm(data.geom_xpos - data.site_xpos[site], axis=1) < 1e-6
@@ -125,7 +125,7 @@ def _touching_radius(model: mujoco.MjModel, data: mujoco.MjData, body: int, site
 
 
 def _geom_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> tuple[Floats, Floats]:
-    """Mass (ngeom,) and principal moments (ngeom, 3) of each geom, as MuJoCo's compiler has them.
+    """Mass (ngeom,) and principal moments (ngeom, 3) of each geom, as in MuJoCo's compiler.
 
     The compiled model keeps only sums over bodies, so each solid geom is compiled again, alone.
     """
@@ -157,7 +157,7 @@ def _primitives(
     inertia: Floats,
     total: float,
 ) -> tuple[Primitive, ...]:
-    """The solid geoms of a body; their masses scaled to its mass where <inertial> gives that."""
+    """The solid geoms of a body; their masses scaled to its mass if <inertial> gives that."""
     root = moving_bodies(model)[body]
     on_body = model.body_weldid[model.geom_bodyid] == root
     geoms = [g for g in np.flatnonzero(on_body).tolist() if _shape(model, g) in SOLIDS]
@@ -181,7 +181,9 @@ def _primitives(
 
 
 def _mass_of(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> tuple[float, Floats, Floats]:
-    """Mass, principal moments (3,) and centre of mass (3,) in its frame, with all welded to it."""
+    """Mass, principal moments (3,) and centre of mass (3,) in its frame, including all bodies
+    welded to it.
+    """
     to_root = data.xmat[root].reshape(3, 3).T
     parts = np.flatnonzero(model.body_weldid == root)
     mass = model.body_mass[parts]

@@ -26,7 +26,7 @@ def read_cables(
     """The cables, in the order of the MJCF's tendons.
 
     Args:
-      data: with kinematics done at the keyframe.
+      data: with kinematics computed at the keyframe.
       act: (na,) the keyframe's activations.
 
     Raises:
@@ -71,8 +71,8 @@ def _winched(
     name = model.tendon(tendon).name
     if model.tendon_stiffness[tendon] != 0:
         raise RobotError(
-            f"The tendon {name!r} has a winch and a stiffness of its own; a winched cable's stiffness "
-            "is its actuator's gainprm. Give a spring beside it a tendon of its own."
+            f"The tendon {name!r} has a winch and its own stiffness; a winched cable's stiffness "
+            "is its actuator's gainprm. Put a parallel spring on a separate tendon."
         )
     return Cable(
         name=name,

@@ -1,4 +1,4 @@
-"""Ground to draw at random: slopes, bumps and steps."""
+"""Random ground: slopes, bumps and steps."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ WAVES = 8  # plane waves that make bumps
 
 
 class TerrainConfig(Frozen):
-    """Which ground robots stand on. Lengths are in units of the robot's length L.
+    """Distribution of grounds. Lengths are in units of the robot's length L.
 
     Attributes:
       kinds: of which each episode draws one; none for the plane everywhere. "flat" is the plane.
       slope: (least, most) rise of a slope [rad].
-      bump_height: (least, most) half the difference between the highest and the lowest place of bumps [L].
+      bump_height: (least, most) half the difference between the highest and the lowest place of
+        bumps [L].
       bump_length: (least, most) wavelength of bumps [L].
       step_height: (least, most) of a step up or down [L].
-      step_length: (least, most) way from one step to the next [L].
-      size: of the ground along x and y, around the origin [L]; a plane a little lower lies around it.
+      step_length: (least, most) distance between steps [L].
+      size: of the ground along x and y, around the origin [L]; a slightly lower plane surrounds it.
       cell: of its grid [L].
     """
 
@@ -71,9 +72,9 @@ def draw_terrain(config: TerrainConfig, length: float, rng: np.random.Generator)
     """A terrain around the origin, or None for the plane.
 
     Args:
-      config: what to draw from.
+      config: its distribution.
       length: of the robot, L [m].
-      rng: source of all chance.
+      rng: source of randomness.
     """
     kind = str(rng.choice(config.kinds)) if config.kinds else "flat"
     if kind == "flat":
@@ -108,7 +109,7 @@ def _steps(config: TerrainConfig, x: Floats, y: Floats, rng: np.random.Generator
 
 
 def _along(x: Floats, y: Floats, rng: np.random.Generator) -> Floats:
-    """How far places lie along a random bearing."""
+    """Coordinate of places along a random bearing."""
     bearing = rng.uniform(-np.pi, np.pi)
     return np.asarray(np.cos(bearing) * x + np.sin(bearing) * y)
 

@@ -1,4 +1,4 @@
-"""The ground: the plane that a robot can stand on."""
+"""The ground: the plane under a robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEVEL = 1e-12  # by how much the upward part of a level plane's normal may fall 
 
 @dataclass(frozen=True)
 class Ground:
-    """A plane that takes part in contacts; MuJoCo has none that move.
+    """A plane that takes part in contacts; MuJoCo's planes do not move.
 
     Attributes:
       geom: MuJoCo's id.
@@ -28,7 +28,7 @@ class Ground:
 
     @property
     def level(self) -> bool:
-        """Whether its normal points straight up."""
+        """True if its normal points straight up."""
         return bool(self.normal[2] > 1.0 - LEVEL)
 
     @property
@@ -38,7 +38,7 @@ class Ground:
 
 
 def collides(model: mujoco.MjModel) -> np.ndarray:
-    """(ngeom,) bool: which geoms take part in contacts, of themselves or in pairs that are listed."""
+    """(ngeom,) bool: True for geoms in contacts, by themselves or in listed pairs."""
     listed = np.isin(np.arange(model.ngeom), [model.pair_geom1, model.pair_geom2])
     return ((model.geom_contype | model.geom_conaffinity) != 0) | listed
 
@@ -46,8 +46,8 @@ def collides(model: mujoco.MjModel) -> np.ndarray:
 def ground_of(model: mujoco.MjModel) -> Ground | None:
     """The ground of a model, None without any.
 
-    Of several planes it is the most level one, then the highest, then the roughest: which comes first in the
-    MJCF does not matter.
+    Of several planes it is the most level one, then the highest, then the roughest, independent of
+    their order in the MJCF.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

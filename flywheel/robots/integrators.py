@@ -1,4 +1,4 @@
-"""MuJoCo's integrators, by the words that an MJCF has for them."""
+"""MuJoCo's integrators, by their names in an MJCF."""
 
 import mujoco
 
@@ -13,5 +13,5 @@ IMPLICIT = ("implicit", "implicitfast")  # their damping lasts to the step's end
 
 
 def integrator_of(model: mujoco.MjModel) -> str:
-    """The word for a model's integrator."""
+    """The name of a model's integrator."""
     return next(word for word, number in INTEGRATORS.items() if number == model.opt.integrator)

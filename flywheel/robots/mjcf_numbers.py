@@ -1,8 +1,7 @@
 """Checks that every number of an MJCF is finite and within a sensible range.
 
-MuJoCo takes infinite time steps, springs that push and masses of 1e200 kg, and changes some numbers
-without a word. What is asked here is asked of the compiled model, where defaults, classes and units are
-resolved.
+MuJoCo accepts infinite time steps, springs that push and masses of 1e200 kg, and silently changes
+some numbers. The checks are on the compiled model, where defaults, classes and units are resolved.
 """
 
 from __future__ import annotations
@@ -42,11 +41,11 @@ PARTS = {"opt": "option", "vis": "visual", "stat": "statistic"}
 
 @dataclass(frozen=True)
 class Allowed:
-    """What numbers of MuJoCo's model may be.
+    """Allowed values of a number of MuJoCo's model.
 
     Attributes:
       field: of `mujoco.MjModel`.
-      attribute: of the MJCF that gives it.
+      attribute: of the MJCF for it.
       low, high: the range.
       unit: of all three.
     """
@@ -137,14 +136,14 @@ SOLIMP = ((0.0, 1.0), (0.0, 1.0), (0.0, FAR), (0.0, 1.0), (1.0, 1e3))
 
 
 def check_numbers(model: mujoco.MjModel, what: str) -> None:
-    """Refuse a number that is not finite, or outside its range.
+    """Reject a number that is not finite, or outside its range.
 
     Args:
-      model: as compiled.
-      what: it is of, at the beginning of a sentence: "The MJCF".
+      model: compiled.
+      what: its name, at the beginning of a sentence: "The MJCF".
 
     Raises:
-      MjcfError: one is; the message names the element, its attribute, and what is allowed.
+      MjcfError: one is; the message names the element, its attribute, and the allowed values.
     """
     for allowed in ALLOWED:
         _refuse_outside(model, allowed, what)
@@ -163,7 +162,7 @@ def check_numbers(model: mujoco.MjModel, what: str) -> None:
             row = np.argwhere(wrong)[0]
             raise MjcfError(
                 f"{_element(model, name, int(row[0]), what)} has {name.partition('_')[2] or name} "
-                f"{array[tuple(row)]:g}; numbers are finite, and at most {LARGE:g}."
+                f"{array[tuple(row)]:g}; numbers must be finite, and at most {LARGE:g}."
             )
 
 
@@ -202,7 +201,7 @@ def _check_solimp(model: mujoco.MjModel, field: str, rows: Floats, what: str) ->
 
 
 def _element(model: mujoco.MjModel, field: str, row: int, what: str) -> str:
-    """Which element a row of a field belongs to, at the beginning of a sentence."""
+    """Element of a row of a field, at the beginning of a sentence."""
     prefix = field.partition("_")[0]
     if prefix == "dof":
         prefix, row = "jnt", int(model.dof_jntid[row])

@@ -1,15 +1,15 @@
-"""Reading a robot off its MJCF, and refusing what cannot be a cable-driven robot.
+"""Reading a robot from its MJCF, and rejecting robots that are not cable-driven.
 
-What stands for what:
+Mapping:
 
 - every body that moves is a rigid body; bodies welded to it are part of it;
 - every tendon is a cable between two sites, one of them at least on a moving body;
-- every actuator on a tendon is a winch (`winches.py` says which kinds there are); a custom tuple of
-  actuators is one winch that drives all their cables alike;
+- every actuator on a tendon is a winch (`winches.py` lists the kinds); a custom tuple of actuators
+  is one winch that drives all their cables equally;
 - an actuator whose control has no effect (`gainprm="0"`) is passive: never a control;
 - every `framepos` sensor of a site is a tracked point, named by the sensor;
-- a `user` sensor whose object is a winch's actuator says that the winch's position is measured;
-- the first keyframe, with `act`, is where every reset starts.
+- a `user` sensor whose object is a winch's actuator marks the winch's position as measured;
+- the first keyframe, with `act`, is the state after every reset.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def _canonical(xml: str) -> str:
 
 
 def _refuse_tilted(model: mujoco.MjModel) -> None:
-    """Refuse gravity that is not along -z; without any there is nothing to refuse."""
+    """Reject gravity that is not along -z; zero gravity is allowed."""
     gravity = gravity_of(model)
     strength = float(np.linalg.norm(gravity))
     if gravity[2] > 0 or np.linalg.norm(gravity[:2]) > UPRIGHT * strength:
@@ -160,13 +160,13 @@ def _refuse_tilted(model: mujoco.MjModel) -> None:
 
 
 def gravity_of(model: mujoco.MjModel) -> Floats:
-    """(3,) gravity that acts [m/s^2]: zero where a flag switches it off."""
+    """(3,) effective gravity [m/s^2]: zero if a flag switches it off."""
     off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     return np.zeros(3) if off else np.array(model.opt.gravity)
 
 
 def _numbers(values: np.ndarray) -> str:
-    """Numbers as an attribute of an MJCF has them."""
+    """Numbers in the format of an MJCF attribute."""
     return " ".join(f"{value:g}" for value in values)
 
 
@@ -185,7 +185,7 @@ def _refuse_unnamed(model: mujoco.MjModel) -> None:
 
 
 def _refuse_equal_columns(points: tuple[TrackedPoint, ...], winches: tuple[Winch, ...]) -> None:
-    """Columns of recordings are named after sensors and winches, beside one that is called time."""
+    """Columns of recordings are named after sensors and winches, next to one called time."""
     columns = Counter(
         [
             "time",
@@ -197,24 +197,25 @@ def _refuse_equal_columns(points: tuple[TrackedPoint, ...], winches: tuple[Winch
     column, count = columns.most_common(1)[0]
     if count > 1:
         raise RobotError(
-            f"{count} columns of a recording would be named {column!r}; give the sensor or the actuator "
-            "that it comes from another name."
+            f"{count} columns of a recording would be named {column!r}; rename the sensor or the "
+            "actuator."
         )
 
 
 def _refuse_disabled(model: mujoco.MjModel) -> None:
     for bit, flag in NEEDED.items():
         if model.opt.disableflags & bit:
-            raise RobotError(f'The MJCF switches off what it needs: <flag {flag}="disable">.')
+            raise RobotError(f'The MJCF switches off a required feature: <flag {flag}="disable">.')
 
 
 def _refuse_memories(model: mujoco.MjModel) -> None:
-    """Refuse what a `State` cannot hold."""
+    """Reject state that a `State` cannot contain."""
     size = mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_FULLPHYSICS))
     if size != 1 + model.nq + model.nv + model.na:
         raise RobotError(
-            "The MJCF has a state beyond positions, velocities and activations: delays (nsample), "
-            "plastic tendons (springyield) and plugins have none here. Delays are an effect."
+            "The MJCF has a state beyond positions, velocities and activations: delays "
+            "(nsample), plastic tendons (springyield) and plugins are not supported. Delays are "
+            "an effect."
         )
 
 
@@ -231,7 +232,7 @@ def _refuse_joints_out_of_range(model: mujoco.MjModel, keyframe: State) -> None:
 
 
 def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
-    """The robot at its keyframe, with kinematics done."""
+    """The robot at its keyframe, with kinematics computed."""
     data = mujoco.MjData(model)
     data.qpos[:] = keyframe.qpos
     with collected_warnings():
@@ -240,8 +241,8 @@ def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
         mujoco.mj_collision(model, data)
     if data.ncon > MOST_CONTACTS:
         raise RobotError(
-            f"At the first keyframe there are {data.ncon:,} contacts, allowed are {MOST_CONTACTS:,}: "
-            "do bodies lie within each other?"
+            f"At the first keyframe there are {data.ncon:,} contacts, at most {MOST_CONTACTS:,} "
+            "are allowed: do bodies overlap?"
         )
     return data
 
@@ -256,8 +257,8 @@ def _refuse_immovable(model: mujoco.MjModel) -> None:
 def _refuse_keyless(model: mujoco.MjModel) -> None:
     if model.nkey == 0:
         raise RobotError(
-            "The MJCF has no keyframe; give it one with qpos and act (the winches' rest lengths): "
-            "every reset starts there."
+            "The MJCF has no keyframe; give it one with qpos and act (the winches' rest "
+            "lengths), the state after every reset."
         )
 
 

@@ -1,7 +1,7 @@
-"""Compile the text of an MJCF into MuJoCo's model: one file, and no more than a robot can need.
+"""Compile the text of an MJCF into MuJoCo's model: one file of limited size.
 
-MuJoCo's compiler sets about whatever a text asks for, and does not hear Ctrl-C meanwhile. What the text
-unfolds to is therefore counted before, and what it asks memory for is looked at.
+MuJoCo's compiler does everything that a text requests, and ignores Ctrl-C meanwhile. The expanded
+size of the text is therefore counted before, and its memory requests are checked.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SIDES_OF_A_CUBE = 6
 
 
 class _Unfit(NamedTuple):
-    """Why an element is refused: what it does, and why that is a problem."""
+    """Reason for rejecting an element: its function, and the problem with it."""
 
     does: str
     but: str
@@ -48,10 +48,10 @@ class _Unfit(NamedTuple):
 
 _FILE = _Unfit(
     "reads another file",
-    "a robot is one self-contained file of primitive geoms, because it travels to workers and into "
-    "stored data",
+    "a robot is one self-contained file of primitive geoms, because it is sent to workers and "
+    "stored with the data",
 )
-_SOFT = _Unfit("has something that bends", "bodies are rigid here; give them joints or cables")
+_SOFT = _Unfit("has a flexible part", "bodies are rigid here; give them joints or cables")
 _PLUGIN = _Unfit("needs a plugin of MuJoCo", "a robot must be the same on every installation")
 _MUSCLE = _Unfit(
     "has a muscle",
@@ -79,7 +79,7 @@ def read_mjcf(path: str | Path, what: str = "MJCF") -> str:
 
     Args:
       path: of the file.
-      what: it is, for messages: "MJCF", "course".
+      what: its kind, for messages: "MJCF", "course".
 
     Raises:
       MjcfError: see `flywheel.files.read_text`.
@@ -93,7 +93,7 @@ def compiled(
     """The elements of an MJCF, MuJoCo's editable model of it, and its compiled model.
 
     Raises:
-      MjcfError: no MJCF; one that reads other files or asks for too much; or MuJoCo refuses it.
+      MjcfError: not an MJCF; one that reads other files or is too large; or MuJoCo rejects it.
     """
     root = _parsed(xml, f"The {what}")
     _refuse_unfit(root, f"The {what}")
@@ -101,7 +101,7 @@ def compiled(
         with collected_warnings() as said:
             spec = mujoco.MjSpec.from_string(xml)
             if any("NaN" in words for words in said):  # which may stand for "not given"
-                raise MjcfError(f"The {what} has a number that is none (nan){_nan(root)}.")
+                raise MjcfError(f"The {what} has an invalid number (nan){_nan(root)}.")
             _refuse_too_much(spec, f"The {what}")
             return root, spec, spec.compile()
     except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
@@ -118,10 +118,10 @@ def without_keyframes(xml: str) -> str:
 
 
 class _Counting(ElementTree.TreeBuilder):
-    """Builds the tree, and stops where a text would unfold to too much.
+    """Builds the tree, and stops if a text would expand to too much.
 
     Args:
-      what: the text is, at the beginning of a sentence.
+      what: name of the text, at the beginning of a sentence.
     """
 
     def __init__(self, what: str) -> None:
@@ -131,7 +131,7 @@ class _Counting(ElementTree.TreeBuilder):
         self._elements = 0
 
     def doctype(self, name: str, public: str | None, system: str | None) -> None:
-        """Refuse a document type: entities could unfold to anything, and name other files."""
+        """Reject a document type: entities could expand to anything, and name other files."""
         raise MjcfError(
             f"{self._what} begins with <!DOCTYPE {shown(name)}>, as web pages do; an MJCF has none."
         )
@@ -142,8 +142,8 @@ class _Counting(ElementTree.TreeBuilder):
         self._elements += self._copies[-1]  # an empty <replicate> is copied, too
         if self._elements > MOST_ELEMENTS:
             raise MjcfError(
-                f"{self._what} has more than {MOST_ELEMENTS:,} elements, the copies of <replicate> "
-                "counted; that is the most that is compiled."
+                f"{self._what} has more than {MOST_ELEMENTS:,} elements, including the copies of "
+                "<replicate>; that is the limit."
             )
         if len(self._copies) > DEEPEST + 1:
             raise MjcfError(f"{self._what} has more than {DEEPEST} elements within each other.")
@@ -162,7 +162,7 @@ class _Counting(ElementTree.TreeBuilder):
 
 
 def _copies(tag: str, attributes: dict[str, str]) -> int:
-    """How many copies an element makes of its content."""
+    """Number of copies of its content made by an element."""
     if tag != "replicate":
         return 1
     try:
@@ -185,8 +185,8 @@ def _parsed(xml: str, what: str) -> ElementTree.Element:
     if root.tag == "robot":
         raise MjcfError(
             f"{what} is a URDF (<robot>), an MJCF (<mujoco>) is needed. MuJoCo converts it: spec = "
-            'mujoco.MjSpec.from_file("my.urdf"); spec.compile(); spec.to_file("my.xml"). Cables, '
-            "winches, sensors and a keyframe are yet to be added."
+            'mujoco.MjSpec.from_file("my.urdf"); spec.compile(); spec.to_file("my.xml"). Then '
+            "add cables, winches, sensors and a keyframe."
         )
     if root.tag != "mujoco":
         raise MjcfError(
@@ -211,7 +211,7 @@ def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
 
 
 def _nan(root: ElementTree.Element) -> str:
-    """Where the first NaN is, as far as can be told."""
+    """Location of the first NaN, as far as known."""
     for element in root.iter():
         for key, value in element.attrib.items():
             if "nan" in value.lower().split() and key not in ("name", "class", "model"):
@@ -221,11 +221,11 @@ def _nan(root: ElementTree.Element) -> str:
 
 
 def _refuse_too_much(spec: mujoco.MjSpec, what: str) -> None:
-    """Refuse what MuJoCo would have to find room for, or count through, when it compiles."""
+    """Reject sizes that MuJoCo would have to allocate, or iterate over, during compilation."""
     asked = {
         "degrees of freedom": (sum(FREEDOMS[joint.type] for joint in spec.joints), MOST_FREEDOMS),
         "numbers of sensors": (sum(map(_numbers_of, spec.sensors)), MOST_NUMBERS),
-        "numbers that actuators remember": (
+        "numbers in actuator memories": (
             sum(max(a.nsample, 0) + max(a.actdim, 0) for a in spec.actuators),
             MOST_NUMBERS,
         ),
@@ -236,11 +236,11 @@ def _refuse_too_much(spec: mujoco.MjSpec, what: str) -> None:
     }
     for name, (wanted, most) in asked.items():
         if wanted > most:
-            raise MjcfError(f"{what} asks for {wanted:,} {name}; at most {most:,.0f} are allowed.")
+            raise MjcfError(f"{what} requests {wanted:,} {name}; at most {most:,.0f} are allowed.")
 
 
 def _numbers_of(sensor: mujoco.MjsSensor) -> int:
-    """How many numbers a sensor gives, counting its whole history."""
+    """Number of values of a sensor, including its whole history."""
     each = max(sensor.get_data_size(), sensor.dim, *(int(n) for n in sensor.intprm))
     return each * max(1, sensor.nsample)
 

@@ -1,4 +1,4 @@
-"""What MuJoCo warns of: by default it is printed, and written to MUJOCO_LOG.TXT in the working folder."""
+"""MuJoCo's warnings: by default printed, and written to MUJOCO_LOG.TXT in the working folder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import mujoco
 
 @contextmanager
 def collected_warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings within the block instead of printing them; callers raise what they refuse."""
+    """Collect MuJoCo's warnings within the block instead of printing them; callers raise their own
+    errors.
+    """
     said: list[str] = []
     previous = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(said.append)

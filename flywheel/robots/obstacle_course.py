@@ -25,9 +25,9 @@ class ObstacleCourse:
     """Start, goals and boxes of a course.
 
     Attributes:
-      name: of it.
+      name: of the course.
       obstacles: boxes.
-      start: (x, y) where the robot's centre of mass begins [m].
+      start: (x, y) initial centre of mass of the robot [m].
       goals: (x, y) of each, to be reached one after the other [m].
     """
 
@@ -40,10 +40,10 @@ class ObstacleCourse:
     def from_mjcf(cls, xml: str) -> ObstacleCourse:
         """Read an MJCF: boxes in its world, and sites "start" and "goal", or "goal1", "goal2", ...
 
-        A ground plane is left out: the robot brings its own.
+        A ground plane is ignored: the robot has its own.
 
         Raises:
-          RobotError: no MJCF; something else than boxes along the axes; no start; no goal.
+          RobotError: not an MJCF; anything but boxes along the axes; no start; no goal.
         """
         _, spec, model = compiled(xml, "course")
         check_numbers(model, "The course")
@@ -62,7 +62,7 @@ class ObstacleCourse:
 
 
 def load_course(name: str) -> ObstacleCourse:
-    """A shipped course by name, or one's own by the path of its MJCF (ending in .xml).
+    """A shipped course by name, or the user's own by the path of its MJCF (ending in .xml).
 
     Raises:
       UnknownNameError: no such course.
@@ -81,9 +81,13 @@ def _is_plane(model: mujoco.MjModel, geom: int) -> bool:
 def _box(model: mujoco.MjModel, geom: int) -> Box:
     name = model.geom(geom).name or f"number {geom}"
     if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_BOX or model.geom_bodyid[geom] != 0:
-        raise RobotError(f"Courses have boxes in their world, nothing else; geom {name} is none.")
+        raise RobotError(
+            f"Courses have boxes in their world, nothing else; geom {name} is not a box."
+        )
     if not np.allclose(np.abs(model.geom_quat[geom, 0]), 1.0, atol=1e-9):
-        raise RobotError(f"Boxes of a course lie along the axes; geom {name} is turned.")
+        raise RobotError(
+            f"Boxes of a course must be aligned with the axes; geom {name} is rotated."
+        )
     center, half = model.geom_pos[geom].tolist(), model.geom_size[geom].tolist()
     return Box(center=tuple(center), half_size=tuple(half))
 

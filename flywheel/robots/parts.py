@@ -1,4 +1,4 @@
-"""What a robot is made of: rigid bodies, tracked points, cables and winches."""
+"""Parts of a robot: rigid bodies, tracked points, cables and winches."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ class Body:
 
 @dataclass(frozen=True)
 class TrackedPoint:
-    """A point whose position the robot's sensors give: an end cap, or a marker.
+    """A point measured by the robot's sensors: an end cap, or a marker.
 
     Attributes:
       name: the sensor's name; recordings' columns are `<name>.x/.y/.z`.
       body: index into `Robot.bodies`.
       offset: (3,) in the body frame [m].
-      radius: of the sphere around it that touches the ground [m]; 0 where nothing does.
+      radius: of its contact sphere [m]; 0 without one.
     """
 
     name: str
@@ -73,13 +73,13 @@ class TrackedPoint:
 
 @dataclass(frozen=True)
 class Attachment:
-    """Where a cable ends: `offset` [m] in the frame of body `body`, or of the world if body is -1.
+    """End of a cable: `offset` [m] in the frame of body `body`, or of the world if body is -1.
 
     Attributes:
       body: index into `Robot.bodies`, -1 for the world.
       offset: (3,) [m].
       point: index of the nearest tracked point on the same body, -1 for the world. The learner,
-        which cannot see the roll, takes the cable to end there.
+        which cannot see the roll, assumes the cable to end there.
     """
 
     body: int
@@ -116,16 +116,16 @@ class Winch:
       name: of the control: the actuator's name, or that of the MJCF's tuple of several actuators;
         recordings' column is `ctrl.<name>`.
       kind: "rate" (control = rate of the rest length [m/s], positive pays out) or "position"
-        (control = rest length wanted [m], reached with a first-order lag).
+        (control = desired rest length [m], reached with a first-order lag).
       cables: indices into `Robot.cables`. The first is the one whose actuator is measured, else the
         first one of the tuple: the winch's position is its rest length.
-      actuators: indices of the MJCF's actuators that this control drives, one per cable.
-      activation: place of its position in `State.act`.
+      actuators: indices of the MJCF's actuators driven by this control, one per cable.
+      activation: index of its position in `State.act`.
       control_range: (low, high) of the control [m/s or m].
       rest_range: (low, high) of the rest length of its first cable [m].
       time_constant: of the lag of a position winch [s]; 0 for a rate winch.
       measured: the MJCF has a sensor for its position.
-      sensor: that sensor's name, the recordings' column; "" where there is none.
+      sensor: that sensor's name, the recordings' column; "" without one.
     """
 
     name: str

@@ -1,6 +1,6 @@
-"""The robot as the rest of the project sees it: its parts, and how its winches move.
+"""The robot in the form used by all packages: its parts, and the motion of its winches.
 
-Every number is read off one MJCF, by `read_robot`.
+Every number comes from one MJCF, by `read_robot`.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from flywheel.robots.parts import Body, Cable, TrackedPoint, Winch
 
 @dataclass(frozen=True)
 class Robot:
-    """A cable-driven robot, read off its MJCF.
+    """A cable-driven robot, read from its MJCF.
 
     Attributes:
       name: the MJCF's model name.
       xml: the whole MJCF, self-contained.
       digest: sha256 of the canonical MJCF; two robots with one digest are the same robot.
       bodies, points, cables, winches: in the MJCF's order.
-      keyframe: (unbatched) state of the MJCF's first keyframe, where every reset starts.
-      timestep: MuJoCo's step [s]. A plant takes this one and the integrator, whatever `xml` says.
-      integrator: MuJoCo's, by the MJCF's word for it.
-      length: characteristic length L, for errors and noise: the longest distance between two tracked
-        points of one body [m].
+      keyframe: (unbatched) state of the MJCF's first keyframe, the state after every reset.
+      timestep: MuJoCo's step [s]. A plant takes this one and the integrator, whatever `xml` has.
+      integrator: MuJoCo's, by its name in the MJCF.
+      length: characteristic length L, for errors and noise: the longest distance between two
+        tracked points of one body [m].
       grounded: the MJCF has a plane that takes part in contacts.
-      free: every body moves on a free joint of its own, so that its points tell where it is.
+      free: every body moves on its own free joint, so that its points determine its pose.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Robot:
 
     @cached_property
     def tethered(self) -> bool:
-        """Whether a cable ends on something that cannot move."""
+        """True if a cable ends on something immovable."""
         return any(end.body < 0 for cable in self.cables for end in cable.ends)
 
     def offsets_of(self, body: Body) -> Floats:
@@ -69,7 +69,7 @@ class Robot:
     def center_weights(self) -> Floats:
         """(P,) weights with sum 1 whose combination of the tracked points is the centre of mass.
 
-        Exact where each body's centre of mass lies in the span of its points (a rod with a cap at each
+        Exact if each body's centre of mass lies in the span of its points (a rod with a cap at each
         end); else the nearest such combination. Bodies without points do not count.
         """
         weights = np.zeros(len(self.points))
@@ -79,10 +79,10 @@ class Robot:
         return weights / weights.sum()
 
     def require_free(self, to_be: str) -> None:
-        """Refuse a robot with joints: the one place that says what it cannot do yet.
+        """Reject a robot with joints, with the operation that needs free bodies.
 
         Args:
-          to_be: what it cannot be, for the message: "dropped".
+          to_be: the impossible operation, for the message: "dropped".
 
         Raises:
           RobotError: not all bodies are free.
@@ -94,9 +94,9 @@ class Robot:
             )
 
     def control_steps(self, near: float) -> tuple[float, ...]:
-        """Control steps [s] that are possible around a wanted one, the nearest first.
+        """Possible control steps [s] around a given one, the nearest first.
 
-        They are the multiples of MuJoCo's step; the wanted one alone if it is one.
+        They are the multiples of MuJoCo's step; the given one alone if it is one.
         """
         if not 0.0 < near < math.inf:
             return (self.timestep,)
@@ -128,11 +128,11 @@ class Robot:
 
     @cached_property
     def rate_driven(self) -> np.ndarray:
-        """(W,) bool: which winches take a rate; the others take a position."""
+        """(W,) bool: True for rate winches; the others are position winches."""
         return np.array([w.kind == "rate" for w in self.winches])
 
     def holding(self, winch: Floats) -> Floats:
-        """The command (..., W) that keeps the winches at the positions `winch` (..., W) [m]."""
+        """The command (..., W) that holds the winches at the positions `winch` (..., W) [m]."""
         return np.where(self.rate_driven, 0.0, winch)
 
     def winch_of(self, state: State) -> Floats:
@@ -140,13 +140,13 @@ class Robot:
         return state.act[..., [w.activation for w in self.winches]]
 
     def known_winch(self, observed: Floats, controls: Floats, dt: float) -> Floats:
-        """Best knowledge of the winch positions (..., T + 1, W) [m] over an episode.
+        """Best estimate of the winch positions (..., T + 1, W) [m] over an episode.
 
-        Measured where it was; between, dead-reckoned from the commands, on from the last measured
-        position. Before the first one, and without any, from the keyframe's.
+        Measured ones if available; in between dead-reckoned from the commands, starting at the last
+        measured position. Before the first one, and without any, from the keyframe's.
 
         Args:
-          observed: (..., T + 1, W) measured positions, NaN where not measured [m].
+          observed: (..., T + 1, W) measured positions, NaN if not measured [m].
           controls: (..., T, W) commands.
           dt: control step [s].
         """
@@ -157,19 +157,19 @@ class Robot:
         return self.dead_reckon(start, controls, dt, observed)
 
     def winches_of(self, episode: Episode) -> Floats:
-        """(T + 1, W) best knowledge of an episode's winch positions [m], see `known_winch`."""
+        """(T + 1, W) best estimate of an episode's winch positions [m], see `known_winch`."""
         track = episode.trajectory
         return self.known_winch(track.observations.winch, track.controls, track.dt)
 
     def wound(self, now: Floats, told: Floats, dt: float) -> Floats:
-        """Positions (..., W) [m] of nominal winches at (..., W), `dt` [s] after they were told (..., W)."""
+        """Positions (..., W) [m] of nominal winches at (..., W), `dt` [s] after commands (..., W)."""
         return np.clip(now + self.rates(now, told, dt) * dt, self.rest_low, self.rest_high)
 
     def rates(self, now: Floats, told: Floats, dt: float, faster: Floats | float = 1.0) -> Floats:
-        """Mean rates (..., W) [m/s] of winches at (..., W) over the `dt` [s] after they were told (..., W).
+        """Mean rates (..., W) [m/s] of winches at (..., W) over the `dt` [s] after commands (..., W).
 
         Args:
-          faster: (..., W) how many times as fast as nominal winches they are.
+          faster: (..., W) ratio of their speed to that of nominal winches.
         """
         if self._all_rates:
             return np.asarray(told * faster)
@@ -177,7 +177,7 @@ class Robot:
         return np.where(self.rate_driven, told * faster, share * (told - now) / dt)
 
     def telling(self, now: Floats, rates: Floats, dt: float) -> Floats:
-        """What (..., W) nominal winches at (..., W) have to be told for mean rates (..., W) over `dt` [s]."""
+        """Commands (..., W) for nominal winches at (..., W) that give mean rates (..., W) over `dt` [s]."""
         if self._all_rates:
             return rates
         share = -np.expm1(-dt / np.maximum(self._lags, 1e-9))
@@ -185,7 +185,7 @@ class Robot:
 
     @cached_property
     def _all_rates(self) -> bool:
-        """Whether no winch takes a position, which is asked at every step."""
+        """True without position winches; cached, because it is needed at every step."""
         return bool(self.rate_driven.all())
 
     @cached_property
@@ -196,13 +196,13 @@ class Robot:
     def dead_reckon(
         self, start: Floats, controls: Floats, dt: float, measured: Floats | None = None
     ) -> Floats:
-        """Winch positions that nominal winches would have under `controls`.
+        """Positions of nominal winches under `controls`.
 
         Args:
           start: (..., W) positions before the first control [m].
           controls: (..., T, W) commands.
           dt: control step [s].
-          measured: (..., T + 1, W) positions to take instead, and to go on from; NaN where not [m].
+          measured: (..., T + 1, W) positions to use and to continue from; NaN if missing [m].
 
         Returns:
           (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.
@@ -218,15 +218,15 @@ class Robot:
         measured: Floats | None = None,
         loaded: Callable[[int, Floats, Floats], Floats] | None = None,
     ) -> Floats:
-        """Winch positions step by step, from what winches are told; the loop behind all dead reckoning.
+        """Winch positions step by step, from the winches' commands; the loop of all dead reckoning.
 
         Args:
           start: (..., W) positions before the first step [m].
-          told: (..., T, W) what nominal winches are told; not clipped.
+          told: (..., T, W) commands of nominal winches; not clipped.
           dt: control step [s].
-          measured: (..., T + 1, W) positions to take instead, and to go on from; NaN where not [m].
-          loaded: takes a step, the positions and what is told then, both (..., W); returns what nominal
-            winches would have to be told to move as the loaded ones do.
+          measured: (..., T + 1, W) positions to use and to continue from; NaN if missing [m].
+          loaded: maps a step, the positions and its commands, both (..., W), to commands with which
+            nominal winches would move as the loaded ones do.
 
         Returns:
           (..., T + 1, W) positions [m], clamped at the ends of the winches' ranges at every step.

@@ -1,4 +1,4 @@
-"""Winches: which of the MJCF's actuators change the rest length of a cable, and how.
+"""Winches: the actuators of the MJCF that change the rest length of a cable.
 
 A winch's actuator is a `general` actuator on the cable's tendon whose force is
 `k * (activation - length) - c * speed`, never positive, with the rest length as its activation:
@@ -7,8 +7,8 @@ A winch's actuator is a `general` actuator on the cable's tendon whose force is
       ctrllimited="true" ctrlrange="-0.6 0.6" gainprm="k" biastype="affine" biasprm="0 -k -c"
       forcelimited="true" forcerange="-F 0"/>
 
-`dyntype="integrator"` takes the rate of the rest length [m/s], `dyntype="filterexact"` the rest
-length wanted [m], reached with the lag `dynprm` [s]. Several cables on one winch are one
+`dyntype="integrator"` takes the rate of the rest length [m/s], `dyntype="filterexact"` the desired
+rest length [m], reached with the lag `dynprm` [s]. Several cables on one winch are one
 `<custom><tuple name="lift"> <element objtype="actuator" objname="..."/> ... </tuple></custom>`.
 """
 
@@ -38,9 +38,9 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
       act: (na,) the keyframe's activations.
 
     Raises:
-      RobotError: an actuator that is neither a winch's nor passive, or that is switched off, a winch's
-        actuator without a limit it needs, a tuple whose actuators could not move alike, or two winches
-        of one name.
+      RobotError: an actuator that is neither a winch's nor passive, or that is switched off, a
+        winch's actuator without a required limit, a tuple whose actuators could not move equally,
+        or two winches of one name.
     """
     driving = [a for a in range(model.nu) if not is_passive(model, a)]
     if not driving:
@@ -59,7 +59,7 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
 
 
 def is_passive(model: mujoco.MjModel, actuator: int) -> bool:
-    """Whether the actuator's control has no effect (a fixed gain of zero)."""
+    """True if the actuator's control has no effect (a fixed gain of zero)."""
     fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
     return bool(fixed and model.actuator_gainprm[actuator, 0] == 0)
 
@@ -101,7 +101,7 @@ def _refuse_unfit(model: mujoco.MjModel, driving: list[int]) -> None:
 
 
 def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
-    """What an actuator would have to be or have to be a winch's, after "must"."""
+    """Unmet requirements on a winch's actuator, each after "must"."""
     gain = model.actuator_gainprm[actuator, 0]
     bias = model.actuator_biasprm[actuator]
     force = model.actuator_forcerange[actuator]
@@ -135,7 +135,7 @@ def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
         ),
         (
             KINDS.get(kind) != "rate" or control[0] <= 0 <= control[1],
-            f"be able to stand still: its ctrlrange must hold 0; got {control[0]:g} to {control[1]:g}",
+            f"be able to hold: its ctrlrange must include 0; got {control[0]:g} to {control[1]:g}",
         ),
         (
             KINDS.get(kind) != "position" or control[0] >= 0,
@@ -161,7 +161,7 @@ def _unmet(model: mujoco.MjModel, actuator: int) -> list[str]:
 
 
 def _counting(limit: str, limited: int, limits: Floats) -> str:
-    """What a range that is there lacks to count, if it does not."""
+    """Reason why an existing range is ignored; "" if it counts."""
     if limited or not limits.any():
         return ""
     return (
@@ -220,14 +220,14 @@ def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, .
     alone = {model.actuator(a).name: (a,) for a in driving if a not in taken}
     if both := groups.keys() & alone.keys():
         raise RobotError(
-            f"A tuple and a winch's actuator that is in none are both named {min(both)!r}; winches need "
-            "names of their own, because columns of recordings are named after them."
+            f"A tuple and a winch's actuator that is in none are both named {min(both)!r}; "
+            "winches need unique names, because columns of recordings are named after them."
         )
     return groups | alone
 
 
 def _check_alike(model: mujoco.MjModel, name: str, actuators: tuple[int, ...], act: Floats) -> None:
-    """Refuse actuators of one winch whose rest lengths would not change by the same amount."""
+    """Reject actuators of one winch whose rest lengths would not change by the same amount."""
     first = actuators[0]
     start = act[model.actuator_actadr[list(actuators)]]
     for actuator, shift in zip(actuators, start - start[0], strict=True):
@@ -253,7 +253,7 @@ def _shifted(ranges: np.ndarray, actuator: int, first: int, shift: float) -> boo
 
 
 def _measured(model: mujoco.MjModel) -> dict[int, str]:
-    """Actuators that a `user` sensor measures, and the sensor's name."""
+    """Actuators measured by a `user` sensor, and the sensor's name."""
     user = model.sensor_type == mujoco.mjtSensor.mjSENS_USER
     of_actuator = model.sensor_objtype == mujoco.mjtObj.mjOBJ_ACTUATOR
     sensors = np.flatnonzero(user & of_actuator)

@@ -1,4 +1,4 @@
-"""What is around a robot: gravity, and boxes that its plant collides with and its tasks plan around."""
+"""Surroundings of a robot: gravity, and boxes for collisions in the plant and for planning in tasks."""
 
 from __future__ import annotations
 

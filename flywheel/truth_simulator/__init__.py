@@ -1,12 +1,12 @@
-"""A second simulator, which stands in for reality: its recordings have a known answer.
+"""A second simulator in the role of reality: its recordings have a known answer.
 
-It moves a robot with effects that the model under test is not told of, in a loop and by laws of its own. It
-shares no code with the plant or the library of effects: a diagnosis that names the effect does not owe that
-to a mistake that both make. A test checks what it imports.
+It moves a robot with effects unknown to the model under test, with its own loop and laws. It shares
+no code with the plant or the library of effects: a correct diagnosis is therefore not due to a
+mistake common to both. A test checks its imports.
 
-`HIDDEN` are the effects that a diagnosis is expected to name, `OUTSIDE` and `UNKNOWN_LAWS` those it should
-say it has no name for, and `OTHER_FORMS` those that it has a name for, but another law. `AsBuilt` is a robot
-whose every number is a little off, as every real one's is.
+`HIDDEN` are the effects that a diagnosis should name, `OUTSIDE` and `UNKNOWN_LAWS` those for which
+it should report an unknown, and `OTHER_FORMS` those that it can name, but with another law.
+`AsBuilt` is a robot with small errors in all numbers, like every real one.
 """
 
 from flywheel.registry import lookup

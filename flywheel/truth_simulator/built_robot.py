@@ -1,4 +1,4 @@
-"""A robot as it was built: every number of its MJCF is a little off, part by part."""
+"""A robot as built: every number of its MJCF is slightly off, part by part."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from flywheel.truth_simulator.scales import Scales
 
 @dataclass(frozen=True)
 class Spread:
-    """How far the numbers of robots lie from their MJCF: standard deviations.
+    """Standard deviations of robots' numbers from their MJCF.
 
     Factors are drawn on their logarithms, so that none is negative.
 
     Attributes:
       stiffness, damping: of each cable [-].
-      rest: length of each cable [share of the robot's length].
-      ends: where each end of a cable is attached or anchored, along each axis [share of the length].
+      rest: length of each cable [fraction of the robot's length].
+      ends: attachment or anchor of each end of a cable, along each axis [fraction of the length].
       mass: of each body, with its inertia [-].
       friction, contact_stiffness: of all contacts [-].
       gain: of each winch [-].
@@ -42,14 +42,14 @@ class Spread:
     gain: float = 0.02
 
     def times(self, factor: float) -> Spread:
-        """So many times as wide."""
+        """Multiplied by a factor."""
         values = dataclasses.asdict(self).items()
         return Spread(**{name: factor * value for name, value in values})
 
 
 @dataclass(frozen=True, eq=False)
 class AsBuilt(BuildEffect, ModelEffect, WinchEffect, RestEffect):
-    """How one robot differs from its MJCF in all its parts at once.
+    """Deviations of one robot from its MJCF in all its parts at once.
 
     Attributes:
       stiffness, damping: (C,) logarithms of the cables' factors.
@@ -119,7 +119,7 @@ class AsBuilt(BuildEffect, ModelEffect, WinchEffect, RestEffect):
 
 
 def _weigh(body: mujoco.MjsBody, factor: float) -> None:
-    """Scale mass and inertia, whether they are given or follow from the geoms."""
+    """Scale mass and inertia, given or derived from the geoms."""
     if body.explicitinertial:
         body.mass *= factor
         body.inertia = np.array(body.inertia) * factor

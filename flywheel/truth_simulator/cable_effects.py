@@ -152,7 +152,7 @@ class WeakCable(CableEffect):
 def bent(cables: CableMotion, memory: Floats, length: float) -> Floats:
     """(C,) Dahl's z one step later [m]; slack cables forget it.
 
-    At a constant V, z approaches d sign(V) exponentially over the way; hence exact per step.
+    At a constant V, z approaches d sign(V) exponentially over the distance; hence exact per step.
     """
     final = length * np.sign(cables.rate)
     left = np.exp(-np.abs(cables.rate) * cables.step / length)
@@ -167,7 +167,7 @@ def relaxing(cables: CableMotion, memory: Floats, speed: Floats, time: float) ->
 
 
 def drawn_cable(robot: Robot, rng: np.random.Generator, winched: bool = False) -> int:
-    """A cable that carries something: at the keyframe a quarter at least of the strongest tension."""
+    """A loaded cable: at the keyframe it has at least a quarter of the strongest tension."""
     tension = keyframe_tension(robot)
     able = tension >= tension.max() / 4
     if winched:

@@ -1,4 +1,4 @@
-"""How the robot's cables pull: springs and dampers as the MJCF describes them."""
+"""Tensions of the robot's cables: springs and dampers of the MJCF."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from flywheel.truth_simulator.cable_motion import CableMotion
 class CableLaw:
     """Numbers of C cables.
 
-    A cable that an actuator pulls (winched, or passive and clamped) has the tension
-    k (L - l0) + c V, with what effects add, cut off at zero and at the actuator's strongest pull. A
-    tendon's own spring pulls when stretched; a tendon's own damper always acts, and so can push.
+    A cable with an actuator (winched, or passive and clamped) has the tension k (L - l0) + c V plus
+    that of effects, cut off at zero and at the actuator's strongest pull. A tendon's own spring
+    pulls when stretched; a tendon's own damper always acts, and so can push.
 
     Attributes:
       stiffness: (C,) [N/m].
@@ -39,10 +39,10 @@ class CableLaw:
 
     @classmethod
     def of(cls, robot: Robot) -> CableLaw:
-        """Read the numbers off the MJCF.
+        """Read the numbers from the MJCF.
 
         Raises:
-          ModelError: springs or dampers that are not linear.
+          ModelError: springs or dampers are not linear.
         """
         model = mujoco.MjSpec.from_string(robot.xml).compile()
         if model.tendon_stiffnesspoly.any() or model.tendon_dampingpoly.any():
@@ -67,9 +67,9 @@ class CableLaw:
         )
 
     def tension(self, cables: CableMotion, extra: Floats | float = 0.0) -> Floats:
-        """Tensions (C,) [N] with what effects add: nothing when slack, and never a push of their own.
+        """Tensions (C,) [N] including effects: zero when slack, and effects never push.
 
-        No winch pulls with more than it has, whatever is added.
+        No winch exceeds its strongest pull, whatever is added.
         """
         extension, rate = cables.length - cables.rest, cables.rate
         pulled = np.maximum(self.stiffness * extension + self.damping * rate, 0.0)

@@ -1,4 +1,4 @@
-"""What the cables do at one moment."""
+"""State of the cables at one moment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class CableMotion:
       time: since the recording's start, negative while the robot settles [s].
       step: the simulator's time step [s].
       length, rate: (C,) [m] and [m/s].
-      rest, rest_rate: (C,) rest length [m] and how fast it changes [m/s].
+      rest, rest_rate: (C,) rest length [m] and its rate [m/s].
       stiffness: (C,) [N/m].
     """
 

@@ -1,4 +1,4 @@
-"""The list of cases on which a diagnosis is examined."""
+"""The list of cases for the examination of a diagnosis."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Plan:
     Attributes:
       script: name of the command script.
       seed: of commands and noise.
-      seconds: how long [s].
+      seconds: duration [s].
     """
 
     script: str
@@ -87,8 +87,8 @@ class Recorded:
     """The recordings of a case.
 
     Attributes:
-      fit: for the diagnosis to look at.
-      held_out: to judge it by.
+      fit: for the diagnosis.
+      held_out: for the evaluation.
     """
 
     fit: tuple[HiddenRecording, ...]
@@ -97,19 +97,19 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Case:
-    """One question: what is different about this robot?
+    """One question: the difference of this robot from its MJCF.
 
     Attributes:
       name: stable, "prism3.single.creep.x2.s0".
       robot: name of the robot.
-      group: what kind of question it is.
+      group: kind of question.
       effects: hidden in all of its recordings, with the same values.
-      built: how the robot differs from its MJCF beside them, in all its numbers; None where it does not.
-      fit: recordings to look at.
-      held_out: recording to be judged by; another script, other seeds.
-      measurement: how all are measured.
+      built: additional deviations in all its numbers; None without any.
+      fit: recordings for the diagnosis.
+      held_out: recording for the evaluation; another script, other seeds.
+      measurement: of all recordings.
       contact: kind of ground contact of the truth.
-      told: what whoever diagnoses is told of the robot, as scales of the truth; each may be wrong by some
+      told: the examinee's knowledge of the robot, as scales of the truth; each may be wrong by some
         `UNSURE`.
     """
 
@@ -157,13 +157,12 @@ def cases(
 ) -> list[Case]:
     """All cases of the groups for a robot, in a fixed order.
 
-    A case depends on its own name only, never on which others are made with it; cases that differ in
-    size alone have the same places, scripts and noise. Effects that cannot make a difference to the
-    robot are left out.
+    A case depends on its own name only, never on the other cases; cases that differ in size alone
+    have the same places, scripts and noise. Effects without influence on the robot are left out.
 
     Args:
       sizes: multiples of the typical size, for the groups "single" and "messy-single".
-      spread: how many times as far off the numbers of messy robots are as in `Spread`.
+      spread: factor on `Spread` for messy robots.
 
     Raises:
       UnknownNameError: no such group.
@@ -249,7 +248,7 @@ def _forms(robot: Robot, seed: int, sizes: tuple[float, ...]) -> Iterator[Case]:
 
 
 def _messy(case: Case, robot: Robot) -> Case:
-    """The same question about a robot whose numbers are all a little off; its size changes none of them."""
+    """The same question about a robot with small errors in all numbers, independent of its size."""
     name = ".".join(part for part in case.name.split(".") if not part.startswith("x"))
     rng = np.random.default_rng(_digest(f"built {name}"))
     return replace(case, built=AsBuilt.typical(robot, rng))

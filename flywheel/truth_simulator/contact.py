@@ -1,4 +1,4 @@
-"""How the robot meets the ground: by MuJoCo's contacts of another kind, or by springs of our own."""
+"""Contact of the robot with the ground: by another kind of MuJoCo's contacts, or by our own springs."""
 
 from __future__ import annotations
 
@@ -96,16 +96,16 @@ def _local_feet(model: mujoco.MjModel, geom: int) -> list[tuple[Floats, float, b
 class PenaltyGround:
     """Springs and dampers under every foot, with dry friction as sliders on springs (Cundall).
 
-    The slider's spring yields at the Coulomb limit, so that the robot stands still on it, where a
-    friction that only depends on the sliding speed would let it creep.
+    The slider's spring yields at the Coulomb limit, so that the robot can rest on it, whereas
+    friction that depends on the sliding speed alone would let it creep.
 
     Args:
       robot: for its name in errors.
-      model: whose ground plane is taken out of MuJoCo's collisions (it is changed).
+      model: its ground plane is removed from MuJoCo's collisions (it is changed).
       skeleton: of the same model.
 
     Raises:
-      ModelError: a ground that is not level, or a geom of another shape.
+      ModelError: the ground is not level, or a geom has another shape.
     """
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, skeleton: Skeleton) -> None:
@@ -131,7 +131,7 @@ class PenaltyGround:
         self._slider = np.zeros((len(geom), 3))
 
     def push(self, data: mujoco.MjData, step: float) -> None:
-        """Add the ground's forces of this moment, and let the sliders move on for a step."""
+        """Add the ground's forces of this moment, and advance the sliders by a step."""
         feet, skeleton = self.feet, self._skeleton
         centre = skeleton.place(data, feet.body, feet.offset)
         lowest = centre + self._reach(data)

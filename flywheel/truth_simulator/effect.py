@@ -1,9 +1,9 @@
-"""What a hidden effect is: numbers, a place, and where it takes hold of the truth simulator.
+"""Interface of hidden effects: numbers, a place, and a hook in the truth simulator.
 
-An effect belongs to one of the families below; the simulator asks each family at one moment of its
-step. Effects hold no state: what one has to remember (the set of a rope, the play of a gear) is an
-array that the simulator keeps for it and hands back. The base classes are the identity, so that an
-effect of size zero changes nothing to the bit.
+An effect belongs to one of the families below; the simulator calls each family at one moment of its
+step. Effects have no state: their memory (the set of a rope, the play of a gear) is an array that
+the simulator keeps and returns. The base classes are the identity, so that an effect of size zero
+changes no bit.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from flywheel.truth_simulator.scales import Scales
 
 @dataclass(frozen=True)
 class EffectTruth:
-    """The answer that a diagnosis should find.
+    """The correct answer of a diagnosis.
 
     Attributes:
       name: of the effect.
-      place: name of the cable or tracked point it sits at, "" where it is everywhere.
+      place: name of its cable or tracked point, "" for the whole robot.
       values: parameter -> value.
-      units: parameter -> unit, "-" where it has none.
+      units: parameter -> unit, "-" without one.
     """
 
     name: str
@@ -43,7 +43,7 @@ class EffectTruth:
 
 @dataclass(frozen=True)
 class HiddenEffect(ABC):
-    """One physical cause. Its fields are its parameters; `cable` or `point` is where it is.
+    """One physical cause. Its fields are its parameters; `cable` or `point` is its place.
 
     Attributes:
       name: in the registry.
@@ -62,11 +62,11 @@ class HiddenEffect(ABC):
 
     @classmethod
     def applies(cls, robot: Robot) -> bool:
-        """Whether it can make a difference to this robot at all."""
+        """True if it can have an influence on this robot."""
         return True
 
     def scaled(self, factor: float) -> Self:
-        """The same effect, so many times as large; 0 is no effect."""
+        """The same effect with its size multiplied; 0 is no effect."""
         return dataclasses.replace(self, **{n: factor * getattr(self, n) for n in self.sized})
 
     def truth(self, robot: Robot) -> EffectTruth:
@@ -81,7 +81,7 @@ class HiddenEffect(ABC):
 
 
 class GroundEffect(HiddenEffect):
-    """One that is felt through contacts only."""
+    """An effect that acts through contacts only."""
 
     @classmethod
     def applies(cls, robot: Robot) -> bool:
@@ -89,7 +89,7 @@ class GroundEffect(HiddenEffect):
 
 
 class ModelEffect(HiddenEffect):
-    """One that rewrites masses, contacts or gravity before the simulation starts."""
+    """An effect that changes masses, contacts or gravity before the simulation starts."""
 
     @abstractmethod
     def edit(self, spec: mujoco.MjSpec, robot: Robot) -> None:
@@ -97,7 +97,7 @@ class ModelEffect(HiddenEffect):
 
 
 class CableEffect(HiddenEffect):
-    """One that adds to the tension of cables. A slack cable never feels it."""
+    """An effect on the tension of taut cables."""
 
     @abstractmethod
     def extra(self, cables: CableMotion, memory: Floats) -> tuple[Floats, Floats]:
@@ -105,11 +105,11 @@ class CableEffect(HiddenEffect):
 
 
 class WinchEffect(HiddenEffect):
-    """One between the command and the rest lengths. Each overrides one stage."""
+    """An effect between the command and the rest lengths. Each overrides one stage."""
 
     @property
     def delay(self) -> float:
-        """How late commands arrive [s]."""
+        """Delay of commands [s]."""
         return 0.0
 
     @property
@@ -118,7 +118,7 @@ class WinchEffect(HiddenEffect):
         return 1.0
 
     def follow(self, command: Floats, memory: Floats, step: float) -> tuple[Floats, Floats]:
-        """What the motors take for the command (W,) on average over a step, and the memory (W,)."""
+        """Mean command (W,) after the motors over a step, and the memory (W,)."""
         return command, memory
 
     def limit(self, rate: Floats, load: Floats, motor: Floats) -> Floats:
@@ -131,7 +131,7 @@ class WinchEffect(HiddenEffect):
 
 
 class RestEffect(HiddenEffect):
-    """One that changes rest lengths behind the winches' back."""
+    """An effect that changes rest lengths independently of the winches."""
 
     @abstractmethod
     def added(self, time: float, cables: int) -> Floats:
@@ -147,28 +147,28 @@ class BodyEffect(HiddenEffect):
 
 
 class FlexEffect(HiddenEffect):
-    """One that lets the tracked points, and the cables that end beside them, give way."""
+    """An effect that lets the tracked points, and the adjacent cable ends, give way."""
 
     @abstractmethod
     def bend(self, load: Floats, memory: Floats, step: float) -> Floats:
-        """Displacements (P, 3) [m] under the loads (P, 3) [N], given those of a step ago."""
+        """Displacements (P, 3) [m] under the loads (P, 3) [N], given those of the previous step."""
 
 
 class SensingEffect(HiddenEffect):
-    """One that changes what is seen, and not what happens."""
+    """An effect on the measurement alone."""
 
     @property
     def latency(self) -> float:
-        """How old a measured position is [s]."""
+        """Age of a measured position [s]."""
         return 0.0
 
     def offset(self, robot: Robot) -> Floats:
-        """(P, 3) where the markers really are, from the tracked points, in body frames [m]."""
+        """(P, 3) true offsets of the markers from the tracked points, in body frames [m]."""
         return np.zeros((len(robot.points), 3))
 
 
 class BuildEffect(HiddenEffect):
-    """One that changes what the cables of a robot are, and where they are attached."""
+    """An effect on the cables of a robot, and on their attachments."""
 
     @abstractmethod
     def law(self, law: CableLaw) -> CableLaw:
@@ -176,12 +176,12 @@ class BuildEffect(HiddenEffect):
 
     @abstractmethod
     def ends(self, offsets: Floats) -> Floats:
-        """(2C, 3) where the cables end, in the frames of their bodies [m]."""
+        """(2C, 3) positions of the cable ends, in the frames of their bodies [m]."""
 
 
 @dataclass(frozen=True)
 class Families:
-    """Effects, sorted by where they take hold."""
+    """Effects, sorted by family."""
 
     build: tuple[BuildEffect, ...]
     model: tuple[ModelEffect, ...]

@@ -56,7 +56,7 @@ class RollingResistance(GroundEffect, ModelEffect):
 
 @dataclass(frozen=True)
 class Slope(ModelEffect):
-    """A floor that is not level: gravity leans, seen from the floor."""
+    """Sloped ground: gravity leans, relative to the floor."""
 
     name = "slope"
     units: ClassVar = {"about_x": "rad", "about_y": "rad"}

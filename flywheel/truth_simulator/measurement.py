@@ -1,4 +1,4 @@
-"""What cameras and encoders make of the truth: noise, markers lost, markers mixed up."""
+"""Measurement of the truth by cameras and encoders: noise, markers lost, markers mixed up."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from flywheel.records import Floats
 
 @dataclass(frozen=True)
 class Measurement:
-    """How a recording is taken.
+    """Settings of a recording.
 
     Attributes:
-      dt: time between two rows, and how long a command lasts [s].
-      noise: standard deviation of each coordinate, as a share of `robot.length` [-].
-      dropout: share of the markers that are missing [-].
-      burst: how long a marker stays away on average [s]; 0 for each row by itself.
-      swap: two markers are exchanged from some time on.
-      winch_noise: standard deviation of measured motor positions [m]; None if there are none.
+      dt: time between two rows, and duration of a command [s].
+      noise: standard deviation of each coordinate, as a fraction of `robot.length` [-].
+      dropout: fraction of missing markers [-].
+      burst: mean duration of a dropout [s]; 0 for each row by itself.
+      swap: two markers are swapped from some time on.
+      winch_noise: standard deviation of measured motor positions [m]; None without encoders.
     """
 
     dt: float = 0.01
@@ -40,7 +40,7 @@ class Measurement:
             raise ConfigError(f"dt must be positive seconds, got {self.dt!r}.")
 
     def points(self, seen: Floats, length: float, rng: np.random.Generator) -> Floats:
-        """Measured positions (T + 1, P, 3) [m] of markers that look to be at `seen`; NaN: missing.
+        """Measured positions (T + 1, P, 3) [m] of markers with visible positions `seen`; NaN: missing.
 
         Args:
           length: `robot.length` [m].
@@ -60,7 +60,9 @@ class Measurement:
         return motor + rng.normal(size=motor.shape) * self.winch_noise
 
     def _missing(self, shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
-        """(T + 1, P) bool. Markers go and come back at random, at rates that give the share."""
+        """(T + 1, P) bool. Markers disappear and reappear at random, at rates that give the
+        required fraction.
+        """
         chance = rng.random(shape)
         if not self.dropout:
             return np.zeros(shape, bool)

@@ -16,9 +16,9 @@ class Motors:
     """The winches of one simulation, stepped together.
 
     Args:
-      robot: whose winches they are.
+      robot: of the winches.
       start: (W,) positions they hold before the first command [m].
-      dt: how long each command lasts [s].
+      dt: duration of each command [s].
       step: time step [s].
       effects: on winches, in the order in which they act.
       slips: on rest lengths.

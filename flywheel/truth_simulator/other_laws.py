@@ -1,9 +1,9 @@
-"""Hidden effects whose law has another form than the library's, and laws that the library has nothing like.
+"""Hidden effects in another form than the library's, and laws unlike any in the library.
 
-`OTHER_FORMS` are physical causes that a diagnosis has a name for, but by another law: friction in proportion
-to each cable's stiffness, say. Their family should be named; some of these laws are other forms of effects of
-the library. For `UNKNOWN_LAWS` no candidate stands. None of these may ever be added to the library, or
-nothing would be left to examine it by.
+`OTHER_FORMS` are physical causes that a diagnosis can name, but with another law, e.g. friction in
+proportion to each cable's stiffness. Their family should be named; some of these laws are other
+forms of effects of the library. `UNKNOWN_LAWS` have no candidate. None of these may ever be added
+to the library, because the examination needs laws outside of it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ UNEQUAL = 0.7  # standard deviation of the logarithm of what differs from cable 
 
 
 class OtherForm(HiddenEffect):
-    """One that the library has a name for, but another law.
+    """An effect that the library can name, but with another law.
 
     Attributes:
       family: that name.
@@ -107,7 +107,7 @@ class HysteresisByStiffness(OtherForm, CableEffect):
 
 @dataclass(frozen=True)
 class CreepOnLength(OtherForm, CableEffect):
-    """A relaxing arm on the way that the cable moves, not on its stretch: dT = a k x, dx/dt = V - x / tau."""
+    """A relaxing arm on the motion of the cable, not on its stretch: dT = a k x, dx/dt = V - x / tau."""
 
     name = "creep_on_length"
     family = "creep"
@@ -146,7 +146,7 @@ class StiffeningFromTheStart(OtherForm, CableEffect):
 
 @dataclass(frozen=True)
 class GainByWinch(OtherForm, WinchEffect):
-    """Winches that turn faster than commanded, each by another share: rate (1 + g_w)."""
+    """Winches that turn faster than commanded, each by a different fraction: rate (1 + g_w)."""
 
     name = "gain_by_winch"
     family = "winch_gain"
@@ -290,7 +290,7 @@ class SlackFirst(CableEffect):
 
 @dataclass(frozen=True)
 class Warming(CableEffect):
-    """Cables that go soft as they are worked: dT = -s T (1 - exp(-E / E0)), E being the work done so far."""
+    """Cables that soften with work: dT = -s T (1 - exp(-E / E0)), E being the work done so far."""
 
     name = "warming"
     units: ClassVar = {"share": "-", "energy": "J"}
@@ -310,7 +310,7 @@ class Warming(CableEffect):
 
 @dataclass(frozen=True)
 class Yielding(CableEffect):
-    """One cable that is drawn out for good where it is pulled hard: its longest stretch leaves a tenth."""
+    """One cable with plastic elongation under high load: its longest stretch leaves a tenth."""
 
     name = "yielding"
     units: ClassVar = {"share": "-"}
@@ -350,7 +350,7 @@ class Sag(CableEffect):
 
 @dataclass(frozen=True)
 class DeadBand(WinchEffect):
-    """Motors that do not turn for small commands: those below a share of the largest are not heard."""
+    """Motors that do not turn for small commands: those below a fraction of the largest are ignored."""
 
     name = "dead_band"
     units: ClassVar = {"rate": "m/s"}
@@ -371,7 +371,7 @@ class DeadBand(WinchEffect):
 
 @dataclass(frozen=True)
 class SlowHauling(WinchEffect):
-    """Motors that haul in more slowly than they let out, at any load."""
+    """Motors that haul in more slowly than they pay out, at any load."""
 
     name = "slow_hauling"
     units: ClassVar = {"share": "-"}

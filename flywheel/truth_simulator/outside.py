@@ -1,4 +1,4 @@
-"""Effects that no diagnosis library is expected to know: the right answer is "none of mine"."""
+"""Effects outside any diagnosis library: the right answer is "none of mine"."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class QuadraticDamping(CableEffect):
 
 @dataclass(frozen=True)
 class StiffnessDrift(CableEffect):
-    """Cables that go soft while the recording runs, by a share in all."""
+    """Cables that soften during the recording, by a total fraction."""
 
     name = "stiffness_drift"
     units: ClassVar = {"share": "-", "seconds": "s"}
@@ -129,11 +129,11 @@ class StiffnessDrift(CableEffect):
 
 @dataclass(frozen=True)
 class RodFlex(FlexEffect):
-    """Bodies whose ends bend and compress under the cables, as a spring and a damper side by side.
+    """Bodies whose ends bend and compress under the cables, like a spring and a damper in parallel.
 
-    A tracked point, with the cables that end beside it, moves by u in the frame of its body:
-    du/dt = (q F - u) / tau, F being the sum of those cables' forces. Mass, inertia and the place
-    where the cap touches the ground stay those of the straight rod.
+    A tracked point, with the adjacent cable ends, moves by u in the frame of its body: du/dt = (q F
+    - u) / tau, F being the sum of those cables' forces. Mass, inertia and the contact place of the
+    cap stay those of the straight rod.
     """
 
     name = "rod_flex"

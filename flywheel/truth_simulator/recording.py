@@ -22,7 +22,7 @@ from flywheel.truth_simulator.simulator import TruthSimulator
 
 @dataclass(frozen=True)
 class HiddenRecording:
-    """What a robot with hidden effects did, as measured, with the truth beside it.
+    """The measured motion of a robot with hidden effects, with the truth.
 
     Attributes:
       robot: its name.
@@ -31,14 +31,14 @@ class HiddenRecording:
       controls: (T, W) commands sent.
       points: (T + 1, P, 3) measured [m]; NaN where missing.
       winch: (T + 1, W) measured motor positions [m]; NaN without a channel.
-      true_points: (T + 1, P, 3) where the tracked points were [m].
-      winch_true: (T + 1, W) where the motors were, as length paid out [m].
+      true_points: (T + 1, P, 3) true tracked points [m].
+      winch_true: (T + 1, W) true motor positions, as length paid out [m].
       rest_true: (T + 1, C) rest lengths of the cables [m].
-      effects: the answers; how the robot was built is none.
+      effects: the answers, without the robot's deviations as built.
       script: name of the command script.
       seed: of commands and noise.
-      contact: kind of ground contact it was simulated with.
-      measurement: how it was measured.
+      contact: kind of ground contact.
+      measurement: its settings.
     """
 
     robot: str
@@ -58,15 +58,15 @@ class HiddenRecording:
 
     @property
     def trajectory(self) -> Trajectory:
-        """What a diagnosis may see, without the truth."""
+        """The part of the recording available to a diagnosis, without the truth."""
         return Trajectory(Observation(self.points, self.winch), self.controls, self.dt)
 
     def write(self, folder: Path, name: str, robot: Robot) -> tuple[Path, Path]:
-        """Write `<name>.csv`, the log that a robot would leave, and `<name>.truth.json`.
+        """Write `<name>.csv`, in the format of a robot's log, and `<name>.truth.json`.
 
         Row t of the log has the points at time t and the commands that act until the next row, so
-        that the last row has none. A cell that was not measured is empty. Motor positions get a
-        column where the MJCF names a sensor for them; elsewhere a log has no place for them.
+        the last row has none. Unmeasured cells are empty. Motor positions get a column if the MJCF
+        names a sensor for them; otherwise they are not in the log.
         """
         folder.mkdir(parents=True, exist_ok=True)
         log, truth = folder / f"{name}.csv", folder / f"{name}.truth.json"
@@ -111,8 +111,8 @@ def record(
 ) -> HiddenRecording:
     """Let a robot with hidden effects settle, play a script to it, and measure.
 
-    Commands and noise come from streams of their own, so that the same seed gives the same commands
-    and the same noise whatever the effects are.
+    Commands and noise have separate random streams, so that the same seed gives the same commands
+    and the same noise for all effects.
 
     Raises:
       UnknownNameError: no such script.

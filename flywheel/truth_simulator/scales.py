@@ -1,4 +1,4 @@
-"""The robot's own scales, in which typical effect sizes are stated."""
+"""The robot's scales, in which typical effect sizes are stated."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ EARTH = 9.81  # [m/s^2]
 
 @dataclass(frozen=True)
 class Scales:
-    """What is a lot for this robot.
+    """Scales of this robot.
 
     Attributes:
       weight: of all bodies [N].
       mass: of all bodies [kg].
       length: `robot.length` [m].
-      time: sqrt(length / g) [s], half a swing of a pendulum of that length or so.
-      bodies: how many there are.
-      cap_radius: of the spheres with which it touches the ground [m]; 0 where it hangs in the air.
+      time: sqrt(length / g) [s], about half a swing of a pendulum of that length.
+      bodies: their number.
+      cap_radius: of its contact spheres [m]; 0 for a suspended robot.
     """
 
     weight: float

@@ -1,7 +1,7 @@
-"""Command scripts: what one would play to a robot while recording it.
+"""Command scripts for recordings of a robot.
 
-A script draws a wish for how each winch's rest length moves; the wish is then held inside a window
-around the keyframe where cables are mostly taut, and turned into the robot's commands.
+A script draws a desired motion of each winch's rest length, which is kept inside a window around
+the keyframe with mostly taut cables, and turned into the robot's commands.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ HAUL_IN, PAY_OUT = 0.4, 0.15  # the window: shares of the keyframe's rest length
 
 @dataclass(frozen=True)
 class Reach:
-    """What a script may ask of the winches.
+    """Limits of a script for the winches.
 
     Attributes:
       start, low, high: (W,) position at the keyframe, and the window around it [m].
@@ -50,10 +50,10 @@ def script(name: str, robot: Robot, seconds: float, dt: float, rng: np.random.Ge
 
     Args:
       name: in `SCRIPTS`.
-      robot: that will play it, from its keyframe's rest lengths.
-      seconds: how long.
+      robot: of the commands, starting at its keyframe's rest lengths.
+      seconds: duration.
       dt: control step [s].
-      rng: what is random comes from here.
+      rng: source of randomness.
 
     Raises:
       UnknownNameError: no such script.
@@ -107,7 +107,7 @@ def _sine(
 
 
 def pretension(reach: Reach, steps: int, dt: float, rng: np.random.Generator) -> Floats:
-    """All winches haul in together for a while, then go their random ways."""
+    """All winches haul in together for a while, then follow random motions."""
     rates = random_steps(reach, steps, dt, rng)
     hauling = min(steps, round(rng.uniform(0.5, 0.8) / dt))
     rates[:hauling] = -rng.uniform(0.3, 0.5) * reach.speed

@@ -1,4 +1,4 @@
-"""Hidden effects of the sensors: the robot does not feel them."""
+"""Hidden effects of the sensors, without influence on the motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flywheel.truth_simulator.scales import Scales
 
 @dataclass(frozen=True)
 class MarkerOffset(SensingEffect):
-    """One marker that was glued beside its tracked point, by (x, y, z) in the frame of its body."""
+    """One marker attached beside its tracked point, by (x, y, z) in the frame of its body."""
 
     name = "marker_offset"
     units: ClassVar = {"x": "m", "y": "m", "z": "m"}
@@ -38,7 +38,7 @@ class MarkerOffset(SensingEffect):
 
 @dataclass(frozen=True)
 class SensorLatency(SensingEffect):
-    """Positions are seen late."""
+    """Positions are measured late."""
 
     name = "sensor_latency"
     units: ClassVar = {"time": "s"}

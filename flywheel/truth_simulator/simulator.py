@@ -38,11 +38,11 @@ DIVERGED = (
 
 @dataclass(frozen=True)
 class HiddenMotion:
-    """What happened, noise-free: at one moment, or at the T + 1 before and after each control (`...`).
+    """The true motion, noise-free: at one moment, or at the T + 1 before and after each control (`...`).
 
     Attributes:
-      points: (..., P, 3) tracked points, where they are [m].
-      seen: (..., P, 3) where the markers look to be, with offset and latency [m].
+      points: (..., P, 3) true tracked points [m].
+      seen: (..., P, 3) visible positions of the markers, with offset and latency [m].
       motor: (..., W) motor positions, as length paid out [m].
       rest: (..., C) rest lengths of the cables [m].
       tension: (..., C) [N].
@@ -63,15 +63,15 @@ class TruthSimulator:
     Args:
       robot: any robot this project can read.
       effects: any number; the order matters only between effects on the same command.
-      contact: "elliptic" or "pyramidal" (MuJoCo's cones, by the CG solver), or "penalty" (springs of
-        our own). The first is nearest to the MJCF's own contact: without effects it stays within
+      contact: "elliptic" or "pyramidal" (MuJoCo's cones, by the CG solver), or "penalty" (our own
+        springs). The first is nearest to the MJCF's own contact: without effects it stays within
         0.02 % of the robot's length of a plant of the same time step for a second of commands; the
-        others part by 0.2 to 0.5 %.
+        others deviate by 0.2 to 0.5 %.
       step: time step [s].
 
     Raises:
       UnknownNameError: no such kind of contact.
-      ModelError: cables that are not linear.
+      ModelError: cables are not linear.
     """
 
     def __init__(
@@ -106,17 +106,17 @@ class TruthSimulator:
         start: State | None = None,
         settle: float = SETTLE,
     ) -> HiddenMotion:
-        """Settle with the winches holding, then carry out the controls.
+        """Settle with holding winches, then execute the controls.
 
         Args:
           controls: (T, W) commands, T >= 1; clipped to the winches' ranges.
-          dt: how long each lasts [s], a multiple of the step.
+          dt: duration of each [s], a multiple of the step.
           start: (unbatched) state to settle from; the keyframe if None.
-          settle: how long [s]; 0 to begin at once.
+          settle: duration [s]; 0 to start at once.
 
         Raises:
-          ModelError: shapes or times that do not fit, a ground that a penalty contact cannot be, or a
-            simulation that diverged.
+          ModelError: shapes or times do not fit, a penalty contact is impossible on the ground, or
+            a simulation diverged.
         """
         controls = np.asarray(controls, float)
         if controls.ndim != 2 or controls.shape[1] != len(self.robot.winches) or not len(controls):
@@ -137,13 +137,13 @@ class TruthSimulator:
         """The robot at rest, to be commanded step by step.
 
         Args:
-          dt: how long each command lasts [s], a multiple of the step.
+          dt: duration of each command [s], a multiple of the step.
           start: (unbatched) state to settle from; the keyframe if None.
-          settle: how long, with the winches holding [s].
+          settle: duration, with holding winches [s].
 
         Raises:
-          ModelError: times that do not fit, a ground that a penalty contact cannot be, or a simulation
-            that diverged.
+          ModelError: times do not fit, a penalty contact is impossible on the ground, or a
+            simulation diverged.
         """
         every = round(dt / self.step)
         if every < 1 or not np.isclose(every * self.step, dt, rtol=1e-9):
@@ -156,9 +156,9 @@ class Simulation:
 
     Args:
       sim: the simulator.
-      dt: how long each command lasts [s].
+      dt: duration of each command [s].
       start: (unbatched) state to settle from.
-      settling: for so many time steps.
+      settling: number of time steps.
     """
 
     def __init__(self, sim: TruthSimulator, dt: float, start: State, settling: int) -> None:
@@ -191,11 +191,11 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Since the robot was at rest [s]."""
+        """Time since the robot was at rest [s]."""
         return self._index * self.sim.step
 
     def look(self) -> HiddenMotion:
-        """What there is to see and to know now.
+        """The true motion at this moment.
 
         Raises:
           ModelError: the simulation diverged.
@@ -217,14 +217,14 @@ class Simulation:
         )
 
     def go(self, control: Floats) -> None:
-        """Carry out one command (W,) for its time; it is clipped to the winches' ranges."""
+        """Execute one command (W,) for its duration; it is clipped to the winches' ranges."""
         self.motors.hear(control)
         with collected_warnings():
             for _ in range(self._every):
                 self._move()
 
     def _sense(self) -> _Present:
-        """Where everything is, before anything pulls."""
+        """The configuration at the start of a step, before forces."""
         data, skeleton, sim = self.data, self.skeleton, self.sim
         mujoco.mj_step1(self.model, data)
         bent = np.zeros_like(self.offset)
@@ -247,7 +247,7 @@ class Simulation:
         return _Present(bent, ends, along, cables, tension)
 
     def _move(self) -> None:
-        """Pull, and move on by one time step."""
+        """Apply forces, and advance by one time step."""
         data, skeleton, now, step = self.data, self.skeleton, self._present, self.sim.step
         data.xfrc_applied[:] = 0.0
         force = skeleton.pull(data, now.ends, now.along, now.tension)
@@ -279,7 +279,7 @@ class Simulation:
             skeleton.push(data, skeleton.bodies, centre, force)
 
     def _seen_late(self) -> Floats:
-        """Positions as seen now, by straight lines between the time steps."""
+        """Visible positions, interpolated linearly between the time steps."""
         present = self._settling + self._index
         wanted = max(present - self._late, 0.0)
         low = int(np.floor(wanted))
@@ -293,7 +293,9 @@ class Simulation:
 
 @dataclass(frozen=True)
 class _Present:
-    """What a time step begins with: bends (P, 3), cables' ends (2C, 3), directions (C, 3), pulls (C,)."""
+    """State at the start of a time step: bends (P, 3), cables' ends (2C, 3), directions (C, 3),
+    pulls (C,).
+    """
 
     bent: Floats
     ends: Floats

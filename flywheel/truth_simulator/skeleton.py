@@ -1,7 +1,7 @@
-"""The bodies: MuJoCo moves them, and nothing in MuJoCo pulls at them.
+"""The bodies: MuJoCo moves them, without any actuation of its own.
 
-Tendons, actuators, sensors and keyframes are taken out of the MJCF. Cable lengths, their rates and
-the wrenches of tensions are worked out here from the poses and velocities of the bodies.
+Tendons, actuators, sensors and keyframes are removed from the MJCF. Cable lengths, their rates and
+the wrenches of tensions are computed here from the poses and velocities of the bodies.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def bare_spec(robot: Robot, effects: Sequence[ModelEffect] = ()) -> mujoco.MjSpe
 
 
 class Skeleton:
-    """Poses and velocities of what is fixed to the bodies of one simulation.
+    """Poses and velocities of points fixed to the bodies of one simulation.
 
     Args:
-      robot: whose cables and points these are.
+      robot: of the cables and points.
       model: compiled from its bare spec.
     """
 
@@ -65,7 +65,7 @@ class Skeleton:
         """Ends (2C, 3), unit vectors from first to second end (C, 3), lengths and rates (C,).
 
         Args:
-          bent: (P, 3) displacements of the tracked points, which the ends beside them share.
+          bent: (P, 3) displacements of the tracked points, shared by the adjacent ends.
         """
         shift = np.where(self.end_point[:, None] >= 0, bent[self.end_point], 0.0)
         ends = self.place(data, self.end_body, self.end_offset + shift)
@@ -82,7 +82,7 @@ class Skeleton:
         np.add.at(data.xfrc_applied, body, np.concatenate([force, torque], axis=1))
 
     def pull(self, data: mujoco.MjData, ends: Floats, along: Floats, tension: Floats) -> Floats:
-        """Let the tensions (C,) pull at both ends of the cables; the forces (2C, 3) they make."""
+        """Apply the tensions (C,) at both ends of the cables; returns their forces (2C, 3)."""
         force = np.empty_like(ends)
         force[::2] = tension[:, None] * along
         force[1::2] = -force[::2]
@@ -90,7 +90,7 @@ class Skeleton:
         return force
 
     def point_loads(self, data: mujoco.MjData, force: Floats) -> Floats:
-        """Sums (P, 3) of the cables' forces (2C, 3) beside each tracked point, in body frames."""
+        """Sums (P, 3) of the cables' forces (2C, 3) next to each tracked point, in body frames."""
         turn = data.xmat[self.end_body].reshape(-1, 3, 3)
         local = (force[:, None, :] @ turn)[:, 0, :]
         loads = np.zeros_like(self.point_offset)

@@ -15,7 +15,7 @@ from flywheel.truth_simulator.scales import Scales
 
 @dataclass(frozen=True)
 class WinchBacklash(WinchEffect):
-    """Play b between motor and spool, in all: the spool moves only when the play is used up."""
+    """Total play b between motor and spool: the spool moves only when the play is used up."""
 
     name = "winch_backlash"
     units: ClassVar = {"width": "m"}

@@ -20,11 +20,11 @@ LARGEST = 1000.0  # times the typical size
 
 
 def hidden_effects(texts: Sequence[str], robot: Robot) -> tuple[HiddenEffect, ...]:
-    """The effects of their texts, `NAME[@PLACE][:SIZE]`. What is drawn depends on the text alone.
+    """The effects of their texts, `NAME[@PLACE][:SIZE]`. Random draws depend on the text alone.
 
     Args:
       texts: a place is the name of a cable or point; a size of 2 is twice the typical one.
-      robot: that has the effects.
+      robot: with the effects.
 
     Raises:
       UnknownNameError: no such effect, cable or point.
@@ -38,7 +38,7 @@ def _effect(text: str, robot: Robot) -> HiddenEffect:
     name, at, place = rest.partition(PLACE)
     kind = hidden_effect(name)
     if not kind.applies(robot):
-        raise ConfigError(f"{name} makes no difference to {robot.name}: leave it out.")
+        raise ConfigError(f"{name} has no influence on {robot.name}: leave it out.")
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     effect = kind.typical(robot, rng).scaled(_size(text, size) if colon else 1.0)
     return _placed(effect, place, robot) if at else effect
@@ -51,8 +51,8 @@ def _size(text: str, size: str) -> float:
         number = math.nan
     if not 0 <= number <= LARGEST:
         raise ConfigError(
-            f"{text}: after the colon comes how many times the typical size, from 0 to {LARGEST:g}, got "
-            f"{size!r}."
+            f"{text}: the number after the colon is a multiple of the typical size, from 0 to "
+            f"{LARGEST:g}, got {size!r}."
         )
     return number
 
@@ -63,4 +63,4 @@ def _placed(effect: HiddenEffect, place: str, robot: Robot) -> HiddenEffect:
         if hasattr(effect, field):
             number = lookup({name: i for i, name in enumerate(there)}, place, field)
             return dataclasses.replace(effect, **{field: number})
-    raise ConfigError(f"{effect.name} has no place of its own: leave out {PLACE}{place}.")
+    raise ConfigError(f"{effect.name} has no place: leave out {PLACE}{place}.")

@@ -84,7 +84,7 @@ def test_navigate_goes_on_after_the_episodes_it_has_results_of(stranger: Strange
     stranger.ask(f"{command} -- task.seconds=1")
     printed, _ = stranger.ask(f"{command} --episodes 2 -- task.seconds=1")
     _, refused = stranger.ask(f"{command} --seed 1 -- task.seconds=0.5", code=2)
-    assert "oracle-1.csv is there already" in refused
+    assert "oracle-1.csv exists already" in refused
     assert "Seed 0 is in" in printed
     assert "of 2" in printed
     lines = (stranger.folder / "drives/all.jsonl").read_text().splitlines()

@@ -86,7 +86,7 @@ def test_a_drive_in_real_time_leaves_a_whole_log(
     _, address, said = server
     with driver(address, tmp_path / "logs", 2.0) as driving:
         out, _ = driving.communicate(timeout=240)
-    assert driving.returncode == 0 and "were left" in out, out
+    assert driving.returncode == 0 and "remained" in out, out
     assert len(rows(tmp_path / "logs")) == 1 + 201
     assert "the robot holds still" in said.read_text()
 

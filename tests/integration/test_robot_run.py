@@ -49,7 +49,7 @@ def test_each_iteration_has_a_video_of_the_robot_as_it_was_measured(folder: Path
     for iteration in RunResult.load(folder).iterations:
         assert (folder / iteration.video).stat().st_size > 10_000
         assert iteration.robot is not None and iteration.robot.filmed in iteration.robot.drives
-    assert "as it was measured, MPPI on model" in (folder / "report.html").read_text()
+    assert "as measured, MPPI on model" in (folder / "report.html").read_text()
 
 
 def test_what_the_robot_measured_are_recordings_that_the_next_network_learns_from(

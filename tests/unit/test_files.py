@@ -96,14 +96,14 @@ def bomb(levels: int) -> str:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("a: 2020-02-31", "a value that is none"),
-        ("a: !!int foo", "a value that is none"),
-        ("a: " + "9" * 5000, "a value that is none"),
-        ("{[a]: 1}", "not YAML|a value that is none"),
+        ("a: 2020-02-31", "an invalid value"),
+        ("a: !!int foo", "an invalid value"),
+        ("a: " + "9" * 5000, "an invalid value"),
+        ("{[a]: 1}", "not YAML|an invalid value"),
         ("[" * 3000 + "]" * 3000, "brackets within brackets"),
         ("[" * 61 + "]" * 61, "more than 60 brackets within brackets"),
-        (bomb(9), "more than 1,000,000 values, with aliases written out"),
-        ("a: &a [*a]", r"holds itself: \*a"),
+        (bomb(9), "more than 1,000,000 values, with aliases expanded"),
+        ("a: &a [*a]", r"contains itself: \*a"),
         ("a: [", "not YAML"),
         ("a: !!python/object:os.system {}", "not YAML"),
     ],
@@ -166,9 +166,9 @@ def test_a_value_that_does_not_fit_its_tag_is_refused() -> None:
         "!!float x",
         "2020-02-31",
     ):
-        with pytest.raises(DataError, match="a value that is n"):
+        with pytest.raises(DataError, match="an invalid value|does not have the type"):
             parsed_yaml(f"a: {text}", "The map", DataError)
-        with pytest.raises(DataError, match="a value that is n"):
+        with pytest.raises(DataError, match="an invalid value|does not have the type"):
             parsed_yaml(f"[{text}]", "The map", DataError)
 
 

@@ -119,9 +119,9 @@ def test_a_folder_is_refused_where_a_file_is_and_allowed_where_it_can_be_made(tm
 def test_no_output_is_written_over_what_is_read_or_over_another(tmp_path, file):
     check_outputs({"page": tmp_path / "a", "JSON": tmp_path / "b", "video": None}, [file])
     check_outputs({"page": os.devnull, "JSON": os.devnull})
-    with pytest.raises(DataError, match="which is to be read"):
+    with pytest.raises(DataError, match="which is an input"):
         check_outputs({"page": tmp_path / "new" / ".." / "file"}, [file])
-    with pytest.raises(DataError, match="is to be the page too"):
+    with pytest.raises(DataError, match="is the page, too"):
         check_outputs({"page": tmp_path / "a", "JSON": tmp_path / "." / "a"})
 
 

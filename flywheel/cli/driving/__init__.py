@@ -1,1 +1,1 @@
-"""Commands that drive to goals, and what drives."""
+"""Commands that drive to goals, and their drivers."""

@@ -1,4 +1,4 @@
-"""`flywheel drive`: MPPI drives a robot behind a link to goals, and its logs are kept."""
+"""`flywheel drive`: MPPI drives a robot behind a link to goals, and logs it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ if TYPE_CHECKING:
 
 ENDINGS = {
     "goal": "[green]reached the goal after {seconds:.1f} s[/green]",
-    "time": "[yellow]did not reach the goal in {seconds:.1f} s[/yellow], {distance:.2f} m were left",
+    "time": (
+        "[yellow]did not reach the goal in {seconds:.1f} s[/yellow], {distance:.2f} m remained"
+    ),
     "lost": "[red]the link was lost after {seconds:.1f} s[/red]",
     "failed": "[red]the planner failed after {seconds:.1f} s[/red]",
     "stopped": "[yellow]stopped after {seconds:.1f} s[/yellow]",
@@ -46,24 +48,31 @@ RobotOption = Annotated[
     str,
     typer.Option(
         metavar="ROBOT",
-        help="simulated (a stand-in), tcp://HOST:PORT, ros://HOST:PORT, or MODULE:CLASS of your own.",
+        help=(
+            "simulated (a stand-in), tcp://HOST:PORT, ros://HOST:PORT, or MODULE:CLASS of your own."
+        ),
     ),
 ]
 ModelOption = Annotated[
     str,
     typer.Option(
-        help="champion, an iteration's number, plant (the MJCF and what was adopted), residual (that, "
-        "corrected by a network), shipped (the network that comes with Flywheel), or a file of weights."
+        help="champion, an iteration's number, plant (the MJCF with adopted effects), residual "
+        "(that plant, corrected by a network), shipped (the network that comes with "
+        "Flywheel), or a file of weights."
     ),
 ]
 ArgumentsOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--argument", metavar="KEY=VALUE", help="Of a link of your own.", show_default=False
+        "--argument", metavar="KEY=VALUE", help="Argument of your own link.", show_default=False
     ),
 ]
 LogsOption = Annotated[
-    Path, typer.Option(metavar="FOLDER", help="Gets each episode as CSV, a robot's log.")
+    Path,
+    typer.Option(
+        metavar="FOLDER",
+        help="Output folder: each episode as CSV, in the format of a robot's log.",
+    ),
 ]
 CODES = {"lost": FAILED, "failed": FAILED, "stopped": INTERRUPTED}
 
@@ -87,11 +96,11 @@ def drive(
     results: ResultsOption = None,
     picture: PictureOption = None,
 ) -> None:
-    """Drive a robot to goals with MPPI, and keep what it measured.
+    """Drive a robot to goals with MPPI, and log the measurements.
 
-    Success is judged by measurements alone. However an episode ends, with Ctrl-C or by a lost link too, the
-    robot is told to hold still, and its log is whole up to there. While it goes on, everything is also in a
-    transcript beside the log; `flywheel robot log` makes a log of that of a driver that was killed.
+    Success is judged by measurements alone. However an episode ends, also by Ctrl-C or a lost link,
+    the robot holds its winches, and its log is complete up to there. A transcript next to the log
+    survives a killed driver; `flywheel robot log` makes a log from it.
 
     [bold]Examples[/bold]
 
@@ -133,7 +142,7 @@ def drive(
 def _drive_all(
     out: Out, driver: RobotDriver, files: Mapping[int, Path], results: Path | None
 ) -> tuple[list[DriveLine], str]:
-    """Drive one episode for each seed, until one of them ends before its time; and how the last one ended."""
+    """Drive one episode for each seed, until one of them ends early; returns the end of the last one."""
     from flywheel.cli.driving.drives import append_drive
     from flywheel.data.recordings import write_recording
     from flywheel.runtime.pool.progress import console_progress
@@ -163,21 +172,21 @@ def _drive_all(
 def _remarks(late: int, skipped: int) -> str:
     words = []
     if late:
-        words.append(f"{late} plans came late, and the one before went on.")
+        words.append(f"{late} plans came late, and the previous one continued.")
     if skipped:
         words.append(f"In {skipped} control periods no command was sent in time.")
     return " ".join([*words, ""])
 
 
 def _new_files(folder: Path, model: str, seeds: Iterable[int]) -> dict[int, Path]:
-    """Where the log of each seed goes; refused now rather than after a drive, where one is there."""
+    """Log file of each seed; raises before a drive if one exists."""
     from flywheel.errors import ConfigError
     from flywheel.files import file_name
 
     files = {seed: folder / f"{file_name(Path(model).stem)}-{seed}.csv" for seed in seeds}
     for path in files.values():
         if path.exists():
-            raise ConfigError(f"{path} is there already; name another folder with --logs.")
+            raise ConfigError(f"{path} exists already; use another folder with --logs.")
     return files
 
 

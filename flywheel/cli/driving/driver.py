@@ -53,11 +53,11 @@ class PlantDriver:
       source: folder of a run, or file of a configuration.
       overrides: "key=value" on top of it.
       model: "champion", "oracle", "shipped", or an iteration of the run.
-      hidden: what the plant has in place of what everybody is told, see `hidden_effects`; it is then
+      hidden: true effects of the plant instead of the known ones, see `hidden_effects`; it is then
         simulated in shorter steps, too.
 
     Raises:
-      ConfigError: nothing can be driven like that.
+      ConfigError: these settings cannot be driven.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class PlantDriver:
 
     @property
     def setting(self) -> Setting:
-        """What drives, and where."""
+        """Setting of the drives."""
         config = self.config
         return Setting(
             robot=self.recorder.robot.name,
@@ -119,8 +119,8 @@ class PlantDriver:
 
         Args:
           seed: of task and planner.
-          stage: shows how far it is.
-          show: the episode while it happens.
+          stage: display of its progress.
+          show: display the episode during its recording.
         """
         plan, begun = self.plan(seed), time.process_time()
         with self._shown(plan, show) as on_piece:
@@ -141,12 +141,12 @@ class PlantDriver:
 
     @contextmanager
     def _shown(self, plan: EpisodePlan, wanted: bool) -> Iterator[OnPiece | None]:
-        """Shows the pieces of an episode, where that is wanted."""
+        """Shows the pieces of an episode, if requested."""
         if not wanted:
             yield None
             return
         task = self.recorder.task(plan)
-        assert task is not None, "an episode that is driven has a task"
+        assert task is not None, "a driven episode has a task"
         scenery = scenery_of(task, self.recorder.terrain(plan))
         with closing(LiveView(self.recorder.robot, scenery)) as view:
 
@@ -164,15 +164,15 @@ class RobotDriver:
     Args:
       source: folder of a run, or file of a configuration.
       overrides: "key=value" on top of it.
-      model: "champion", an iteration of the run, "plant" (the MJCF with the effects that are known),
-        "residual" (that plant with the network that corrects it), "shipped", or a file of weights.
-      where: the robot is, see `open_link`.
-      stand_in: what it is, if it is simulated.
-      arguments: of a link of one's own.
+      model: "champion", an iteration of the run, "plant" (the MJCF with the known effects),
+        "residual" (that plant with the correcting network), "shipped", or a file of weights.
+      where: address of the robot, see `open_link`.
+      stand_in: its physics and sensors, if it is simulated.
+      arguments: of a user's link.
 
     Raises:
-      ConfigError: nothing can be driven like that.
-      LinkError: the robot is not there, or is another one.
+      ConfigError: these settings cannot be driven.
+      LinkError: the robot does not answer, or is another one.
     """
 
     def __init__(
@@ -213,12 +213,12 @@ class RobotDriver:
         network, digest = network_of(source, self.config, self.robot, self.model, PLANT)
         if network is None:
             raise ConfigError(
-                f"Nobody knows a robot's state, which --model {self.model} needs; take {PLANT}."
+                f"A robot's full state is unknown, but --model {self.model} needs it; use {PLANT}."
             )
         return network, digest
 
     def _file(self, source: Path) -> Path | None:
-        """The file of weights that the model is, or the last residual model of the run."""
+        """The file of weights given as the model, or the last residual model of the run."""
         if self.model != RESIDUAL:
             return path if (path := Path(self.model)).is_file() else None
         folder = RunFolder(source)
@@ -231,12 +231,12 @@ class RobotDriver:
         return found
 
     def drive(self, seed: int, stage: Stage, transcript: Path) -> Drive:
-        """Drive one episode; however it ends, what was measured is in the result.
+        """Drive one episode; however it ends, the measurements are in the result.
 
         Args:
-          seed: of task, planner and, where simulated, of the sensors.
-          stage: shows how far it is.
-          transcript: file for what goes over the link, which stays if this process is killed.
+          seed: of task, planner and simulated sensors.
+          stage: display of its progress.
+          transcript: file for the messages on the link, which remains if this process is killed.
         """
         plan = self._plan(seed)
         steps = max(1, round(plan.seconds / self.config.network.dt))
@@ -268,7 +268,7 @@ class RobotDriver:
 
         Args:
           seed: of the drive.
-          driven: what came of it.
+          driven: its result.
           begun: `time.process_time()` before it [s].
         """
         plan, episode = self._plan(seed), driven.episode
@@ -281,7 +281,7 @@ class RobotDriver:
 
     @property
     def setting(self) -> Setting:
-        """What drives, and where."""
+        """Setting of the drives."""
         config = self.config
         return Setting(
             robot=self.robot.name,
@@ -319,7 +319,7 @@ def config_of(source: Path, overrides: list[str]) -> RunConfig:
 
 
 def known_effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -> Effects:
-    """Effects of the plant that is driven: those that are asked for, or those that a run adopted."""
+    """Effects of the driven plant: given ones, or those adopted by a run."""
     asked = any(each.partition("=")[0] == "effects" for each in overrides)
     if asked or not (source / RESULT_FILE).exists():
         return config.effects
@@ -329,7 +329,7 @@ def known_effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -
 def network_of(
     source: Path, config: RunConfig, robot: Robot, model: str, instead: str = ORACLE
 ) -> tuple[Dynamics | None, str]:
-    """The network to plan with and its digest; none for the oracle, which the recorder makes itself."""
+    """The network for planning and its digest; none for the oracle, which the recorder makes itself."""
     if model == ORACLE:
         return None, ""
     if model == SHIPPED:

@@ -23,20 +23,20 @@ LARGEST_RESULTS = 500 * MB  # [bytes]; an episode takes some kB
 
 
 class Setting(ResultRecord):
-    """What drove, and where. Episodes of equal settings may be counted together.
+    """Setting of a drive. Episodes of equal settings may be counted together.
 
     Attributes:
       robot, task, course: names; "" for no course.
-      terrain: kinds of ground that were drawn; none for the plane.
+      terrain: kinds of drawn ground; none for the plane.
       model: "champion", "oracle", or an iteration.
       digest: of its weights; "" for the oracle.
-      effects: of the plant, as everybody was told, beyond the MJCF.
-      hidden: what the plant had in their place; none where it was as told.
-      fineness: how many times shorter its MuJoCo steps were than its MJCF's.
+      effects: known effects of the plant, beyond the MJCF.
+      hidden: its true effects; none if they are the same.
+      fineness: ratio of the MJCF's time step to the plant's.
       samples, horizon_seconds: of the planner.
-      threads: that planned.
+      threads: of the planner.
       config: digest of the configuration.
-      link: to the robot, where one was driven, with the sensors of a stand-in; "" for a plant.
+      link: to the robot, with the sensors of a stand-in; "" for a plant.
     """
 
     robot: str
@@ -59,12 +59,12 @@ class DriveLine(ResultRecord):
     """One episode.
 
     Attributes:
-      setting: what drove, and where.
+      setting: of the drive.
       seed: of task and planner.
       walk: seen from above, with its end.
       seconds_allowed, tolerance: of the task [s], [m].
-      plan_seconds: median and 95 % quantile of what a plan took [s].
-      cpu_seconds: that the whole episode took, in all threads.
+      plan_seconds: median and 95 % quantile of a plan's time [s].
+      cpu_seconds: of the whole episode, in all threads.
     """
 
     setting: Setting
@@ -77,7 +77,7 @@ class DriveLine(ResultRecord):
 
 
 def read_drives(path: Path) -> list[DriveLine]:
-    """The episodes of a file; none where there is no file.
+    """The episodes of a file; empty without a file.
 
     Raises:
       DataError: a line is not an episode.
@@ -91,13 +91,13 @@ def read_drives(path: Path) -> list[DriveLine]:
             found.append(DriveLine.model_validate_json(line))
         except ValidationError as error:
             raise DataError(
-                f"{path}, line {number}, is no episode of `navigate`: {error}"
+                f"{path}, line {number}, is not an episode of `navigate`: {error}"
             ) from None
     return found
 
 
 def append_drive(path: Path, drive: DriveLine) -> None:
-    """Add a line, at once: whatever happens later, it is kept."""
+    """Append a line immediately, so that it survives later failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", encoding="utf-8") as file:
         file.write(drive.model_dump_json() + "\n")
@@ -121,7 +121,7 @@ def drive_picture(drives: Sequence[DriveLine], path: Path) -> None:
     ]
     image = as_file(lambda: paths_from_above(series), "png")
     if image is None:
-        raise DataError("Not one of these episodes has a path to draw.")
+        raise DataError("None of these episodes has a path to draw.")
     write_output(path, image)
 
 
@@ -161,7 +161,7 @@ def _row(drives: Sequence[DriveLine]) -> list[object]:
 
 
 def where_of(setting: Setting) -> str:
-    """The course or the task, and the ground where it is not flat."""
+    """The course or the task, and uneven ground."""
     ground = f" on {', '.join(setting.terrain)}" if setting.terrain else ""
     return f"{setting.course or setting.task}{ground}"
 

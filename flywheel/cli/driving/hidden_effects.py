@@ -1,4 +1,4 @@
-"""Plants with effects that nobody is told of: stand-ins for real robots, to rehearse with."""
+"""Plants with hidden effects: stand-ins for real robots, for rehearsals."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ SIZE = ":"  # between an effect and how many times its typical size
 def hidden_effects(
     wanted: tuple[str, ...], robot: Robot, library: Mapping[str, Effect] = EFFECTS
 ) -> Effects:
-    """What a plant is to have without anybody being told.
+    """Hidden effects of a plant.
 
     Args:
-      wanted: effects of the library by name, "torque_speed", with their place, "weak_cable@long_03", and
-        how many times the typical size, "torque_speed:2"; or paths of adopted plants.
+      wanted: effects of the library by name, "torque_speed", with their place,
+        "weak_cable@long_03", and a multiple of the typical size, "torque_speed:2"; or paths of
+        adopted plants.
       robot: of the plant.
-      library: that the names are from.
+      library: of the names.
 
     Raises:
       UnknownNameError: no such effect or place.
@@ -46,7 +47,7 @@ def hidden_effects(
             continue
         name, colon, size = text.partition(SIZE)
         candidate = lookup(known, name, "hidden effect")
-        what = f"{text}: how many times the typical size, as in {name}{SIZE}2,"
+        what = f"{text}: the multiple of the typical size, as in {name}{SIZE}2,"
         times = number(size, what, TIMES) if colon else 1.0
         term = candidate.term(tuple(times for _ in candidate.typical))
         found.append(WrittenTerm.of(term, robot))

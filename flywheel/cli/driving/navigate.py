@@ -1,4 +1,4 @@
-"""`flywheel navigate`: MPPI episodes to goals, with a video, one after the other."""
+"""`flywheel navigate`: MPPI episodes to goals on the plant, with a video."""
 
 from __future__ import annotations
 
@@ -37,30 +37,29 @@ SeedOption = Annotated[
     int, typer.Option(help="Seed of the task and of the planner.", callback=within(SEED))
 ]
 EpisodesOption = Annotated[
-    int, typer.Option(help="As many, with seeds from --seed on.", callback=within(SAMPLES))
+    int,
+    typer.Option(help="Number of episodes, with seeds from --seed on.", callback=within(SAMPLES)),
 ]
 HiddenOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="EFFECT[@PLACE][:SIZE]",
-        help="What the plant has beyond its MJCF, in place of what everybody is told: "
-        "torque_speed:2 is twice its typical size. Or the path of an adopted plant.",
+        help="Hidden effect of the plant beyond its MJCF: torque_speed:2 is twice its typical "
+        "size. Or the path of an adopted plant.",
         show_default=False,
     ),
 ]
-WatchOption = Annotated[
-    bool, typer.Option("--watch", help="Show it live, where there is a display.")
-]
+WatchOption = Annotated[bool, typer.Option("--watch", help="Show it live on a display.")]
 FilmOption = Annotated[bool, typer.Option(help="Make a video of the first episode.")]
 VideoOption = Annotated[
     Path | None,
-    typer.Option(help="Where the video goes; navigate-<model>-<seed>.mp4 by default."),
+    typer.Option(help="Output file of the video; navigate-<model>-<seed>.mp4 by default."),
 ]
 ResultsOption = Annotated[
     Path | None,
     typer.Option(
         metavar="JSONL",
-        help="Gets a line per episode; what it holds already is not driven again.",
+        help="Output file with a line per episode; existing lines are not driven again.",
         show_default=False,
     ),
 ]
@@ -73,7 +72,9 @@ PictureOption = Annotated[
 LogsOption = Annotated[
     Path | None,
     typer.Option(
-        metavar="FOLDER", help="Gets each episode as CSV, as a robot's log.", show_default=False
+        metavar="FOLDER",
+        help="Output folder: each episode as CSV, in the format of a robot's log.",
+        show_default=False,
     ),
 ]
 
@@ -92,7 +93,7 @@ def navigate(
     picture: PictureOption = None,
     logs: LogsOption = None,
 ) -> None:
-    """Drive to goals with MPPI, and film it.
+    """Drive to goals with MPPI, and make a video.
 
     [bold]Examples[/bold]
 
@@ -144,7 +145,7 @@ def _video_of(model: str, seed: int) -> Path:
 
 
 def _check_outputs(files: Mapping[str, Path | None], source: Path, logs: Path | None) -> None:
-    """Make sure that everything can be written, before minutes of driving.
+    """Check that all outputs can be written, before minutes of driving.
 
     Raises:
       DataError: something cannot be written.
@@ -158,7 +159,7 @@ def _check_outputs(files: Mapping[str, Path | None], source: Path, logs: Path | 
 
 
 def _log(folder: Path | None, model: str, seed: int) -> Path | None:
-    """Where the log of an episode goes; refused now rather than after it was driven."""
+    """Log file of an episode; raises before the drive if it exists."""
     from flywheel.errors import ConfigError
     from flywheel.files import file_name
 
@@ -167,7 +168,7 @@ def _log(folder: Path | None, model: str, seed: int) -> Path | None:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{file_name(model)}-{seed}.csv"
     if path.exists():
-        raise ConfigError(f"{path} is there already; name another folder for the logs.")
+        raise ConfigError(f"{path} exists already; use another folder for the logs.")
     return path
 
 
@@ -176,7 +177,7 @@ def _film(
 ) -> None:
     from flywheel.errors import FlywheelError
 
-    progress.say("Filming; this takes longer than driving without a graphics card.")
+    progress.say("Filming; without a graphics card this takes longer than driving.")
     try:
         out.say(f"Video: {driver.film(seed, episode, path)}")
     except FlywheelError as error:
@@ -184,7 +185,7 @@ def _film(
 
 
 def show_drives(out: Out, drives: Sequence[DriveLine], picture: Path | None) -> None:
-    """Print a table of the episodes where there are several, and draw them where that is asked for."""
+    """Print a table of several episodes, and draw them if requested."""
     from flywheel.cli.driving.drives import drive_picture, drive_table
 
     if len(drives) > 1:
@@ -202,5 +203,5 @@ def _ending(drive: DriveLine) -> str:
         return f"[green]reached the goal after {walk.seconds:.1f} s.[/green]{planning}"
     return (
         f"[yellow]did not reach the goal in {walk.seconds:.1f} s;[/yellow] {walk.distance:.2f} m "
-        f"were left.{planning}"
+        f"remained.{planning}"
     )

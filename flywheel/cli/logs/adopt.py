@@ -1,4 +1,4 @@
-"""`flywheel adopt`: what a diagnosis found becomes part of the plant."""
+"""`flywheel adopt`: add the identified effects to the plant."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ANSWERS = Bounds(1, 1000)
 AnswerOption = Annotated[
     int | None,
     typer.Option(
-        help="Which of several answers, from 1; also takes what held-out recordings speak against.",
+        help="Number of the answer, from 1; also accepts answers rejected by held-out recordings.",
         show_default=False,
         callback=within(ANSWERS),
     ),
@@ -29,20 +29,20 @@ def adopt(
     answer_file: Annotated[
         Path,
         typer.Argument(
-            metavar="JSON", help="What `flywheel diagnose --json` wrote.", show_default=False
+            metavar="JSON", help="Output of `flywheel diagnose --json`.", show_default=False
         ),
     ],
     robot: Annotated[
         str,
-        typer.Option(help="What was diagnosed, as it was given there.", show_default=False),
+        typer.Option(help="Robot of the diagnosis, as given there.", show_default=False),
     ],
     out: Annotated[Path, typer.Option(help="Folder of the versions.")] = Path("plants"),
     answer: AnswerOption = None,
     effects_from: EffectsFromOption = None,
 ) -> None:
-    """Make the effects that were found part of the plant, as a new version of it.
+    """Add the identified effects to the plant, as a new version of it.
 
-    Nothing is written over: to go back, use an earlier version.
+    Nothing is overwritten: to go back, use an earlier version.
 
     [bold]Example[/bold]
 
@@ -76,7 +76,10 @@ def adopt(
     own = "".join(f" --effects-from {path.parent / law.file}" for law in plant.effects_from)
     for line in (
         f"Diagnose and compare with --robot {path.parent}{own}.",
-        f"Run with effects={path}{_in_run(path.parent, plant)}: data are then simulated on this plant.",
+        (
+            f"Run with effects={path}{_in_run(path.parent, plant)}: data are then simulated on this "
+            "plant."
+        ),
     ):
         shown.print(line, soft_wrap=True, markup=False)
 

@@ -1,4 +1,4 @@
-"""`flywheel compare`: models beside recordings."""
+"""`flywheel compare`: models against recordings."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ Models = Annotated[
     typer.Option(
         metavar="[LABEL=]SPEC",
         help="plant (the default), an adopted plant's folder, a run's folder (its champion), "
-        "RUN:NAME, or a file of weights (also those of `flywheel correct`). May be given again.",
+        "RUN:NAME, or a file of weights (also those of `flywheel correct`). Repeatable.",
         show_default=False,
     ),
 ]
 HorizonOption = Annotated[
     float,
-    typer.Option(help="Predicted from each present, in seconds.", callback=within(HORIZON_SECONDS)),
+    typer.Option(help="Horizon of each prediction, in seconds.", callback=within(HORIZON_SECONDS)),
 ]
 DrawsOption = Annotated[
     int,
     typer.Option(
-        help="Draws of the noise, for what it makes of the error.", callback=within(SAMPLES)
+        help="Draws of the noise, for its influence on the error.", callback=within(SAMPLES)
     ),
 ]
 FitStarts = Annotated[
     bool,
-    typer.Option(help="Also what plants leave where initial states are fitted; slow."),
+    typer.Option(help="Also the errors of plants with fitted initial states; slow."),
 ]
 VideoOption = Annotated[
     Path | None,
     typer.Option(
-        help="Where the last model's worst window goes as mp4, besides the page.",
+        help="Output file (mp4) of the last model's worst window, in addition to the page.",
         show_default=False,
     ),
 ]
@@ -70,14 +70,15 @@ def compare(
     seed: Annotated[int, typer.Option(help="Seed of the draws.", callback=within(SEED))] = 0,
     fit_starts: FitStarts = False,
     threads: ThreadsOption = 2,
-    page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("comparison.html"),
+    page: Annotated[Path, typer.Option(help="Output file of the HTML page.")] = Path(
+        "comparison.html"
+    ),
     json: JsonOption = None,
     video: VideoOption = None,
 ) -> None:
     """Compare models with recordings: is the error more than noise, and where is it?
 
-    The exit code speaks for the last model: 0 NOISE_ONLY, 1 MORE_THAN_NOISE; with --fit-starts, of what
-    fitted starts leave.
+    The exit code is the last model's: 0 NOISE_ONLY, 1 MORE_THAN_NOISE; with --fit-starts, of its starts.
 
     [bold]Example[/bold]
 
@@ -179,7 +180,7 @@ def _show(out: Out, found: Comparison) -> None:
     )
     seconds = windows.steps * windows.dt
     out.print(table(f"{len(windows)} predictions of {seconds:g} s", heads, rows))
-    out.print(table(f"where {found.models[-1].name} is off most", *_worst(found)))
+    out.print(table(f"largest errors of {found.models[-1].name}", *_worst(found)))
 
 
 def _worst(found: Comparison) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:

@@ -1,4 +1,4 @@
-"""`flywheel correct`: a small network learns what a plant leaves of a robot's logs."""
+"""`flywheel correct`: train a network on a plant's residual in a robot's logs."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="SETTING=NUMBER",
-        help="Another value of a setting of the training, such as steps=800, or of the network, such as "
-        "network.width=32. May be given again.",
+        help="Value of a setting of the training, such as steps=800, or of the network, such as "
+        "network.width=32. Repeatable.",
         show_default=False,
     ),
 ]
@@ -33,13 +33,16 @@ SetOption = Annotated[
 
 def correct(
     recordings: Annotated[
-        list[Path], typer.Argument(metavar="CSV...", help="Logs to learn from.", show_default=False)
+        list[Path],
+        typer.Argument(metavar="CSV...", help="Logs for the training.", show_default=False),
     ],
     robot: PlantOption,
-    out: Annotated[Path, typer.Option(help="Where the model goes.")] = Path("corrected.npz"),
+    out: Annotated[Path, typer.Option(help="Output file of the model.")] = Path("corrected.npz"),
     horizon: Annotated[
         float,
-        typer.Option(help="Predicted ahead, in seconds.", callback=within(HORIZON_SECONDS)),
+        typer.Option(
+            help="Horizon of the predictions, in seconds.", callback=within(HORIZON_SECONDS)
+        ),
     ] = 2.0,
     seed: Annotated[int, typer.Option(help="Seed of the training.", callback=within(SEED))] = 0,
     settings: SetOption = None,
@@ -47,10 +50,11 @@ def correct(
     threads: ThreadsOption = 2,
     json: JsonOption = None,
 ) -> None:
-    """Train a small network that corrects a plant, by a robot's logs.
+    """Train a small network that corrects a plant, with a robot's logs.
 
-    The plant predicts; the network learns what that leaves of the logs, in minutes from minutes of them. A
-    fifth of the logs is held out, and decides how much of the correction is made: none if it does not help.
+    The plant predicts; the network learns the residual, in minutes from minutes of logs. A fifth of
+    the logs is held out, and determines the applied fraction of the correction: none if it does not
+    help.
 
     [bold]Example[/bold]
 
@@ -92,7 +96,7 @@ def settings_of(
     """The settings, from "steps=800" and "network.width=32".
 
     Raises:
-      ConfigError: there is no such setting, or it cannot have that value.
+      ConfigError: there is no such setting, or its value is invalid.
     """
     from flywheel.cli.logs.diagnose import pairs_of
     from flywheel.dynamics.residual import ResidualConfig
@@ -127,21 +131,21 @@ def _show(
     gone = 1.0 - found.error / found.plant_error
     if found.model.share:
         out.say(
-            f"{gone:.0%} of the plant's error on what was held out is gone, with {found.model.share:.0%} "
+            f"{gone:.0%} of the plant's held-out error is removed, with {found.model.share:.0%} "
             "of the correction.",
             style="bold",
         )
     else:
         out.say(
-            "The correction does not help for sure on what was held out: the model is the plant as it was. "
-            "More logs may help.",
+            "The correction does not clearly help on held-out recordings: the model is the "
+            "unchanged plant. More logs may help.",
             style="bold",
         )
     rows = [("plant", found.plant_error), ("corrected", found.error)]
-    heads = ("model", "#error held out, over the plant's usual one at that lead time")
+    heads = ("model", "#held-out error, relative to the plant's usual one at that lead time")
     out.print(
         table(
-            f"{found.windows} windows to learn from, {found.held_out} held out, of {seconds:.0f} s; "
+            f"{found.windows} training windows, {found.held_out} held out, of {seconds:.0f} s; "
             f"{found.steps} steps in {found.seconds:.0f} s",
             heads,
             rows,

@@ -1,4 +1,4 @@
-"""`flywheel design`: the commands that tell rival effects apart."""
+"""`flywheel design`: commands that distinguish effects."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 Rivals = Annotated[
     list[str],
     typer.Argument(
-        metavar="RIVAL RIVAL...",
+        metavar="EFFECT EFFECT...",
         help="Effects, at any place (payload) or at one (payload@s2).",
         show_default=False,
     ),
 ]
 SizeOption = Annotated[
     float,
-    typer.Option(help="Size of the rivals, in typical sizes.", callback=within(TYPICAL_SIZES)),
+    typer.Option(help="Size of the effects, in typical sizes.", callback=within(TYPICAL_SIZES)),
 ]
 SecondsOption = Annotated[
     float,
@@ -46,7 +46,7 @@ SecondsOption = Annotated[
 CandidatesOption = Annotated[
     int,
     typer.Option(
-        help="Scripts that are drawn; as many variations follow.", callback=within(SAMPLES)
+        help="Number of drawn scripts; as many variations follow.", callback=within(SAMPLES)
     ),
 ]
 
@@ -61,15 +61,15 @@ def design(
     effects_from: EffectsFromOption = None,
     settings: SetOption = None,
     seed: Annotated[
-        int, typer.Option(help="Seed of all that is random.", callback=within(SEED))
+        int, typer.Option(help="Seed of all random numbers.", callback=within(SEED))
     ] = 0,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
-    out: Annotated[Path, typer.Option(help="Where the commands go.")] = Path("commands.csv"),
+    out: Annotated[Path, typer.Option(help="Output file of the commands.")] = Path("commands.csv"),
     page: PageOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Write the commands that best tell effects apart between which a diagnosis could not decide.
+    """Write the commands that best distinguish effects between which a diagnosis could not decide.
 
     [bold]Example[/bold]
 
@@ -85,7 +85,7 @@ def design(
     from flywheel.runtime.pool.progress import console_progress
 
     predictions = candidates * (1 + len(rivals))  # of each script, and with each rival
-    check_predictions(predictions, seconds, dt, "--candidates, rivals, --seconds, --dt")
+    check_predictions(predictions, seconds, dt, "--candidates, effects, --seconds, --dt")
     _check_outputs([robot, *(effects_from or [])], out, page, json)
     library, shown = Library.of(effects_from), console()
     plant = open_plant(robot, dt, threads, library)
@@ -112,17 +112,17 @@ def design(
 def _check_outputs(
     inputs: Sequence[str | Path], script: Path, page: Path | None, json: Path | None
 ) -> None:
-    """Make sure that all can be written, and that no script is lost.
+    """Check that all outputs can be written, and that no script is overwritten.
 
     Raises:
-      DataError: something cannot be written, or the script is there already.
+      DataError: an output cannot be written, or the script exists already.
     """
     from flywheel.errors import DataError
     from flywheel.outputs import check_outputs
 
     check_outputs({"script": script, "page": page, "JSON": json}, inputs=inputs)
     if script.exists():
-        raise DataError(f"There is a file {script} already; it is not written over.")
+        raise DataError(f"The file {script} exists already; it is not overwritten.")
 
 
 def _show(out: Out, found: Design) -> None:

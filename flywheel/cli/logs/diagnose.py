@@ -1,4 +1,4 @@
-"""`flywheel diagnose`: which physical effect is missing in the model of a robot."""
+"""`flywheel diagnose`: identify the physical effect missing from the model of a robot."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SHOWN = 10  # candidates in the table
 HeldOutOption = Annotated[
     list[Path] | None,
     typer.Option(
-        help="A further log, on which the answer is only judged. May be given again.",
+        help="A further log, used only for the evaluation of the answer. Repeatable.",
         show_default=False,
     ),
 ]
@@ -45,8 +45,9 @@ UnsureOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="EFFECT=5%",
-        help="What the MJCF says only so well (standard deviation, up to three of which are believed), "
-        "such as cable_stiffness or body_mass: fitted beside everything else. May be given again.",
+        help="An uncertain number of the MJCF (with its standard deviation; up to three of these "
+        "are allowed), such as cable_stiffness or body_mass: fitted together with "
+        "everything else. Repeatable.",
         show_default=False,
     ),
 ]
@@ -54,8 +55,8 @@ TrainedOption = Annotated[
     str | None,
     typer.Option(
         metavar="[LABEL=]SPEC",
-        help="A trained model to test in the plant's stead: a run's folder (its champion), RUN:NAME, "
-        "or a file of weights.",
+        help="A trained model to test instead of the plant: a run's folder (its champion), "
+        "RUN:NAME, or a file of weights.",
         show_default=False,
     ),
 ]
@@ -64,15 +65,15 @@ ToleranceOption = Annotated[
     str | None,
     typer.Option(
         metavar="LENGTH",
-        help="What the model may be off without anybody wanting to know more, such as 2mm (root mean square "
-        "beyond noise).",
+        help="RMS model error that you accept, such as 2mm (beyond noise); the search stops "
+        "below it.",
         show_default=False,
     ),
 ]
 MinutesOption = Annotated[
     float | None,
     typer.Option(
-        help="Stop after so many minutes with the best answer so far, as Ctrl-C does.",
+        help="Stop after so many minutes with the best answer so far, as on Ctrl-C.",
         show_default=False,
         callback=within(MINUTES),
     ),
@@ -82,8 +83,8 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="SETTING=NUMBER",
-        help="Another value of a tuned number, such as limits.threshold=36; `flywheel list settings` "
-        "shows them. May be given again.",
+        help="Value of a setting, such as limits.threshold=36; `flywheel list settings` shows "
+        "them. Repeatable.",
         show_default=False,
     ),
 ]
@@ -105,14 +106,13 @@ def diagnose(
     minutes: MinutesOption = None,
     dt: DtOption = 0.01,
     threads: ThreadsOption = 2,
-    page: Annotated[Path, typer.Option(help="Where the HTML page goes.")] = Path("diagnosis.html"),
+    page: Annotated[Path, typer.Option(help="Output file of the page.")] = Path("diagnosis.html"),
     json: JsonOption = None,
 ) -> None:
-    """Find out which physical effect a robot has that its MJCF, or a trained model, lacks.
+    """Identify the physical effect of a robot that its MJCF, or a trained model, lacks.
 
-    The exit code is the verdict: 0 NOISE_ONLY, 10 EFFECT, 11 AMBIGUOUS, 12 PARTIAL,
-    13 OUTSIDE_LIBRARY, 20 DATA_INSUFFICIENT, 21 NOT_CONVERGED. Ctrl-C gives the best answer so far
-    (exit code 130); a second one ends the command.
+    The exit code is the verdict: 0 NOISE_ONLY, 10 EFFECT, 11 AMBIGUOUS, 12 PARTIAL, 13 OUTSIDE_LIBRARY,
+    20 DATA_INSUFFICIENT, 21 NOT_CONVERGED. Ctrl-C gives the best answer so far (130), a second one none.
 
     [bold]Example[/bold]
 
@@ -154,7 +154,7 @@ def diagnose(
 def _summary(
     plant: Plant, found: Diagnosis, recordings: Sequence[Path], others: Sequence[Path]
 ) -> dict[str, Any]:
-    """A diagnosis as JSON has it, with where it comes from."""
+    """A diagnosis in the form of JSON, with its provenance."""
     return {
         **found.summary(),
         "robot": {"name": plant.robot.name, "digest": plant.robot.digest},
@@ -164,7 +164,7 @@ def _summary(
 
 
 def _settings(statements: Sequence[str], tolerance: str | None, plant: Plant) -> Settings:
-    """Settings with what was said of them."""
+    """Settings with the user's values."""
     from flywheel.diagnosis.settings import Settings, changed
 
     changes = changes_of(statements)
@@ -190,7 +190,7 @@ def _about(
 
 
 def about_settings(settings: Settings) -> dict[str, str]:
-    """A line about settings that are not the usual ones, for the head of a page; none where all are."""
+    """A line about changed settings, for the head of a page; none if all are defaults."""
     from flywheel.diagnosis.settings import unusual
 
     changes = ", ".join(f"{path} {value:g}" for path, value in unusual(settings).items())
@@ -198,7 +198,7 @@ def about_settings(settings: Settings) -> dict[str, str]:
 
 
 def changes_of(statements: Sequence[str]) -> dict[str, float]:
-    """Read other values of settings: "limits.threshold=36".
+    """Parse values of settings: "limits.threshold=36".
 
     Raises:
       ConfigError: not of this form.
@@ -210,10 +210,10 @@ def changes_of(statements: Sequence[str]) -> dict[str, float]:
 
 
 def unsure_of(statements: Sequence[str]) -> dict[str, float]:
-    """Read how unsure one is: "effect=number" or "effect=5%".
+    """Parse uncertainties: "effect=number" or "effect=5%".
 
     Returns:
-      Effect -> standard deviation of what is known of its number.
+      Effect -> standard deviation of its number.
 
     Raises:
       ConfigError: not of that form.
@@ -221,8 +221,8 @@ def unsure_of(statements: Sequence[str]) -> dict[str, float]:
     from flywheel.files import shown
 
     known = {}
-    for name, text in pairs_of(statements, "Say how unsure as effect=number or effect=5%,"):
-        what = f"How unsure one is of {shown(name)}, as a number or 5%,"
+    for name, text in pairs_of(statements, "Give an uncertainty as effect=number or effect=5%,"):
+        what = f"The uncertainty of {shown(name)}, as a number or 5%,"
         value = number(text.removesuffix("%"), what, FACTOR)
         known[name] = value / (100.0 if text.endswith("%") else 1.0)
     return known
@@ -232,7 +232,7 @@ def pairs_of(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
     """Split "name=text".
 
     Raises:
-      ConfigError: a statement is not of that form, which the message begins with.
+      ConfigError: a statement is not of that form; the message begins with the text given for it.
     """
     from flywheel.errors import ConfigError
     from flywheel.files import shown
@@ -245,7 +245,7 @@ def pairs_of(statements: Sequence[str], form: str) -> Iterator[tuple[str, str]]:
 
 
 def _again(robot: str, effects_from: Sequence[Path]) -> str:
-    """The options of a command about the same plant."""
+    """The options of another command about the same plant."""
     own = [word for path in effects_from for word in ("--effects-from", str(path))]
     return shlex.join(["--robot", robot, *own])
 
@@ -272,7 +272,7 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
     if any(found.answers) or found.calibration:
         out.print(effects_table(found))
     if form := other_form(found):
-        out.say(f"another form than the effects of the library: {form}")
+        out.say(f"its form differs from the effects of the library: {form}")
     for note in (
         interrupted(found),
         failures(found),
@@ -292,20 +292,20 @@ def _show(out: Out, found: Diagnosis, options: str) -> None:
         (s.candidate.effect.name, s.candidate.location, s.score, s.sizes[0], s.smallest)
         for s in found.ranking[:SHOWN]
     ]
-    heads = ("effect", "at", "#score", "#size / typical", "#smallest to be seen / typical")
-    out.print(table(f"candidates ({found.threshold:g} counts as seen)", heads, scores))
+    heads = ("effect", "at", "#score", "#size / typical", "#smallest visible / typical")
+    out.print(table(f"candidates ({found.threshold:g} counts as visible)", heads, scores))
     out.say(f"next: {found.next_experiment.aim}")
     if found.next_experiment.command:
         out.say(f"      {found.next_experiment.command} {options}")
     if found.verdict is Verdict.OUTSIDE_LIBRARY:
-        out.say("A law of your own can be asked about with --effects-from (docs/own_effect.md).")
+        out.say("Test a law of your own with --effects-from (docs/own_effect.md).")
     if found.location is not None:
         out.say(_unexplained(found.location))
     for name, errors in (("recordings", found.errors), ("held out", found.held_out)):
         if errors is not None:
             out.say(
-                f"{name}: noise {1000 * errors.noise:.2f} mm, as it was {1000 * errors.baseline:.2f} mm, "
-                f"with the answer {1000 * errors.augmented:.2f} mm"
+                f"{name}: noise {1000 * errors.noise:.2f} mm, before {1000 * errors.baseline:.2f} "
+                f"mm, with the answer {1000 * errors.augmented:.2f} mm"
             )
 
 
@@ -323,8 +323,8 @@ def effects_table(found: Diagnosis) -> Table:
 
 
 def _unexplained(location: Location) -> str:
-    """Say where something acts that no effect explains."""
-    cable = f"; of all cables most like {location.cable}" if location.cable else ""
+    """Print where the unexplained error acts."""
+    cable = f"; most similar to an effect of the cable {location.cable}" if location.cable else ""
     return (
         f"unexplained: most of it in recording {location.recording}, "
         f"from {location.begin:.2f} to {location.end:.2f} s, at {location.point}{cable}"

@@ -1,4 +1,4 @@
-"""`flywheel power`: what commands would show, before an experiment is made."""
+"""`flywheel power`: effects that commands would show, before an experiment is made."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def power(
     size: Annotated[
         float,
         typer.Option(
-            help="At which effects are told apart, in typical sizes.",
+            help="Size of the effects to distinguish, in typical sizes.",
             callback=within(TYPICAL_SIZES),
         ),
     ] = 1.0,
@@ -51,7 +51,7 @@ def power(
     page: PageOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Say before an experiment what it could show: how small an effect, and what it is taken for.
+    """Predict which effects an experiment could show: their smallest sizes, and similar effects.
 
     [bold]Example[/bold]
 
@@ -88,8 +88,11 @@ def _show(out: Out, found: Power) -> None:
     from flywheel.reports.experiment_page import confusions, power_sentence
 
     out.say(power_sentence(found), style="bold")
-    columns = ("effect", "at", "#smallest seen", "unit", "#/ typical", "most like", "#|cos|")
-    title = f"noise {1000 * found.sigma:.2f} mm; {found.enough:g} sigma count as seen, and as told apart"
+    columns = ("effect", "at", "#smallest visible", "unit", "#/ typical", "most like", "#|cos|")
+    title = (
+        f"noise {1000 * found.sigma:.2f} mm; {found.enough:g} sigma count as visible, and as "
+        "distinguished"
+    )
     rows = [_row(prospect) for prospect in found.prospects]
     last = f"#apart at {found.size:g} typical, in sigma"
     out.print(table(title, (*columns, last), rows))

@@ -1,4 +1,4 @@
-"""Logs that a command is given, read for it alone: nothing is stored."""
+"""Logs given to a command, read for it alone: nothing is stored."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flywheel.robots import Robot
 
 @dataclass(frozen=True)
 class Log:
-    """One recording: a log, or a part of one that has gaps.
+    """One recording: a log, or a part of one with gaps.
 
     Attributes:
       name: for people.
@@ -27,7 +27,7 @@ class Log:
 
 
 def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Log]:
-    """Read CSV logs, and say what was found and done in each.
+    """Read CSV logs, and print the findings in each.
 
     Raises:
       DataError: a log cannot be used.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from flywheel.robots import Robot
     from flywheel.runtime.pool.progress import Progress, Stage
 
-app = typer.Typer(no_args_is_help=True, help="Bring logs of a real robot in, and out.")
+app = typer.Typer(no_args_is_help=True, help="Import and export logs of real robots.")
 
 ROOM = 3_000_000  # coordinates that are kept until all logs are read; the others are read again
 
@@ -47,7 +47,7 @@ RobotOption = Annotated[
 
 
 class SplitChoice(StrEnum):
-    """What recordings are for; `auto` lets the hash of the content decide."""
+    """Split of recordings; `auto` uses the hash of the content."""
 
     auto = "auto"
     train = "train"
@@ -62,21 +62,21 @@ def import_(
         Path,
         typer.Option(
             metavar="RUN_OR_STORE",
-            help="A run's folder, or a folder of episodes; made if there is none.",
+            help="A run's folder, or a folder of episodes; made if missing.",
             show_default=False,
         ),
     ],
     robot: RobotOption = None,
     split: Annotated[
-        SplitChoice, typer.Option(help="What the episodes are for, for ever.")
+        SplitChoice, typer.Option(help="Split of the episodes, permanently.")
     ] = SplitChoice.auto,
     dt: DtOption = 0.01,
     map_file: Annotated[
         Path | None,
         typer.Option(
             "--map",
-            help="YAML with names, units and axes for all of them; by default the one of the same "
-            "name beside each.",
+            help="YAML with names, units and axes for all of them; by default the one of the "
+            "same name next to each.",
             show_default=False,
         ),
     ] = None,
@@ -85,7 +85,7 @@ def import_(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make episodes of CSV logs, and say what was masked, repaired or resampled.
+    """Make episodes from CSV logs, and report masked, repaired or resampled samples.
 
     If one of them cannot be used, none is stored, and the message says why.
 
@@ -118,7 +118,7 @@ def show(
     store: StoreArgument,
     as_json: AsJson = False,
 ) -> None:
-    """Show the recordings in a store, and the setting that lets a run learn from them.
+    """Show the recordings in a store, and the setting that makes a run learn from them.
 
     [bold]Example[/bold]
 
@@ -141,7 +141,7 @@ def export(
     output: Annotated[Path, typer.Argument(metavar="OUT.csv", show_default=False)],
     robot: RobotOption = None,
 ) -> None:
-    """Write an episode, recorded or simulated, as the CSV that a robot's log would be.
+    """Write an episode, recorded or simulated, in the CSV format of a robot's log.
 
     [bold]Example[/bold]
 
@@ -157,18 +157,19 @@ def export(
     steps = found.trajectory.steps
     out.say(f"{output}: {steps + 1} rows, {steps * found.trajectory.dt:g} s.")
     if left:
-        out.say(f"A log has no place for: {', '.join(left)}; the CSV does not have it.")
+        out.say(f"A log cannot contain: {', '.join(left)}; the CSV does not have it.")
 
 
 @dataclass(frozen=True)
 class Read:
-    """A log that was read and found good.
+    """A log that was read and accepted.
 
     Attributes:
       path: of the file.
-      report: what was done to it.
+      report: findings in it.
       split: of its episodes.
-      imported: the episodes, unless they would take too much memory beside those of the other logs.
+      imported: the episodes, unless they would take too much memory together with those of the
+        other logs.
     """
 
     path: Path
@@ -180,7 +181,7 @@ class Read:
 def _show_imported(
     found: Sequence[Read], outcomes: Sequence[tuple[str, str]], as_json: bool
 ) -> None:
-    """Print what became of each log: (state, segment), the segment "" where it was not stored."""
+    """Print the result of each log: (state, segment), the segment "" if it was not stored."""
     if as_json:
         shown = [_as_json(one, *outcome) for one, outcome in zip(found, outcomes, strict=True)]
         typer.echo(json.dumps(shown, indent=1))
@@ -247,7 +248,7 @@ def _show_stored(store: TrajectoryStore, rows: Sequence[dict[str, object]]) -> N
 
 
 def _robot(place: Path, name: str | None) -> Robot:
-    """The robot that was named, else that of the run."""
+    """The given robot, else that of the run."""
     from flywheel.errors import DataError
     from flywheel.robots import load_robot
 
@@ -255,7 +256,7 @@ def _robot(place: Path, name: str | None) -> Robot:
         return load_robot(name)
     if not _is_run(place):
         raise DataError(
-            f"{place} is not a run's folder: say with --robot whose episodes these are."
+            f"{place} is not a run's folder: give the robot of the episodes with --robot."
         )
     from flywheel.runtime.run.folder import RunFolder
 
@@ -264,7 +265,7 @@ def _robot(place: Path, name: str | None) -> Robot:
 
 
 def _store(place: Path) -> TrajectoryStore:
-    """The store of a run, or the one at a path; a new one where there is nothing."""
+    """The store of a run, or the one at a path; a new one if there is nothing."""
     from flywheel.data import TrajectoryStore
 
     check_folder(place, "store")
@@ -276,7 +277,7 @@ def _store(place: Path) -> TrajectoryStore:
 
 
 def _is_run(place: Path) -> bool:
-    """Whether it is a run's folder, asked without its classes, whose import takes seconds."""
+    """True for a run's folder, without importing its classes, which takes seconds."""
     return (place / "config.yaml").exists()
 
 
@@ -289,7 +290,7 @@ def _progress() -> Progress:
 
 
 def _told(stage: Stage) -> Told:
-    """Shows which share of a file is read, and how fast."""
+    """Shows the share of a file that is read, and the speed."""
     from flywheel.files import MB
 
     began = time.monotonic()
@@ -306,11 +307,11 @@ def _read_all(logs: Sequence[Path], read: Callable[[Path], Imported], keep: bool
 
     Args:
       logs: their files.
-      read: how one is read.
+      read: reader of one log.
       keep: the episodes, as far as there is room.
 
     Raises:
-      DataError: with the faults of all that cannot be used; or one log is there twice.
+      DataError: with the faults of all unusable logs; or one log is given twice.
     """
     from flywheel.errors import DataError, FlywheelError
 
@@ -331,7 +332,7 @@ def _read_all(logs: Sequence[Path], read: Callable[[Path], Imported], keep: bool
     for report in (one.report for one in found):
         other = files.setdefault(report.digest, report.file)
         if other != report.file:
-            raise DataError(f"{other} and {report.file} are the same log; name it once.")
+            raise DataError(f"{other} and {report.file} are the same log; give it once.")
     return found
 
 
@@ -343,7 +344,7 @@ def _stored(store: TrajectoryStore, log: Read, read: Callable[[Path], Imported])
     if one.report.digest != log.report.digest:
         raise DataError(f"{log.report.file} changed since it was read; it was not stored.")
     segment, new = store_recording(store, one)
-    return ("stored" if new else f"there already, as {segment}"), segment
+    return ("stored" if new else f"stored already, as {segment}"), segment
 
 
 def _as_json(log: Read, state: str, segment: str) -> dict[str, Any]:
@@ -366,7 +367,7 @@ def _show(out: Out, log: Read, state: str) -> None:
         return
     out.print(
         table(
-            f"What was done to {report.file}",
+            f"Changes to {report.file}",
             ["found", "done", "marker or column", "#count", "at [s]", "how"],
             [
                 (f.kind, f.action, f.subject or "(all)", f.count, f.when, f.words)
@@ -377,6 +378,6 @@ def _show(out: Out, log: Read, state: str) -> None:
 
 
 def _show_setting(out: Out, segments: Sequence[str]) -> None:
-    """What makes a run learn from segments."""
+    """The setting that makes a run learn from segments."""
     setting = f"collect.recordings=[{','.join(segments)}]"
     out.say(f"A run on this store learns from them with '{setting}'")

@@ -1,4 +1,4 @@
-"""`flywheel robot check`: what is read off an MJCF, whether the robot settles, and how to run it."""
+"""`flywheel robot check`: content of an MJCF, its settling, and the command to run it."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def check(
         float | None,
         typer.Option(
             max=1.0,
-            help="Time between commands, in seconds; 0.01 or what is nearest to it by default.",
+            help="Time between commands, in seconds; by default 0.01 or the nearest possible one.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Say what is read off an MJCF, whether it settles, what its time steps cost, and how to run it.
+    """Print the content of an MJCF, test its settling and time steps, and show how to run it.
 
-    The exit code is 1 if it is none of a robot that can be used.
+    Exits with 1 if the MJCF cannot be used.
 
     [bold]Example[/bold]
 
@@ -90,10 +90,10 @@ def check(
 
 
 def _loaded(out: Out, mjcf: str) -> Robot:
-    """The robot of a file or a name; says why it is none that can be used, and exits with 1.
+    """The robot of a file or a name; exits with 1 and a message if it cannot be used.
 
     Raises:
-      MjcfError: there is no such file, it is no MJCF, or has too much in it or numbers that are none.
+      MjcfError: the file is missing, is not an MJCF, or has too much in it or invalid numbers.
       UnknownNameError: no such robot.
     """
     from flywheel.errors import MjcfError, RobotError
@@ -113,7 +113,7 @@ def _loaded(out: Out, mjcf: str) -> Robot:
 
 
 def _is_file(mjcf: str) -> bool:
-    """Whether a file is meant; if not, it is a shipped robot."""
+    """True for a file, False for a shipped robot."""
     from flywheel.errors import UnknownNameError
     from flywheel.robots import ROBOTS
 
@@ -127,24 +127,24 @@ def _is_file(mjcf: str) -> bool:
 
 
 def _control_step(robot: Robot, dt: float | None) -> float:
-    """The control step [s]: as given, or what suits the robot.
+    """The control step [s]: as given, or the default for the robot.
 
     Raises:
-      ConfigError: it is no multiple of the MJCF's timestep.
+      ConfigError: it is not a multiple of the MJCF's timestep.
     """
     from flywheel.errors import ConfigError
 
     steps = robot.control_steps(DT if dt is None else dt)
     if dt is not None and steps != (dt,):
         raise ConfigError(
-            f"--dt {dt:g} s is no multiple of the timestep of {robot.name}, {robot.timestep:g} s; "
-            f"{' or '.join(f'{step:.12g}' for step in steps)} s is."
+            f"--dt {dt:g} s is not a multiple of the timestep of {robot.name}, {robot.timestep:g} "
+            f"s; {' or '.join(f'{step:.12g}' for step in steps)} s is."
         )
     return steps[0]
 
 
 def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
-    """Whether a robot can be used, by what it does while its winches hold, and a sentence."""
+    """True if a robot can be used, judged by its motion while its winches hold, and a sentence."""
     moved = f"{found.moved:.3g} m ({100 * found.moved / robot.length:.3g} % of L) from its keyframe"
     if found.lost:
         return False, f"It flies away: {moved}. Does something hold it, and is there a ground?"
@@ -163,7 +163,7 @@ def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
 
 
 def _about_units(plant: Plant) -> Iterator[str]:
-    """What speaks for lengths that are not in metres, and gravity that is not the Earth's."""
+    """Hints at lengths that are not in metres, and gravity that is not the Earth's."""
     from flywheel.robots import GRAVITY
     from flywheel.robots.mjcf_reader import gravity_of
 
@@ -187,7 +187,7 @@ def _about_units(plant: Plant) -> Iterator[str]:
 
 
 def _remarks(robot: Robot, found: Settling, step: float) -> Iterator[str]:
-    """What can be used, but will surprise."""
+    """Surprising but allowed properties."""
     from flywheel.evaluation.statistics import shows_turn
 
     if found.moved > NEAR * robot.length and found.rest is not None:
@@ -207,13 +207,13 @@ def _remarks(robot: Robot, found: Settling, step: float) -> Iterator[str]:
         )
     if dark := [body.name for body in robot.bodies if not shows_turn(robot, body)]:
         yield (
-            f"How a body turns is not seen where its tracked points are one or in one place "
+            "The rotation of a body is invisible if its tracked points are one or in one place "
             f"({', '.join(dark)}): give it more, if that matters."
         )
 
 
 def key_line(state: State) -> str:
-    """A keyframe at a state (1,), as an MJCF has it."""
+    """A keyframe at a state (1,), in MJCF."""
 
     def numbers(values: Floats) -> str:
         return " ".join(f"{value + 0.0:.7g}" for value in values.round(6))
@@ -235,7 +235,7 @@ def _overrides(mjcf: str, robot: Robot, step: float) -> Iterator[str]:
 
 
 def _is_plain(text: str) -> bool:
-    """Whether YAML reads a text as that very text."""
+    """True if YAML reads a text as the same text."""
     import yaml
 
     try:
@@ -310,7 +310,7 @@ def _end(robot: Robot, end: Attachment) -> str:
 
 
 def _show_graph(out: Out, robot: Robot) -> None:
-    """What the two graph networks hold of the robot."""
+    """Content of the two graph networks of the robot."""
     from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig
     from flywheel.dynamics.gnn.graph import RobotGraph
 

@@ -1,4 +1,4 @@
-"""`flywheel robot log`: a log of what a transcript tells of."""
+"""`flywheel robot log`: a log from a transcript."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from flywheel.cli.console import console
 from flywheel.cli.robot.serve import RobotArgument
 
 TranscriptArgument = Annotated[
-    Path, typer.Argument(metavar="TRANSCRIPT", help="A .jsonl file that a drive left.")
+    Path, typer.Argument(metavar="TRANSCRIPT", help="A .jsonl file of a drive.")
 ]
-LogArgument = Annotated[Path, typer.Argument(metavar="OUT.csv", help="Gets the log.")]
+LogArgument = Annotated[Path, typer.Argument(metavar="OUT.csv", help="Output file of the log.")]
 
 
 def log(transcript: TranscriptArgument, out: LogArgument, robot: RobotArgument = "prism3") -> None:
-    """Make a log of a transcript: of what a driver that was killed left, up to where it ends.
+    """Make a log from a transcript, up to its end, e.g. if the driver was killed.
 
     [bold]Example[/bold]
 

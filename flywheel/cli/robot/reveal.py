@@ -1,4 +1,4 @@
-"""`flywheel robot reveal`: what the stand-in of a run really was, beside what the run found."""
+"""`flywheel robot reveal`: the hidden physics of a run's stand-in, compared with the identified effects."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a ru
 
 
 def reveal(run: RunArgument) -> None:
-    """Say what the robot of a run really was: until now nobody but its stand-in knew.
+    """Show the hidden physics of a run's stand-in, which only the stand-in knew until now.
 
     [bold]Example[/bold]
 
@@ -32,7 +32,7 @@ def reveal(run: RunArgument) -> None:
     opened, out = open_run(run), console()
     stand_in = read_stand_in(opened.folder.robot_folder)
     if stand_in is None:
-        raise DataError(f"The run in {run} has no stand-in: nobody hid anything in its robot.")
+        raise DataError(f"The run in {run} has no stand-in: nothing was hidden in its robot.")
     hidden = [
         effect.truth(opened.robot) for effect in hidden_effects(stand_in.hidden, opened.robot)
     ]
@@ -50,7 +50,7 @@ def reveal(run: RunArgument) -> None:
 
 
 def _named(truth: EffectTruth) -> str:
-    """As `WrittenTerm.label` has it."""
+    """In the format of `WrittenTerm.label`."""
     return f"{truth.name} at {truth.place}" if truth.place else truth.name
 
 

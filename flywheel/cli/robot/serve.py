@@ -27,7 +27,7 @@ RobotArgument = Annotated[
 ]
 PaceOption = Annotated[
     bool,
-    typer.Option("--real-time/--lockstep", help="Go by the clock, or wait for whoever drives it."),
+    typer.Option("--real-time/--lockstep", help="Run in real time, or wait for the driver."),
 ]
 HostOption = Annotated[
     str, typer.Option(help="Address to listen on; this machine only by default.")
@@ -51,9 +51,9 @@ def serve(
     host: HostOption = LOOPBACK,
     port: PortOption = 7420,
 ) -> None:
-    """Stand in for a robot: simulate it with effects that nobody is told of, and let others drive it.
+    """Start a stand-in for a robot: simulate it with hidden effects, and let others drive it.
 
-    Nothing but measurements comes out. Ctrl-C ends it.
+    It returns only measurements. Ctrl-C ends it.
 
     [bold]Example[/bold]
 
@@ -73,7 +73,7 @@ def serve(
     server = RobotServer(StandIn(found, config, period), real_time, say=out.say)
     if host != LOOPBACK:
         out.say(
-            f"Whoever can reach {host} can drive this robot: nobody is asked for a password.",
+            f"Everybody with access to {host} can drive this robot: there is no password.",
             style="yellow",
         )
 

@@ -1,4 +1,4 @@
-"""Options that say what a stand-in for a robot is, beyond its MJCF."""
+"""Options that describe a stand-in for a robot, beyond its MJCF."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ HiddenOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="EFFECT[@PLACE][:SIZE]",
-        help="What it has beyond its MJCF, unknown to whoever drives it: torque_speed:2 is twice its typical "
-        "size. May be given several times.",
+        help="Effect beyond its MJCF, unknown to the driver: torque_speed:2 is twice its typical "
+        "size. Repeatable.",
         show_default=False,
     ),
 ]
 NoiseOption = Annotated[
     float,
     typer.Option(
-        help="Noise of each coordinate, as a share of the robot's length.",
+        help="Noise of each coordinate, as a fraction of the robot's length.",
         callback=within(Bounds(0, 1)),
     ),
 ]
@@ -39,18 +39,17 @@ RateOption = Annotated[
 LatencyOption = Annotated[
     float,
     typer.Option(
-        help="How old measurements are when they arrive, in seconds.",
+        help="Age of measurements on arrival, in seconds.",
         callback=within(Bounds(0, 1, "s")),
     ),
 ]
 ToldOption = Annotated[
-    bool, typer.Option("--latency-told/--latency-hidden", help="Whether their stamps say so.")
+    bool,
+    typer.Option("--latency-told/--latency-hidden", help="Include the latency in their stamps."),
 ]
 DropoutOption = Annotated[
     float,
-    typer.Option(
-        help="Share of the points that are missing.", callback=within(Bounds(0, 1, below=True))
-    ),
+    typer.Option(help="Fraction of missing points.", callback=within(Bounds(0, 1, below=True))),
 ]
 EncodersOption = Annotated[
     bool,
@@ -72,7 +71,7 @@ def stand_in_config(
     dropout: float,
     encoders: bool,
 ) -> StandInConfig:
-    """What the options say."""
+    """The stand-in of the options."""
     from flywheel.robot_link import StandInConfig
 
     return StandInConfig(

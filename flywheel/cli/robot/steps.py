@@ -1,4 +1,4 @@
-"""What `flywheel robot check` says of a robot's time steps: what they cost, and what to write instead."""
+"""Time steps in `flywheel robot check`: their error, and better settings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SPARE = 0.5  # of the stable limit: dampers of a fitted or a lighter robot may c
 
 
 def show_steps(out: Out, plant: Plant) -> None:
-    """Print what time steps cost a robot that can be used.
+    """Print the error due to the time steps of a usable robot.
 
     Args:
       out: to print to.
@@ -68,7 +68,7 @@ def show_steps(out: Out, plant: Plant) -> None:
 
 
 def beyond_limit(plant: Plant) -> str:
-    """A sentence where a robot's steps are too long for the damping of its cables; "" where they are not."""
+    """A sentence about steps that are too long for the damping of its cables; "" if they are not."""
     from flywheel.dynamics.plant import cable_damping
 
     robot, damping = plant.robot, cable_damping(plant)
@@ -97,7 +97,7 @@ def _limit(integrator: str, timestep: float, damping: CableDamping) -> str:
 
 
 def measured(plant: Plant) -> list[StepError]:
-    """The errors of some integrators with some steps; none where that would take too long.
+    """The errors of some integrators with some steps; none if that would take too long.
 
     Raises:
       ModelError: a motion diverged in short steps.
@@ -139,11 +139,11 @@ def _steps(plant: Plant) -> list[float]:
 
 
 def advice(errors: Sequence[StepError], robot: Robot, damping: CableDamping) -> str:
-    """The cost of a robot's time steps in words, and the option to write where another one is better.
+    """The error of a robot's time steps in words, and the option for better ones, if there are any.
 
     Args:
-      errors: that were measured, those of the robot's own steps among them.
-      robot: whose they are.
+      errors: measured ones, including those of the robot's own steps.
+      robot: of the steps.
       damping: of its cables.
     """
     timestep = robot.timestep
@@ -181,5 +181,5 @@ def _millimetres(distance: float) -> str:
 
 
 def _short(number: float) -> str:
-    """Two digits that count."""
+    """A number with two significant digits."""
     return f"{float(f'{number:.2g}'):g}"

@@ -1,4 +1,4 @@
-"""`flywheel config`: a configuration of one's own, from one that comes with flywheel."""
+"""`flywheel config`: the user's own configuration, from a shipped one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 from flywheel.cli.console import console
 
-app = typer.Typer(no_args_is_help=True, help="Begin a configuration of your own.")
+app = typer.Typer(no_args_is_help=True, help="Start a configuration of your own.")
 
 
 @app.command()
@@ -17,7 +17,7 @@ def copy(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME", help="As `flywheel list configs` has it.", show_default=False
+            metavar="NAME", help="Name from `flywheel list configs`.", show_default=False
         ),
     ],
     dest: Annotated[
@@ -29,7 +29,7 @@ def copy(
         ),
     ] = None,
 ) -> None:
-    """Copy a configuration that comes with flywheel, to change it. Nothing is written over.
+    """Copy a shipped configuration, to change it. Nothing is overwritten.
 
     [bold]Example[/bold]
 
@@ -44,13 +44,13 @@ def copy(
     target = file if dest is None else _target(dest, file)
     check_output(target, "configuration")
     if target.exists():
-        raise DataError(f"There is a file {target} already; it is not written over.")
+        raise DataError(f"The file {target} exists already; it is not overwritten.")
     write_output(target, text)
     console().say(f"Configuration: {target}. Run it with: flywheel run {target}")
 
 
 def _target(dest: Path, file: Path) -> Path:
-    """The file that is meant: itself, or one in a folder."""
+    """The target file: itself, or one in a folder."""
     try:
         return dest / file if dest.is_dir() else dest
     except OSError:  # no name that a file can have, which is said when it is checked

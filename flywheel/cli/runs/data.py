@@ -1,4 +1,4 @@
-"""`flywheel data`: what is stored, and whether it is still right."""
+"""`flywheel data`: stored episodes, and their verification."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flywheel.data import Snapshot, TrajectoryStore
     from flywheel.runtime.run.inventory import Fault
 
-app = typer.Typer(no_args_is_help=True, help="Look into the episodes of a run, and check them.")
+app = typer.Typer(no_args_is_help=True, help="List and check the episodes of a run.")
 
 
 @app.command()
@@ -24,10 +24,10 @@ def verify(
     run: RunArgument,
     snapshot: Annotated[str, typer.Option(help="Only this one; everything by default.")] = "",
 ) -> None:
-    """Read every byte again and compare; names what is damaged, exchanged, missing or foreign.
+    """Read every byte again and compare; lists damaged, swapped, missing or foreign files.
 
-    A run's folder is checked with its results, models, configuration and robot; a store with all that is in
-    it. What is damaged is printed with what to do, and the exit code is 1.
+    A run's folder is checked with its results, models, configuration and robot; a store with its
+    whole content. Faults are printed with their remedies, and the exit code is 1.
 
     [bold]Example[/bold]
 
@@ -83,10 +83,10 @@ def show(
 def rewind(
     run: RunArgument,
     iteration: Annotated[
-        int, typer.Argument(help="The first that has to be done again.", show_default=False)
+        int, typer.Argument(help="The first iteration to repeat.", show_default=False)
     ],
 ) -> None:
-    """Set aside what a run did from an iteration on, so that --resume does it again.
+    """Set aside a run's work from an iteration on, so that --resume repeats it.
 
     Nothing is deleted: results and models go to RUN/aside, episodes to the store's quarantine.
 
@@ -102,8 +102,8 @@ def rewind(
     for name in moved:
         out.print(f"set aside: {name}", markup=False, soft_wrap=True, highlight=False)
     out.print(
-        f"{len(moved)} set aside, in {run / 'aside'} and the store's quarantine/. `flywheel run CONFIG "
-        f"--folder {run} --resume` goes on from iteration {iteration}.",
+        f"{len(moved)} set aside, in {run / 'aside'} and the store's quarantine/. `flywheel run "
+        f"CONFIG --folder {run} --resume` continues from iteration {iteration}.",
         markup=False,
         soft_wrap=True,
         highlight=False,
@@ -156,7 +156,7 @@ def _reached(success: bool | None) -> str | None:
 
 
 def _in_store(store: TrajectoryStore, chosen: Snapshot | None) -> list[Fault]:
-    """What is damaged in a store without a run."""
+    """Faults in a store without a run."""
     from flywheel.runtime.run.inventory import Fault
 
     return [
@@ -177,7 +177,7 @@ def _idle(faults: list[Fault]) -> str:
 
 
 def open_store(run: Path) -> TrajectoryStore:
-    """The store of a run's folder, or one that lies at the path itself.
+    """The store of a run's folder, or one at the path itself.
 
     Raises:
       DataError: there is neither.

@@ -24,7 +24,9 @@ SPLITS = ("train", "validation", "test")
 
 def evaluate(
     run: RunArgument,
-    split: Annotated[str, typer.Option(help="Which episodes: test, validation or train.")] = "test",
+    split: Annotated[
+        str, typer.Option(help="Split of the episodes: test, validation or train.")
+    ] = "test",
     horizon: Annotated[
         float,
         typer.Option(
@@ -40,10 +42,10 @@ def evaluate(
     ] = None,
     by: Annotated[
         str,
-        typer.Option(help="Score apart by: controller, dataset, iteration, source, ground."),
+        typer.Option(help="Group the scores by: controller, dataset, iteration, source, ground."),
     ] = "all",
 ) -> None:
-    """Score the models of a run on its stored episodes, beside "nothing moves".
+    """Score the models of a run on its stored episodes, compared with no motion.
 
     [bold]Examples[/bold]
 
@@ -66,8 +68,8 @@ def evaluate(
     out = console()
     out.print(table(title, columns, rows))
     out.say(
-        "full: whole episodes, from their start. floor: MuJoCo from the same observations, with a "
-        "random roll of each rod. informed floor: with the roll that the cables tell."
+        "full: whole episodes, from their start. floor: MuJoCo from the same observations, with "
+        "a random roll of each rod. informed floor: with the roll computed from the cables."
     )
 
 
@@ -108,7 +110,7 @@ def _rows(
 
 
 def _episodes_of(run: OpenRun, split: str) -> list[str]:
-    """Ids of the episodes of one split, in every segment that is committed."""
+    """Ids of the episodes of one split, in every committed segment."""
     from flywheel.errors import DataError
 
     if split not in SPLITS:
@@ -140,7 +142,7 @@ def _groups(run: OpenRun, episodes: list[str], by: str) -> dict[str, list[str]]:
 
 
 def _subjects(run: OpenRun, weights: Path | None) -> dict[str, AnyWeights | Baseline]:
-    """What is scored: one weights file, or the run's models, between persistence and the floors."""
+    """Scored models: one weights file, or the run's models, between persistence and the floors."""
     from flywheel.errors import DataError
     from flywheel.runtime.run.folder import name_of
     from flywheel.runtime.workers.model_weights import read_weights
@@ -158,7 +160,7 @@ def _subjects(run: OpenRun, weights: Path | None) -> dict[str, AnyWeights | Base
 
 
 def _row(scores: Scores) -> tuple[object, ...]:
-    """One line of the table; a model that predicts nothing finite says so."""
+    """One line of the table; a model without finite predictions is marked."""
     from flywheel.results import ErrorNumbers
 
     short, full = (

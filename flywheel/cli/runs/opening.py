@@ -18,11 +18,11 @@ from flywheel.runtime.workers.model_weights import Weights
 
 @dataclass(frozen=True)
 class OpenRun:
-    """A run that is looked at, finished or not.
+    """An opened run, finished or not.
 
     Attributes:
       folder: its files.
-      config: it was begun with.
+      config: at its start.
       result: so far.
     """
 
@@ -32,7 +32,7 @@ class OpenRun:
 
     @property
     def robot(self) -> Robot:
-        """The robot that the run is about."""
+        """The robot of the run."""
         return self.folder.robot(self.config)
 
     @property
@@ -52,7 +52,7 @@ class OpenRun:
         return promoted[-1]
 
     def weights(self, iteration: IterationResult) -> Weights:
-        """The weights that an iteration trained.
+        """The weights of an iteration.
 
         Raises:
           ModelError: they are missing or damaged, or those of another iteration.
@@ -72,10 +72,10 @@ class OpenRun:
 
 
 def open_run(path: Path) -> OpenRun:
-    """Open a run's folder for looking.
+    """Open a run's folder for reading.
 
     Raises:
-      DataError: it is not one, nothing has come of it yet, or it is not what the run left there.
+      DataError: it is not one, has no results yet, or was changed.
       ConfigError: its configuration cannot be read.
     """
     folder = RunFolder(path)

@@ -7,7 +7,7 @@ from flywheel.cli.options import RunArgument
 
 
 def report(run: RunArgument) -> None:
-    """Make the page of a run, finished or not: one HTML file without any other.
+    """Make the page of a run, finished or not: one self-contained HTML file.
 
     [bold]Example[/bold]
 

@@ -1,4 +1,4 @@
-"""`flywheel run`: turn the flywheel, and show what came of it."""
+"""`flywheel run`: run the loop, and show its results."""
 
 from __future__ import annotations
 
@@ -21,32 +21,33 @@ def run(
     config: Annotated[
         str,
         typer.Argument(
-            help="A configuration that comes with flywheel, e.g. prism3 (flywheel list configs), or "
-            "a YAML file.",
+            help="A shipped configuration, e.g. prism3 (flywheel list configs), or a YAML file.",
             show_default=False,
         ),
     ],
     overrides: Overrides = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the run in the folder, from its files.")
+        bool, typer.Option("--resume", help="Continue the run in the folder, from its files.")
     ] = False,
     address: Annotated[
         str | None,
-        typer.Option(help="An existing Ray cluster (host:port, auto); else one is started here."),
+        typer.Option(
+            help="An existing Ray cluster (host:port, auto); by default one is started here."
+        ),
     ] = None,
     folder: Annotated[
         Path | None,
         typer.Option(
-            help="Where the run goes; runs/<name of the configuration> by default.",
+            help="Folder of the run; runs/<name of the configuration> by default.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Turn the flywheel: collect, train, evaluate, decide, again and again.
+    """Run the loop: collect, train, evaluate, decide, repeatedly.
 
     [bold]Examples[/bold]
 
-    flywheel run smoke [dim](minutes; shows that all works)[/dim]
+    flywheel run smoke [dim](minutes; a test of everything)[/dim]
 
     flywheel run prism3 seed=1 iterations=3
 
@@ -72,7 +73,7 @@ def run_name(config: str) -> str:
 
 
 def show_result(out: Out, result: RunResult, folder: Path) -> None:
-    """Print a line per model, the lines they are judged by, and where the rest is."""
+    """Print a line per model, the lines for comparison, and the paths of the rest."""
     from flywheel.reports.page import PAGE_FILE
     from flywheel.runtime.tracking.dashboard import DATABASE
 

@@ -29,7 +29,7 @@ def summary(
         list[Path], typer.Argument(metavar="RUN...", help="Folders of runs with different seeds.")
     ],
 ) -> None:
-    """Put several seeds of one configuration into one table.
+    """Compare several seeds of one configuration in one table.
 
     Shows means over the runs with the lowest and the highest value, and success over all tasks.
 

@@ -24,7 +24,7 @@ from flywheel.runtime.tracking.dashboard import DATABASE, HOST, damage, ui_comma
 
 def ui(
     run: RunArgument,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="To serve at.")] = 5000,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the server.")] = 5000,
 ) -> None:
     """Serve the MLflow dashboard of a run on this machine, until Ctrl-C or SIGTERM.
 
@@ -49,10 +49,10 @@ def ui(
 
 
 def check_port(port: int) -> None:
-    """Make sure that a server can listen at a port of this machine.
+    """Check that a server can listen at a port of this machine.
 
     Raises:
-      ConfigError: another program does, or only root may.
+      ConfigError: it is in use, or reserved for root.
     """
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -71,10 +71,10 @@ def check_port(port: int) -> None:
 def _served(
     command: Sequence[str], settings: Mapping[str, str]
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """A server with a process group of its own, which ends as a whole with the block.
+    """A server with its own process group, which ends as a whole with the block.
 
-    MLflow's server has children and does not end them. A caretaker sees to the group where this process
-    is killed. What interrupts while the caretaker starts ends the server, too.
+    MLflow's server has children and does not end them. A caretaker ends the group if this process
+    is killed. An interrupt during the caretaker's start ends the server, too.
     """
     server = subprocess.Popen(command, env={**os.environ, **settings}, start_new_session=True)
     caretaker = None
@@ -88,7 +88,7 @@ def _served(
 
 
 def _end(server: subprocess.Popen[bytes]) -> None:
-    """End the group of a server: politely, and after a while at once."""
+    """End the group of a server: with SIGTERM, and later with SIGKILL."""
     for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(server.pid, number)

@@ -1,4 +1,4 @@
-"""Time stamps: which cannot be, how far apart the rows are, and where the log has gaps."""
+"""Time stamps: invalid ones, distances between rows, and gaps of the log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def without_duplicates(log: Log) -> tuple[Log, list[Finding]]:
     """The log with each time once and forward, from time 0 on.
 
     Raises:
-      DataError: time runs backward, or two rows of one time say different things.
+      DataError: time runs backward, or two different rows have one time.
     """
     steps = np.diff(log.time)
     backward = np.flatnonzero(steps < 0)
@@ -42,17 +42,17 @@ def without_duplicates(log: Log) -> tuple[Log, list[Finding]]:
     other = rows[~_alike(log, rows - 1, rows)]
     if len(other):
         raise DataError(
-            f"line {log.lines[other[0]]}: the time {log.time[other[0]]:.6g} s stands in two rows that say "
-            f"different things; {counted(len(rows), 'duplicated stamp')} in all. Is the clock too coarse, "
-            "or in whole seconds?"
+            f"line {log.lines[other[0]]}: the time {log.time[other[0]]:.6g} s is in two different "
+            f"rows, {counted(len(rows), 'duplicated stamp')} in all. Is the clock too coarse, or "
+            "in whole seconds?"
         )
-    words = "rows that repeat the one before them"
+    words = "rows that repeat the previous one"
     found = Finding.over("duplicate stamp", "left out", "", again, log.time, words)
     return log[~again], [found]
 
 
 def _alike(log: Log, some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether rows say the same as others, their times and lines aside."""
+    """(rows,) bool: True for rows equal to others, except for their times and lines."""
     same = np.ones(len(some), bool)
     for values in (log.controls, log.points, log.winch):
         a, b = values[some], values[others]
@@ -66,7 +66,7 @@ def usual_period(log: Log, dt: float) -> float:
 
     Args:
       log: at least two rows.
-      dt: control step that is wanted [s].
+      dt: desired control step [s].
 
     Raises:
       DataError: rows are so far apart, or so close, that the time must be in another unit.
@@ -90,9 +90,8 @@ def usual_period(log: Log, dt: float) -> float:
 def stretches(log: Log, period: float) -> tuple[list[Log], list[Finding]]:
     """The log cut where it has a gap.
 
-    A single row that is missing is bridged: its command is taken to be the one before, its
-    measurements are missing. Over a longer gap nobody knows what was commanded, so that what comes
-    after it is an episode of its own.
+    A single missing row is bridged: its command is assumed to be the previous one, its measurements
+    are missing. Over a longer gap the commands are unknown, so a new episode begins after it.
 
     Raises:
       DataError: it has too many gaps.
@@ -103,7 +102,7 @@ def stretches(log: Log, period: float) -> tuple[list[Log], list[Finding]]:
     findings = []
     if lost.any():
         where = np.append(lost, False)
-        words = "single rows are missing: the command before is held, the points are masked"
+        words = "single rows are missing: the previous command is held, the points are masked"
         findings.append(Finding.over("gap", "masked", "", where, log.time, words))
     if len(gaps) > MOST_GAPS:
         raise DataError(
@@ -113,7 +112,7 @@ def stretches(log: Log, period: float) -> tuple[list[Log], list[Finding]]:
     if len(gaps):
         spans = tuple((float(log.time[g]), float(log.time[g + 1])) for g in gaps)
         missing = round(float((steps[gaps] / period - 1).sum()))
-        words = "nobody knows what was commanded there: an episode ends, another begins"
+        words = "the commands there are unknown: an episode ends, another begins"
         findings.append(Finding("gap", "split", "", missing, spans[:20], len(spans[20:]), words))
     borders = [0, *(gaps + 1), len(log.time)]
     parts = [log[a:b] for a, b in pairwise(borders)]

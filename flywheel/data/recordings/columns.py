@@ -1,4 +1,4 @@
-"""Which column of a log is which actuator, marker or sensor of the robot; all in SI units, z up."""
+"""Mapping of a log's columns to actuators, markers and sensors of the robot; all in SI units, z up."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TIME = "time"
 
 @dataclass(frozen=True)
 class Log:
-    """What a log says of a robot, row by row, as it came.
+    """Raw values of a log about a robot, row by row.
 
     Attributes:
       time: (N,) [s].
@@ -66,11 +66,11 @@ def winch_names(robot: Robot) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class Columns:
-    """Which of a file's columns are wanted.
+    """Selection of a file's columns.
 
     Attributes:
-      theirs: our name -> the file's, of those that are there.
-      ignored: names of those that the map ignores.
+      theirs: our name -> the file's, for existing ones.
+      ignored: names of columns ignored by the map.
     """
 
     theirs: dict[str, str]
@@ -83,13 +83,13 @@ def matched(
     """Find the robot's columns by their names.
 
     Args:
-      sheet: whose header is looked at.
-      robot: that the log is about.
-      how: which names differ, and which columns are not needed.
-      commands_only: the measurements need not be there, and are not read.
+      sheet: file with the header.
+      robot: of the log.
+      how: names that differ, and unused columns.
+      commands_only: the measurements are optional, and not read.
 
     Raises:
-      DataError: a column is missing, or one is there that nobody knows.
+      DataError: a column is missing, or an unknown one exists.
     """
     needed = control_names(robot) if commands_only else [*control_names(robot), *point_names(robot)]
     known = [TIME, *control_names(robot), *point_names(robot), *winch_names(robot)]
@@ -115,7 +115,7 @@ def matched(
 def pick(
     table: Table, columns: Columns, robot: Robot, how: RecordingMap
 ) -> tuple[Log, list[Finding]]:
-    """The robot's columns of a table, in SI units and our axes, and what was said about the others."""
+    """The robot's columns of a table, in SI units and our axes, and findings about the others."""
     rows, theirs = len(table.values), columns.theirs
     findings = [
         Finding("column", "left out", name, rows, words="ignored, as the map says")
@@ -149,7 +149,7 @@ def pick(
 def _their_names(
     sheet: OpenTable, robot: Robot, how: RecordingMap, known: list[str]
 ) -> dict[str, str]:
-    """Our name -> the file's name, of every column that may be there."""
+    """Our name -> the file's name, of every allowed column."""
     for name in how.columns:
         if name not in known:
             raise DataError(

@@ -23,19 +23,19 @@ from flywheel.robots import Robot
 
 
 def read_commands(path: str | Path, robot: Robot, dt: float = 0.01) -> Floats:
-    """Commands (T, W) of a script, or of a recording, whose points are not looked at.
+    """Commands (T, W) of a script, or of a recording without its points.
 
-    Row t holds the commands that act until the next row's time; those of the last row act on nothing
-    and may be empty. A YAML of the same name says what other names and units mean.
+    Row t contains the commands until the next row's time; those of the last row have no effect and
+    may be empty. A YAML of the same name defines other names and units.
 
     Args:
       path: of the CSV.
-      robot: whose winches are commanded.
-      dt: control step wanted [s].
+      robot: commanded robot.
+      dt: desired control step [s].
 
     Raises:
       DataError: not a script of this robot; the message says where and why.
-      ConfigError: the YAML beside it is wrong.
+      ConfigError: the YAML next to it is wrong.
     """
     CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
@@ -51,10 +51,10 @@ def read_commands(path: str | Path, robot: Robot, dt: float = 0.01) -> Floats:
 
 
 def write_commands(controls: Floats, dt: float, path: str | Path, robot: Robot) -> Path:
-    """Write commands (T, W), each for dt [s], as `read_commands` reads them back.
+    """Write commands (T, W), each for dt [s], in the format of `read_commands`.
 
     Raises:
-      DataError: there is a file already, or it cannot be written.
+      DataError: the file exists already, or cannot be written.
     """
     time = np.round(dt * np.arange(len(controls) + 1), 9)
     with new_csv(path) as writer:
@@ -75,8 +75,9 @@ def _commands(log: Log, robot: Robot, how: RecordingMap, dt: float) -> Floats:
     parts, _ = stretches(log, period)
     if len(parts) > 1:
         raise DataError(
-            f"a gap: nothing is commanded from {parts[0].time[-1]:.6g} to {parts[1].time[0]:.6g} s. Rows "
-            f"are {period:.4g} s apart; a script has one for every step, also where nothing changes."
+            f"a gap: there are no commands from {parts[0].time[-1]:.6g} to {parts[1].time[0]:.6g} "
+            f"s. Rows are {period:.4g} s apart; a script has one for every step, also without a "
+            "change."
         )
     check_steps(parts, robot, dt)
     track, _ = on_grid(log, period, dt, how.jitter)

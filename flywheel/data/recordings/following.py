@@ -1,8 +1,8 @@
-"""Which marker is under which name, row after row.
+"""Assignment of markers to names, row by row.
 
-What a row says depends on where each marker was last seen before it. As long as no two markers are
-exchanged, many rows are decided at once: first as if all of them were right, then again with what was
-found wrong left out, until nothing changes.
+The meaning of a row depends on the last known positions of the markers. Without swaps, many rows
+are decided at once: first assuming that all of them are right, then again without the samples found
+to be wrong, until nothing changes.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ PASSES = 8  # over the same rows: while a marker is away, each decides one row m
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits on how markers can move and lie.
+    """Limits on motion and distances of markers.
 
     Attributes:
       rods: pairs of points at a known distance.
-      ends: (rods, P) which points each of them is between.
+      ends: (rods, P) bool, ends of each rod.
       tolerance: (rods,) of those distances [m].
       noise: of a coordinate, standard deviation [m].
-      speed: of a marker at most [m/s].
-      kick: change of its velocity from one row to the next at most [m/s].
+      speed: largest speed of a marker [m/s].
+      kick: largest change of its velocity from one row to the next [m/s].
     """
 
     rods: list[Pair]
@@ -82,15 +82,15 @@ class Bounds:
         return cls(rods, ends, tolerance, noise, FASTEST * fall, np.sqrt(2) * fall)
 
     def reach(self, seconds: Floats) -> Floats:
-        """How far a marker may have come [m]."""
+        """Largest possible distance of a marker from its last position [m]."""
         return self.speed * seconds + NOISES * self.noise
 
     def quick(self, seconds: Floats) -> Floats:
-        """How far a marker hardly ever comes, though it may [m]."""
+        """Rarely exceeded distance of a marker from its last position [m]."""
         return self.kick * seconds + NOISES * self.noise
 
     def wrong(self, points: Floats) -> NDArray[np.bool_]:
-        """(..., rods) which distances of points (..., P, 3) are wrong."""
+        """(..., rods) bool: True for wrong distances between points (..., P, 3)."""
         return wrong_rods(points, self.rods, self.tolerance)
 
 
@@ -98,10 +98,10 @@ class Followed:
     """Markers assigned to their points, row by row.
 
     Attributes:
-      order: (N, P) the marker that each point is under.
-      leaps: (N, P) points further away than they can have come.
+      order: (N, P) index of the marker under each point.
+      leaps: (N, P) points further away than they can have moved.
       rods: (N, P) points at a wrong distance from another one.
-      doubted: (P,) the row from which on nobody knows whether a point is still exchanged.
+      doubted: (P,) the row from which on a swap of a point is uncertain.
     """
 
     def __init__(self, rows: int, count: int) -> None:
@@ -110,7 +110,7 @@ class Followed:
         self.doubted = np.full(count, rows)
 
     def add(self, row: int, decided: _Rows, points: Floats, bounds: Bounds) -> int:
-        """Take over rows that were decided, from a row on, and say which is the next."""
+        """Store decided rows, starting at a row, and return the next one."""
         end = row + len(decided)
         self.order[row:end] = decided.order
         self.leaps[row:end], self.rods[row:end] = decided.leaps, decided.rods
@@ -121,13 +121,13 @@ class Followed:
 
 @dataclass(frozen=True)
 class _Seen:
-    """Before a row: where (P, 3) and when (P,) each point was seen last.
+    """State before a row: last position (P, 3) and time (P,) of each point.
 
     Attributes:
       order: (P,).
-      last, when: the last sample that was right.
+      last, when: the last correct sample.
       raw, raw_when: the last sample of all.
-      away: (P,) that one was a leap.
+      away: (P,) True if that one was a leap.
     """
 
     order: NDArray[np.int64]
@@ -144,7 +144,7 @@ EACH = ("now", "reach", "leaps", "rods", "odd")  # of _Rows: in each row
 
 @dataclass(frozen=True)
 class _Rows:
-    """Rows that were decided under one order.
+    """Rows decided under one order.
 
     Attributes:
       order: (P,).
@@ -172,13 +172,13 @@ class _Rows:
         return len(self.now)
 
     def first(self, rows: int) -> _Rows:
-        """The first rows, that many."""
+        """The first rows, up to a number."""
         before = {name: getattr(self, name)[: rows + 1] for name in BEFORE}
         each = {name: getattr(self, name)[:rows] for name in EACH}
         return replace(self, **before, **each)
 
     def after(self) -> _Seen:
-        """What is known after them."""
+        """The state after them."""
         return _Seen(self.order, *(getattr(self, name)[-1] for name in BEFORE))
 
 
@@ -234,16 +234,16 @@ def _away(
     steady: NDArray[np.bool_],
     before: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """(n, P) which samples are leaps: those too far away, and what goes on from them.
+    """(n, P) bool: True for leaps: samples too far away, and those that continue from them.
 
-    Time does not bring back a marker that was seen to leap: it may have come to where it is from where
-    it was, but it did not.
+    Time does not rehabilitate a marker that leapt: its new position may be reachable, but was not
+    reached.
 
     Args:
-      there: samples that were seen.
-      far: those that are too far from the last right one.
-      steady: those that go on from the sample before.
-      before: (P,) the last one before all of them was a leap.
+      there: existing samples.
+      far: those too far from the last correct one.
+      steady: those that continue the previous sample.
+      before: (P,) True if the last one before all of them was a leap.
     """
     if not (far.any() or before.any()):
         return far
@@ -252,7 +252,7 @@ def _away(
 
 
 def _latest(which: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(n + 1, P) 1 + the latest row that is true, before each row and after all; 0 where there is none."""
+    """(n + 1, P) 1 + the latest true row, before each row and after all; 0 without one."""
     rows = np.where(which, np.arange(1, len(which) + 1)[:, None], 0)
     return np.maximum.accumulate(np.concatenate([np.zeros_like(rows[:1]), rows]), axis=0)
 
@@ -265,7 +265,7 @@ def _seen_last(
     Args:
       now: (n, P, 3) points.
       time: (n,) of the rows.
-      which: (n, P) the samples that count.
+      which: (n, P) valid samples.
       last, when: (P, 3), (P,) the latest before all of them.
     """
     index = _latest(which)
@@ -301,9 +301,9 @@ def _first_exchange(
 
 
 def _nearest(points: Floats, decided: _Rows, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(n, P) orders of points (n, P, 3) in which each goes on from where it was, if none is taken twice.
+    """(n, P) orders of points (n, P, 3) in which each continues its motion, if none is used twice.
 
-    A point that is not seen, or never was right, keeps its marker.
+    A missing point, or one that never was right, keeps its marker.
     """
     last, order = decided.last[rows], decided.order
     known = np.isfinite(last[..., 0]) & np.isfinite(decided.now[rows][..., 0])
@@ -323,14 +323,14 @@ def _exchanged(
     orders: NDArray[np.int64],
     bounds: Bounds,
 ) -> NDArray[np.int64]:
-    """(n,) which of the orders (n, C, P) makes points (n, P, 3) right; -1 where none does.
+    """(n,) index of the order in (n, C, P) that makes points (n, P, 3) right; -1 without one.
 
     Args:
       points: of some rows.
       decided: all rows.
-      rows: (n,) which they are.
+      rows: (n,) their indices.
       orders: to try in each row.
-      bounds: what is possible.
+      bounds: limits.
     """
     last, reach = decided.last[rows], decided.reach[rows]
     least = MUCH_BETTER * np.nansum(distance(decided.now[rows], last), axis=-1)
@@ -348,7 +348,7 @@ def _exchanged(
 def _perhaps_back(
     points: Floats, decided: _Rows, bounds: Bounds
 ) -> Iterator[tuple[NDArray[np.int64], int]]:
-    """Exchanged points that may as well have other names again: which, and the first such row."""
+    """Swapped points that may have other names again: their indices, and the first such row."""
     for back in _undone(decided.order):
         them = np.flatnonzero(back != decided.order)
         last, reach = decided.last[:-1, them], decided.reach[:, them]
@@ -365,7 +365,7 @@ def _perhaps_back(
 
 
 def _undone(order: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Orders in which one of the exchanged points has its own marker again, or all have."""
+    """Orders in which one of the swapped points has its own marker again, or all have."""
     away = np.flatnonzero(order != np.arange(len(order)))
     found = [np.arange(len(order))] if len(away) else []
     for point in away:
@@ -377,16 +377,16 @@ def _undone(order: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 
 
 def _wobble(points: Floats, rods: list[Pair]) -> Floats:
-    """(rods,) standard deviation of a distance's change from row to row, unmoved by outliers [m]."""
+    """(rods,) robust standard deviation of a distance's change from row to row [m]."""
     changes = [median(np.abs(np.diff(distances(points, [rod])[:, 0]))) for rod in rods]
     return np.nan_to_num(1.4826 * np.array(changes))
 
 
 def _roughness(points: Floats) -> float:
-    """Standard deviation of what does not move smoothly, of a coordinate's second differences [m].
+    """Robust standard deviation of noise, from a coordinate's second differences [m].
 
-    By quantiles, so that it is the same where most rows only interpolate others; and of points that are
-    nearest to each other, so that it is the same whatever their names are.
+    By quantiles, so that it is the same if most rows only interpolate others; and of nearest
+    points, so that it is independent of their names.
     """
     seen = points[np.isfinite(points[..., 0]).any(axis=1)]
     rough = [np.zeros(0)]
@@ -406,9 +406,9 @@ def _roughness(points: Floats) -> float:
 
 
 def _same(points: Floats, others: Floats) -> NDArray[np.int64]:
-    """(n, P) which of the others (n, P, 3) each of the points (n, P, 3) is, by their places; -1: none.
+    """(n, P) index of the nearest of the others (n, P, 3) for each of the points (n, P, 3); -1: none.
 
-    Two names may only be exchanged where both are in both.
+    Two names may only be swapped if both are in both.
     """
     way = distance(points[:, :, None], others[:, None])
     way[np.isnan(way)] = np.inf

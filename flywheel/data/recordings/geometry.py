@@ -42,7 +42,7 @@ class Pair:
 
 
 def pairs(robot: Robot) -> list[Pair]:
-    """All pairs of tracked points that a body holds at a distance."""
+    """All pairs of tracked points with a constant distance on a body."""
     found = []
     for body in robot.bodies:
         for i, a in enumerate(body.points):
@@ -59,7 +59,7 @@ def distances(points: Floats, rods: list[Pair]) -> Floats:
 
 
 def median(values: Floats) -> float:
-    """The median of the values (N,) that are not NaN; NaN where all are."""
+    """The median of the values (N,) without NaN; NaN if all are."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else np.nan
 
@@ -71,7 +71,7 @@ def usual_distances(points: Floats, rods: list[Pair]) -> Floats:
 
 
 def check_units(points: Floats, robot: Robot) -> None:
-    """Raise DataError where all distances are off by the ratio of two units."""
+    """Raise DataError if all distances are off by the ratio of two units."""
     rods = pairs(robot)
     ratio = usual_distances(points, rods) / [rod.distance for rod in rods]
     ratio = ratio[np.isfinite(ratio)]
@@ -95,7 +95,7 @@ def check_units(points: Floats, robot: Robot) -> None:
 
 
 def check_robot(points: Floats, robot: Robot) -> None:
-    """Raise DataError where distances on bodies are usually not the MJCF's."""
+    """Raise DataError if distances on bodies usually differ from the MJCF's."""
     rods = pairs(robot)
     usual = usual_distances(points, rods)
     wrong = [
@@ -106,14 +106,14 @@ def check_robot(points: Floats, robot: Robot) -> None:
     ]
     if wrong:
         raise DataError(
-            f"distances on {len(wrong)} of {len(rods)} pairs of markers are not those of the robot "
-            f"{robot.name} (more than {SAME:.0%} off): {listed(wrong, 4)}. Is it a recording of another "
-            f"robot, or are markers exchanged?{_exchange(points, robot, rods)}"
+            f"distances on {len(wrong)} of {len(rods)} pairs of markers differ from those of the "
+            f"robot {robot.name} (by more than {SAME:.0%}): {listed(wrong, 4)}. Is it a recording "
+            f"of another robot, or are markers swapped?{_exchange(points, robot, rods)}"
         )
 
 
 def _exchange(points: Floats, robot: Robot, rods: list[Pair]) -> str:
-    """Which two columns, exchanged from the beginning, would make all distances right."""
+    """Pairs of columns whose swap from the beginning would make all distances right."""
     count = range(len(robot.points))
     every = [Pair(a, b, 0.0) for a in count for b in count[a + 1 :]]
     usual = np.full((len(count), len(count)), np.nan)
@@ -130,13 +130,13 @@ def _exchange(points: Floats, robot: Robot, rods: list[Pair]) -> str:
     if not fits:
         return ""
     return (
-        f" Exchanging {' or '.join(fits)} would make them right: if so, exchange their columns in the "
+        f" Swapping {' or '.join(fits)} would make them right: if so, swap their columns in the "
         "map."
     )
 
 
 def check_up(points: Floats, robot: Robot) -> None:
-    """Raise DataError where markers are often below the ground."""
+    """Raise DataError if markers are often below the ground."""
     if not robot.grounded:
         return
     radius = np.array([point.radius for point in robot.points])
@@ -172,7 +172,7 @@ def floating(points: Floats, robot: Robot) -> list[Finding]:
 
 
 def check_commands(log: Log, robot: Robot) -> None:
-    """Raise DataError where a command that acts on something is beyond its range."""
+    """Raise DataError if an effective command is beyond its range."""
     used = log.controls[:-1]
     slack = SLACK * (robot.control_high - robot.control_low)
     beyond = (used < robot.control_low - slack) | (used > robot.control_high + slack)
@@ -194,7 +194,7 @@ def check_commands(log: Log, robot: Robot) -> None:
 
 
 def check_winches(log: Log, robot: Robot) -> None:
-    """Raise DataError where winch positions are often not where the winch can be."""
+    """Raise DataError if winch positions are often outside the winch's range."""
     for name, index in winch_names(robot).items():
         winch = robot.winches[index]
         low, high = winch.rest_range
@@ -211,7 +211,7 @@ def check_winches(log: Log, robot: Robot) -> None:
 
 
 def _unit_hint(values: Floats, low: Floats, high: Floats, key: str) -> str:
-    """Which other unit would bring all values into their range."""
+    """Units that would bring all values into their range."""
 
     def fits(factor: float) -> bool:
         inside = ((values * factor >= low) & (values * factor <= high)).all()
@@ -237,7 +237,7 @@ def _unit_hint(values: Floats, low: Floats, high: Floats, key: str) -> str:
 
 
 def wrong_rods(points: Floats, rods: list[Pair], tolerance: Floats) -> NDArray[np.bool_]:
-    """(..., rods) which distances are off by more than `tolerance` (rods,) [m]; False if missing."""
+    """(..., rods) bool: True for distances off by more than `tolerance` (rods,) [m]; False if missing."""
     with np.errstate(invalid="ignore"):
         off = np.abs(distances(points, rods) - [rod.distance for rod in rods])
         return np.asarray(off > tolerance)

@@ -1,9 +1,9 @@
 """Resample a log from its own times to the regular control steps of an episode.
 
-Nothing is interpolated: between two noisy measurements lies no third. A sample counts for the grid
-time that it is near to, within `jitter`; grid times without one have NaN, which is how a 50 Hz log
-stands on a 100 Hz grid. Commands hold until the next row; where several rows fall into one step, it
-has their mean over time, which moves a winch as far.
+Nothing is interpolated, because there is no measurement between two noisy ones. A sample counts for
+the nearest grid time, within `jitter`; grid times without one have NaN, for example in a 50 Hz log
+on a 100 Hz grid. Commands hold until the next row; a step with several rows has their mean over
+time, which moves a winch equally far.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajecto
       log: at least two rows.
       period: usual time between two rows [s].
       dt: control step [s].
-      jitter: how far a stamp may be off and still be on the grid, as a share of dt.
+      jitter: largest distance of a stamp from the grid, as a fraction of dt.
 
     Raises:
       DataError: most samples fall between the grid's times.
@@ -55,17 +55,18 @@ def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajecto
 
 
 def most_rows(robot: Robot) -> int:
-    """How many rows or control steps of a robot are taken at once."""
+    """Largest number of rows or control steps of a robot processed at once."""
     return MOST_NUMBERS // (3 * len(robot.points) + 2 * len(robot.winches))
 
 
 def check_steps(parts: Sequence[Log], robot: Robot, dt: float) -> None:
-    """Raise DataError where the parts of a log have too many control steps of dt [s]."""
+    """Raise DataError if the parts of a log have too many control steps of dt [s]."""
     seconds, most = sum(float(part.time[-1] - part.time[0]) for part in parts), most_rows(robot)
     if seconds / dt > most:
         raise DataError(
-            f"{seconds:.6g} s are {seconds / dt:,.0f} control steps of {dt:g} s; of this robot, at most "
-            f"{most:,} are taken from one log. Give a longer step (--dt), or cut the log into several."
+            f"{seconds:.6g} s are {seconds / dt:,.0f} control steps of {dt:g} s; for this robot, "
+            f"at most {most:,} are accepted from one log. Give a longer step (--dt), or cut the "
+            "log into several."
         )
 
 
@@ -81,7 +82,7 @@ def _phase(time: Floats, period: float, dt: float) -> float:
 def _closest(
     nearest: NDArray[np.int64], off: Floats, fits: NDArray[np.bool_], steps: int
 ) -> NDArray[np.int64]:
-    """(steps + 1,) the row that stands for each grid time, -1 where there is none."""
+    """(steps + 1,) index of the row for each grid time, -1 without one."""
     chosen = np.full(steps + 1, -1, np.int64)
     usable = fits & (nearest >= 0)
     rows = np.flatnonzero(usable)
@@ -92,7 +93,7 @@ def _closest(
 
 
 def _taken(values: Floats, chosen: NDArray[np.int64]) -> Floats:
-    """(steps + 1, ...) rows of the values (N, ...), NaN where none was chosen."""
+    """(steps + 1, ...) rows of the values (N, ...), NaN if none was chosen."""
     found = values.take(np.maximum(chosen, 0), axis=0)
     found[chosen < 0] = np.nan
     return found
@@ -148,7 +149,7 @@ def _findings(
         findings.append(Finding.over("irregular stamp", "masked", "", ~fits, log.time, words))
     uneven = fits & (off > 0.01 * dt)
     if uneven.any():
-        words = f"taken for the nearest step; at most {off[fits].max():.2g} s away"
+        words = f"assigned to the nearest step; at most {off[fits].max():.2g} s away"
         findings.append(Finding.over("irregular stamp", "resampled", "", uneven, log.time, words))
     if period > 1.25 * dt:
         words = (

@@ -1,4 +1,4 @@
-"""The optional YAML beside a log: what its columns are called, in which units and axes.
+"""The optional YAML next to a log: names of its columns, units and axes.
 
 columns: {time: stamp, ctrl.winch_35: motor_a, s0.x: cap0_X}   # ours: theirs
 units: {time: ms, points: mm, control: cm/s, winch: mm}
@@ -48,7 +48,7 @@ Jitter = Annotated[float, Bounds(0, 0.5, below=True)]
 
 
 class Axes(Frozen):
-    """Which of the log's axes each of ours is; ours are right-handed with z up.
+    """The log's axis for each of ours; ours are right-handed with z up.
 
     Attributes:
       x, y, z: one of the log's, with its sign.
@@ -62,7 +62,7 @@ class Axes(Frozen):
     def _are_a_rotation(self) -> Self:
         if not math.isclose(np.linalg.det(self.turned(np.eye(3))), 1.0):
             raise ValueError(
-                f"axes must turn the log's into ours without mirroring, each used once; got x: "
+                "axes must rotate the log's into ours without mirroring, each used once; got x: "
                 f"{self.x}, y: {self.y}, z: {self.z}. A log with y up: x: x, y: -z, z: y"
             )
         return self
@@ -83,11 +83,10 @@ class Units(Frozen):
     Attributes:
       time: "s", "ms", "us" or "ns".
       points: "m", "cm", "mm", "in" or "ft".
-      control: a length (for winches told a position), a length per second (for those told a rate),
-        or an angle of the drum in "rad" or "deg", or per second; with "-" in front where positive
-        hauls in.
+      control: a length (for position winches), a length per second (for rate winches), or an angle
+        of the drum in "rad" or "deg", or per second; with "-" in front if positive hauls in.
       winch: of measured winch positions: a length, or an angle of the drum.
-      drum: radius of the winches' drums, where commands or positions are angles [m].
+      drum: radius of the winches' drums, if commands or positions are angles [m].
     """
 
     time: Literal["s", "ms", "us", "ns"] = "s"
@@ -103,7 +102,7 @@ class Units(Frozen):
         return self
 
     def factor(self, name: Literal["time", "points", "control", "winch"] | str) -> float:
-        """What a value of the log is multiplied by to be in s, m or m/s."""
+        """Factor from a value of the log to s, m or m/s."""
         unit: str = getattr(self, name)
         if name in ("time", "points"):
             return {**TIMES, **LENGTHS}[unit]
@@ -121,18 +120,18 @@ class Units(Frozen):
 
 
 class RecordingMap(Frozen):
-    """How a log's columns become ours; the default takes them as they are named after the MJCF.
+    """Mapping of a log's columns to ours; the default expects the names of the MJCF.
 
     Attributes:
-      columns: our name -> the log's name, where they differ.
+      columns: our name -> the log's name, if different.
       units: of the log.
       axes: of the log.
-      origin: where the log's origin is in ours, e.g. its height above the ground [m].
-      dt: time between two rows, only where the log has no time column [s].
-      conditions: what was special about this day, in free words.
-      ignore: columns of the log that are not needed.
-      repair: "swaps": put exchanged markers right again; without it they are masked.
-      jitter: how far a stamp may be off the grid and still count as on it, as a share of dt.
+      origin: the log's origin in our frame, e.g. its height above the ground [m].
+      dt: time between two rows, only without a time column [s].
+      conditions: free text about the circumstances.
+      ignore: unused columns of the log.
+      repair: "swaps": correct swapped markers; without it they are masked.
+      jitter: largest distance of a stamp from the grid, as a fraction of dt.
     """
 
     columns: dict[Name, Name] = Field(default={})
@@ -150,8 +149,8 @@ def read_map(path: Path) -> RecordingMap:
     """Read a map from a YAML file.
 
     Raises:
-      ConfigError: it is no file that can be read, not YAML, has an unknown key (the nearest is named)
-        or a wrong value.
+      ConfigError: it cannot be read, is not YAML, has an unknown key (the nearest is named) or a
+        wrong value.
     """
     values = read_yaml(path, "map", ConfigError)
     try:
@@ -178,6 +177,6 @@ def _explained(error: Any) -> str:
 
 
 def _key(part: int | str) -> str:
-    """A part of a setting's path: as it is where it is short and plain."""
+    """A part of a setting's path, shortened and escaped if necessary."""
     text = str(part)
     return text if len(text) <= LONGEST_NAME and text.isprintable() else shown(text)

@@ -1,10 +1,10 @@
-"""Markers that were taken for each other, and markers that leap.
+"""Swaps and leaps of markers.
 
-A marker moves little between two rows, and the markers of a body keep their distance. Where one of
-both does not hold, either two markers were exchanged (then exchanging them back puts both right), or
-a marker is somewhere else than it should be. An exchange that lasts is found where it begins and where
-it ends (see `following`). Where markers that were exchanged come back from a time
-unseen so that either may be either, both are given up: a missing sample is honest, a wrong one is not.
+A marker moves little between two rows, and the markers of a body keep their distance. If one of
+these is violated, either two markers were swapped (then swapping them back corrects both), or a
+marker is in a wrong place. A lasting swap is found at its beginning and at its end (see
+`following`). If swapped markers reappear and can no longer be distinguished, both are masked: a
+missing sample is better than a wrong one.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from flywheel.robots import Robot
 
 @dataclass(frozen=True)
 class Tracked:
-    """Points after a look at their motion.
+    """Points after the analysis of their motion.
 
     Attributes:
-      points: (N, P, 3), exchanged markers put right, wrong samples NaN [m].
-      ordered: (N, P, 3) the same with the wrong samples [m].
-      exchanged: (N, P) samples that were under another marker's name.
-      partner: (N, P) whose name it was.
-      doubtful: (N, P) samples of which nobody knows whether they still were.
-      leaps: (N, P) samples masked because the marker leapt.
-      rods: (N, P) samples masked because a distance was wrong.
+      points: (N, P, 3), swapped markers corrected, wrong samples NaN [m].
+      ordered: (N, P, 3) the same including the wrong samples [m].
+      exchanged: (N, P) samples under another marker's name.
+      partner: (N, P) index of that marker.
+      doubtful: (N, P) samples that may be swapped.
+      leaps: (N, P) samples masked as leaps.
+      rods: (N, P) samples masked because of a wrong distance.
     """
 
     points: Floats
@@ -52,7 +52,7 @@ def track(points: Floats, time: Floats, robot: Robot) -> Tracked:
     """Follow the markers (N, P, 3) [m] through times (N,) [s].
 
     Raises:
-      DataError: they are usually elsewhere in the next row, so that nothing can be followed.
+      DataError: they usually move too far between rows to be followed.
     """
     bounds = Bounds.of(points, robot)
     usual = median(ways(points, 1).ravel())
@@ -81,7 +81,7 @@ def _without_strays(
     time: Floats,
     bounds: Bounds,
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """The points, and what is masked as a leap or by a rod, after a look before and after each row."""
+    """The points, and the masks for leaps and rods, after checks before and after each row."""
     # The line between two neighbours has half their variance.
     noise = NOISES * bounds.noise * np.sqrt(1.5)
     # A sample within reach from before, from where the next is not, though that one is from before:
@@ -105,10 +105,10 @@ def _without_strays(
 def judged(
     tracked: Tracked, robot: Robot, time: Floats, repair: bool
 ) -> tuple[Floats, list[Finding]]:
-    """The points (N, P, 3) as they may be used, and what was done to them.
+    """The usable points (N, P, 3), and the findings.
 
     Args:
-      repair: keep exchanged markers, put right, where it is sure which is which; else mask them.
+      repair: keep swapped markers, corrected, if the assignment is certain; else mask them.
     """
     names = [point.name for point in robot.points]
     findings = []
@@ -118,9 +118,9 @@ def judged(
         where = (tracked.exchanged[:, a] | tracked.exchanged[:, b]) & between
         if where.any():
             words = (
-                "put right; to mask them instead, write repair: [] in the map"
+                "corrected; to mask them instead, write repair: [] in the map"
                 if repair
-                else "exchanged, and not put right, as the map says"
+                else "swapped, and not corrected, as requested by the map"
             )
             action = "repaired" if repair else "masked"
             pair = f"{names[a]} and {names[b]}"
@@ -129,8 +129,8 @@ def judged(
         points[tracked.exchanged] = np.nan
     points[tracked.doubtful] = np.nan
     for kind, masks, words in (
-        ("swap", tracked.doubtful, "exchanged, then unseen: which is which can no longer be told"),
-        ("leap", tracked.leaps, "further away than it can have come"),
+        ("swap", tracked.doubtful, "swapped, then unseen: they can no longer be distinguished"),
+        ("leap", tracked.leaps, "further away than it can have moved"),
         ("rod length", tracked.rods, "not at its distance from the body's other markers"),
     ):
         for index in np.flatnonzero(masks.any(axis=0)):

@@ -1,4 +1,4 @@
-"""Reading a log: CSV to episodes, with every doubt either an error or a line of the report."""
+"""Reading a log: from CSV to episodes, with every doubt as an error or a line of the report."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ class Imported:
     """A log as episodes.
 
     Attributes:
-      episodes: one for each stretch without a gap, all in one split.
-      report: what was done to it.
-      name: of the segment that they become.
-      split_given: somebody chose the split; else the hash of the content did.
+      episodes: one for each part without a gap, all in one split.
+      report: findings.
+      name: of their segment.
+      split_given: True if the user chose the split; else the hash of the content did.
     """
 
     episodes: tuple[Episode, ...]
@@ -73,19 +73,19 @@ def read_recording(
 ) -> Imported:
     """Read a log of a robot.
 
-    Row t holds what was measured at its time and the commands that act until the next row's.
+    Row t contains the measurements at its time and the commands until the next row's.
 
     Args:
       path: of the CSV.
-      robot: that it is about.
-      how: what its columns are; by default the YAML of the same name beside it, if there is one.
+      robot: of the log.
+      how: mapping of its columns; by default the YAML of the same name next to it, if there is one.
       dt: control step of the episodes [s].
-      split: of the episodes; by default by the hash of the content.
-      told: is called as the file is read, with the bytes so far and those of the file.
+      split: of the episodes; by default from the hash of the content.
+      told: called during reading, with the bytes so far and those of the file.
 
     Raises:
-      DataError: the log cannot be used as it is; the message says where and why.
-      ConfigError: the YAML beside it is wrong.
+      DataError: the log cannot be used; the message says where and why.
+      ConfigError: the YAML next to it is wrong.
     """
     CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
@@ -117,7 +117,7 @@ def read_recording(
 
 
 def beside(path: Path) -> RecordingMap:
-    """The map in the YAML of the same name beside a log; the default one without it.
+    """The map in the YAML of the same name next to a log; the default one without it.
 
     Raises:
       ConfigError: it is wrong.
@@ -129,7 +129,7 @@ def beside(path: Path) -> RecordingMap:
 def _read(
     path: Path, robot: Robot, how: RecordingMap | None, told: Told | None
 ) -> tuple[RecordingMap, str, Log, list[Finding]]:
-    """The map, the digest, and what the log says of the robot."""
+    """The map, the digest, and the log's raw values."""
     with open_table(path, told) as sheet:
         how = beside(path) if how is None else how
         columns = matched(sheet, robot, how)
@@ -179,7 +179,7 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
 
 
 def _check_kept(before: Floats, after: Floats, findings: list[Finding]) -> None:
-    """Raises DataError where hardly any of the measured points (N, P, 3) is left."""
+    """Raises DataError if hardly any of the measured points (N, P, 3) is left."""
     measured, kept = (np.count_nonzero(np.isfinite(points[..., 0])) for points in (before, after))
     if measured == 0:
         raise DataError("no marker was ever measured: all its cells are empty, or no position.")
@@ -196,7 +196,7 @@ def _check_kept(before: Floats, after: Floats, findings: list[Finding]) -> None:
 def _trajectories(
     log: Log, robot: Robot, period: float, dt: float, jitter: float
 ) -> tuple[list[Trajectory], list[Finding]]:
-    """The stretches of a log that are long enough, on a regular grid."""
+    """The sufficiently long parts of a log, on a regular grid."""
     parts, findings = stretches(log, period)
     check_steps(parts, robot, dt)
     tracks, short = [], []
@@ -208,30 +208,31 @@ def _trajectories(
         tracks.append(made)
         findings += found
     if short:
-        words = "stretches between gaps that are shorter than a control step"
+        words = "parts between gaps that are shorter than a control step"
         findings.append(
             Finding("gap", "left out", "", len(short), tuple(short[:20]), len(short[20:]), words)
         )
     if not tracks:
-        raise DataError(f"no stretch without a gap is as long as a control step of {dt:g} s.")
+        raise DataError(f"no part without a gap is as long as a control step of {dt:g} s.")
     return tracks, findings
 
 
 def _seen(tracks: list[Trajectory], period: float, dt: float) -> float:
-    """Share of the samples, at the log's own rate or the grid's, that are there.
+    """Fraction of present samples, at the log's own rate or the grid's.
 
     Raises:
-      DataError: it is next to nothing.
+      DataError: it is almost zero.
     """
     valid: NDArray[np.bool_] = np.concatenate([t.observations.valid for t in tracks])
     seen = float(min(1.0, valid.mean() * max(1.0, period / dt)))
     if seen < LEAST_SEEN:
         raise DataError(
-            f"only {seen:.2%} of the points' samples are there; at least {LEAST_SEEN:.0%} are needed."
+            f"only {seen:.2%} of the points' samples are present; at least {LEAST_SEEN:.0%} are "
+            "needed."
         )
     return seen
 
 
 def _slug(file: str) -> str:
-    """What a segment's name may hold of a file's."""
+    """A file's name reduced to the characters of a segment's name."""
     return re.sub(r"[^a-z0-9]+", "-", Path(file).stem.lower()).strip("-")[:40] or "log"

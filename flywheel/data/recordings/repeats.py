@@ -1,9 +1,9 @@
-"""Samples that repeat the one before them, digit by digit: a tracker that froze, or one slower than the log.
+"""Samples that repeat the previous one digit by digit: a frozen tracker, or one slower than the log.
 
-Such a sample is no measurement. That cannot be told from equal digits alone: coarse digits repeat, and so
-does a robot at rest in a simulation without noise. A sample only counts as repeated where its digits ought
-to have changed, because of noise that is seen in all of the log, or because the marker moved just before
-and just after.
+Such a sample is not a measurement. Equal digits alone do not prove this: coarse digits repeat, and
+so does a robot at rest in a simulation without noise. A sample only counts as repeated if its
+digits should have changed, because of noise in the whole log, or because the marker moved just
+before and just after.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ LIKELY = 0.05  # chance of a repeat from which on single ones say nothing
 
 
 def mask_repeats(log: Log, robot: Robot) -> list[Finding]:
-    """Mask, in place, the points' samples that only repeat the ones before them.
+    """Mask, in place, the points' samples that only repeat the previous ones.
 
     Args:
-      log: with each time once; NaN where a point is missing.
-      robot: whose length tells which changes are too small to be any.
+      log: with each time once; NaN for a missing point.
+      robot: its length defines negligible changes.
     """
     findings = []
     for index, point in enumerate(robot.points):
@@ -42,7 +42,7 @@ def mask_repeats(log: Log, robot: Robot) -> list[Finding]:
 
 
 def _stale(values: Floats, finest: float) -> NDArray[np.bool_]:
-    """(N,) which of the values (N, 3) only repeat the last ones seen, and are no measurements."""
+    """(N,) bool: True for values (N, 3) that repeat the previous ones without a measurement."""
     found = np.zeros(len(values), bool)
     if not _equal(values[1:], values[:-1]).any():
         return found
@@ -65,7 +65,7 @@ def _stale(values: Floats, finest: float) -> NDArray[np.bool_]:
 
 
 def _equal(some: Floats, others: Floats) -> NDArray[np.bool_]:
-    """(n,) which samples (n, 3) are the same."""
+    """(n,) bool: True for equal samples (n, 3)."""
     x, y, z = (some[:, axis] == others[:, axis] for axis in range(3))
     return np.asarray(x & y & z)
 
@@ -73,8 +73,8 @@ def _equal(some: Floats, others: Floats) -> NDArray[np.bool_]:
 def _least_steps(samples: Floats, least: Floats) -> Floats:
     """(M, 3) the least of the changes before, from and after each sample to its next (M, 3) [m].
 
-    0 where it is below `least` (3,): a marker that comes to rest, or begins to move. The end of the log
-    is no rest; its beginning may be one.
+    0 below `least` (3,): a marker that stops, or starts to move. The end of the log does not count
+    as rest; its beginning may.
     """
     steps = np.abs(np.diff(samples, axis=0))
     before = np.concatenate([np.zeros((1, 3)), steps])[: len(samples)]
@@ -86,15 +86,15 @@ def _least_steps(samples: Floats, least: Floats) -> Floats:
 
 
 def _chance(steps: Floats, digit: Floats) -> Floats:
-    """(...) chance that no coordinate's last digit changes over normal steps (..., 3) of that size."""
+    """(...) probability that no coordinate's last digit changes over normal steps (..., 3) of that size."""
     with np.errstate(divide="ignore"):
         each = np.minimum(1.0, digit / (np.sqrt(2 * np.pi) * steps))
     return np.asarray(each.prod(axis=-1))
 
 
 def _words(found: NDArray[np.bool_], time: Floats) -> str:
-    """How a marker's samples repeat, for people: now and then, or as those of a slower tracker."""
-    told = "the digits of the sample before it: no measurement"
+    """Pattern of a marker's repeats, for people: occasional, or of a slower tracker."""
+    told = "the digits of the previous sample: not a measurement"
     new = np.flatnonzero(~found)
     apart = float(np.median(np.diff(new))) if len(new) > 1 else 1.0
     if apart < 2:

@@ -1,4 +1,4 @@
-"""What an import did to a log: nothing is masked, repaired or left out without a line here."""
+"""Report of an import: every masked, repaired or dropped sample has a line here."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ SPANS_KEPT = 20  # spans kept per finding: a flickering marker has thousands
 
 @dataclass(frozen=True)
 class Finding:
-    """One kind of thing that was found in a log.
+    """One kind of finding in a log.
 
     Attributes:
-      kind: "missing", "infinite", "far", "repeat", "duplicate stamp", "irregular stamp", "gap", "swap",
-        "leap", "rod length", "rate", "height", "column" or "channel".
-      action: what was done about it.
-      subject: the marker, pair or column that it is about; "" for the whole log.
-      count: samples (or rows) that it concerns.
-      spans: the first of the times [s] between which it was so, (begin, end) each.
-      more_spans: how many there are beyond those.
+      kind: "missing", "infinite", "far", "repeat", "duplicate stamp", "irregular stamp", "gap",
+        "swap", "leap", "rod length", "rate", "height", "column" or "channel".
+      action: taken.
+      subject: the marker, pair or column; "" for the whole log.
+      count: samples (or rows).
+      spans: the first intervals of time [s], (begin, end) each.
+      more_spans: number of the others.
       words: for people.
     """
 
@@ -61,19 +61,19 @@ class Finding:
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What became of one log.
+    """Result of one log.
 
     Attributes:
       file: its name.
       digest: sha256 of its bytes.
       rows: of the log.
-      seconds: it lasts [s].
+      seconds: duration [s].
       period: usual time between two rows [s].
-      dt: control step of the episodes made of it [s].
-      episodes: their ids, one for each stretch without a gap.
+      dt: control step of its episodes [s].
+      episodes: their ids, one for each part without a gap.
       steps: control steps of each.
-      seen: share of the points' samples, at the log's own rate, that can be used.
-      findings: all that was masked, repaired, resampled or left out.
+      seen: usable fraction of the points' samples, at the log's own rate.
+      findings: all masked, repaired, resampled or dropped samples.
     """
 
     file: str
@@ -95,7 +95,7 @@ class ImportReport:
 def spans_of(
     where: NDArray[np.bool_], time: Floats, most: int = SPANS_KEPT
 ) -> tuple[tuple[tuple[float, float], ...], int]:
-    """First and last time [s] of the first runs of true values, and how many more runs there are."""
+    """First and last time [s] of the first runs of true values, and the number of the other runs."""
     edges = np.diff(where.astype(np.int8), prepend=0, append=0)
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     kept = zip(time[begins[:most]].tolist(), time[ends[:most]].tolist(), strict=True)
@@ -108,6 +108,6 @@ def counted(number: int, what: str) -> str:
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:
-    """Names for a message, at most so many of them."""
+    """Names for a message, up to a number of them."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more

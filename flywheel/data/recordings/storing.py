@@ -12,14 +12,14 @@ from flywheel.records import Episode
 
 
 def store_recording(store: TrajectoryStore, imported: Imported) -> tuple[str, bool]:
-    """Commit a recording as one segment, unless it is there already.
+    """Commit a recording as one segment, unless it exists already.
 
     Returns:
-      The segment's name, and whether it is new.
+      The segment's name, and True if it is new.
 
     Raises:
-      DataError: the same log is there under another split or read in another way; an episode never
-        changes.
+      DataError: the same log exists under another split or read with other settings; an episode
+        never changes.
       RunError: the disk is full.
     """
     there = stored_recordings(store)
@@ -50,14 +50,14 @@ def _check_same(
     file, new = imported.report.file, imported.episodes
     if imported.split_given and new[0].split != summaries[0].split:
         raise DataError(
-            f"{file} is stored already as {segment}, in the split {summaries[0].split}; an episode "
-            f"keeps its split for ever, {new[0].split} was asked for."
+            f"{file} is stored already as {segment}, in the split {summaries[0].split}; an "
+            f"episode keeps its split, {new[0].split} was requested."
         )
     old = store.read_segment(segment)
     if len(old) != len(new) or not all(_alike(a, b) for a, b in zip(old, new, strict=True)):
         raise DataError(
-            f"{file} is stored already as {segment}, but was read in another way (robot, map or dt); an "
-            "episode never changes. Import it into another store, or leave it as it is."
+            f"{file} is stored already as {segment}, but was read with other settings (robot, map "
+            "or dt); an episode never changes. Import it into another store, or leave it."
         )
 
 

@@ -1,4 +1,4 @@
-"""Samples that only their surroundings in time give away: away for one row, or right by chance."""
+"""Wrong samples recognisable from their neighbours in time only: away for one row, or right by chance."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def spikes(points: Floats, time: Floats, kick: float, noise: float) -> NDArray[n
     Args:
       points: (N, P, 3) [m]; NaN where missing.
       time: (N,) [s].
-      kick: greatest change of a marker's velocity from one row to the next [m/s].
-      noise: how far noise alone may take a sample off that line [m].
+      kick: largest change of a marker's velocity from one row to the next [m/s].
+      noise: largest distance from that line due to noise alone [m].
     """
     found = np.zeros(points.shape[:2], bool)
     if len(points) < 3:
@@ -43,14 +43,14 @@ def spikes(points: Floats, time: Floats, kick: float, noise: float) -> NDArray[n
 def islands(
     wrong: NDArray[np.bool_], seen: NDArray[np.bool_], steady: NDArray[np.bool_], time: Floats
 ) -> NDArray[np.bool_]:
-    """(N, P) seen samples in short runs between wrong ones, to or from which the marker did not leap.
+    """(N, P) present samples in short runs between wrong ones, without a leap to or from these.
 
     A marker that stays in a wrong place is now and then at the right distance from its partner.
 
     Args:
       wrong: (N, P) samples known to be wrong.
       seen: (N, P) samples that seem right.
-      steady: (N - 1, P) whether the marker, as measured, did not leap between two rows.
+      steady: (N - 1, P) True without a leap of the measured marker between two rows.
       time: (N,) [s].
     """
     found = np.zeros_like(wrong)

@@ -1,6 +1,6 @@
-"""A CSV file as columns of numbers, or a sentence that says in which line it is not.
+"""A CSV file as columns of numbers, or a message with the faulty line.
 
-It is read line by line: it takes the memory of the numbers that are wanted of it, not of its text.
+It is read line by line: its memory is that of the requested numbers, not of its text.
 """
 
 from __future__ import annotations
@@ -70,10 +70,10 @@ def open_table(path: Path, told: Told | None = None) -> Iterator[OpenTable]:
 
     Args:
       path: of the file.
-      told: is called as it is read, with the bytes so far and those of the file.
+      told: called during reading, with the bytes so far and those of the file.
 
     Raises:
-      DataError: it cannot be read, is no text in UTF-8, or has no header.
+      DataError: it cannot be read, is not text in UTF-8, or has no header.
     """
     with opened(path, "recording", DataError, LARGEST_FILE) as file:
         yield OpenTable(printable(path.name), file, told)
@@ -105,15 +105,15 @@ class OpenTable:
         self.header = self._read_header()
 
     def read(self, names: Sequence[str], most: int) -> Table:
-        """Read some of the columns; what stands in the others does not matter.
+        """Read some of the columns; the content of the others is ignored.
 
         Args:
           names: of the columns.
-          most: lines that the file may have.
+          most: largest number of lines.
 
         Raises:
-          DataError: there are no rows, one has more or fewer cells than the header, a cell is no number,
-            there are too many lines, or the file changes meanwhile.
+          DataError: there are no rows, one has more or fewer cells than the header, a cell is not a
+            number, there are too many lines, or the file changes meanwhile.
         """
         chosen = [self.header.index(name) for name in names]
         values, lines, cells = array("d"), array("q"), list[str]()
@@ -167,7 +167,7 @@ class OpenTable:
         """Numbers of the cells of the last rows of a table.
 
         Raises:
-          DataError: a cell is no number; it says in which line and column.
+          DataError: a cell is not a number; the message gives its line and column.
         """
         try:
             text = pa.array([cell or "nan" for cell in cells], pa.string())
@@ -181,14 +181,15 @@ class OpenTable:
             except ValueError:
                 row, column = divmod(index, len(names))
                 raise DataError(
-                    f"{self.file}, line {lines[first + row]}, column {names[column]!r}: {shown(cell)} is no "
-                    f"number. A cell that was not measured is empty or NaN.{_hint(cell)}"
+                    f"{self.file}, line {lines[first + row]}, column {names[column]!r}: "
+                    f"{shown(cell)} is not a number. A cell that was not measured is empty or "
+                    f"NaN.{_hint(cell)}"
                 ) from None
         return np.array(found)
 
 
 class _Content(io.RawIOBase):
-    """A file's bytes: counted and hashed as they are read."""
+    """A file's bytes, counted and hashed during reading."""
 
     def __init__(self, name: str, file: BinaryIO, told: Told | None) -> None:
         self._name, self._file, self._told = name, file, told
@@ -213,16 +214,16 @@ class _Content(io.RawIOBase):
         return len(content)
 
     def digest(self) -> str:
-        """What was read of the file, after its end was reached.
+        """Size and digest of the file, after its end was reached.
 
         Raises:
-          DataError: it is not what it was when it was opened.
+          DataError: it changed since it was opened.
         """
         now, before = os.fstat(self._file.fileno()), self._before
         if (self._read, now.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
             raise DataError(
-                f"{self._name} changed while it was read. Is it still being written? Import it when it "
-                "is whole."
+                f"{self._name} changed while it was read. Is it still being written? Import it "
+                "when it is complete."
             )
         return self._sha256.hexdigest()
 
@@ -278,12 +279,12 @@ def _check_header(file: str, header: tuple[str, ...]) -> None:
 
 
 def is_plain(text: str) -> bool:
-    """Whether a text can be shown to people: no control characters, and all of it was UTF-8."""
+    """True if a text can be shown to people: no control characters, and all of it was UTF-8."""
     return all(unicodedata.category(c) not in ("Cc", "Cs") or c in "\t\r\n" for c in text)
 
 
 def _hint(text: str) -> str:
-    """What may have gone wrong where a text is no number, or no name."""
+    """Possible cause of an invalid number or name."""
     if any("\udc80" <= character <= "\udcff" for character in text):
         return " The file is not in UTF-8: save it so."
     if "," in text:

@@ -1,4 +1,4 @@
-"""Values that cannot be: missing, infinite, or so large that nothing could be computed with them."""
+"""Impossible values: missing, infinite, or too large for computations."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ OFTEN_FAR = 0.1  # share of such samples from which the log is in another unit
 
 
 def check_commanded(log: Log, robot: Robot) -> None:
-    """Look at times and commands, without which a row says nothing.
+    """Check times and commands, without which a row is meaningless.
 
     Raises:
-      DataError: one is not a finite number (only the last row's commands may be empty, because they act
-        on nothing), or a time is too late.
+      DataError: one is not a finite number (only the last row's commands may be empty, because they
+        have no effect), or a time is too late.
     """
     for what, values, least in (("time", log.time[:, None], 0), ("command", log.controls, 1)):
         used = values[: len(values) - least]
@@ -74,14 +74,14 @@ def _masked(values: Floats, name: str, time: Floats, robot: Robot) -> list[Findi
         for kind, where, words in (
             ("infinite", infinite, ""),
             ("missing", missing, ""),
-            ("far", far, f"more than {FARTHEST:g} lengths of the robot away: no position"),
+            ("far", far, f"more than {FARTHEST:g} lengths of the robot away: not a position"),
         )
         if where.any()
     ]
 
 
 def _check_near(findings: list[Finding], values: Floats, robot: Robot) -> None:
-    """Raises DataError where many of the values, by now masked, were too far away."""
+    """Raises DataError if many of the values, by now masked, were too far away."""
     far = [found for found in findings if found.kind == "far"]
     count = sum(found.count for found in far)
     seen = count + np.count_nonzero(np.isfinite(values[..., 0]))

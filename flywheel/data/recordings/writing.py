@@ -1,4 +1,4 @@
-"""Writing an episode as the CSV that a robot's log would be; what `read_recording` reads back."""
+"""Writing an episode in the CSV format of a robot's log, for `read_recording`."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from flywheel.robots import Robot
 
 @contextmanager
 def new_csv(path: str | Path) -> Iterator[Any]:
-    """A `csv.writer` into a new file, which is removed where it could not be written to its end.
+    """A `csv.writer` into a new file, which is removed if it could not be written completely.
 
     Raises:
-      DataError: there is a file already, or nothing can be written there.
+      DataError: the file exists already, or cannot be written.
       RunError: the disk is full.
     """
     path, begun = Path(path), False
@@ -32,7 +32,7 @@ def new_csv(path: str | Path) -> Iterator[Any]:
             begun = True
             yield csv.writer(file, lineterminator="\n")
     except FileExistsError:
-        raise DataError(f"There is a file {path} already; it is not written over.") from None
+        raise DataError(f"The file {path} exists already; it is not overwritten.") from None
     except BaseException as error:
         if begun:
             path.unlink(missing_ok=True)
@@ -46,15 +46,15 @@ def new_csv(path: str | Path) -> Iterator[Any]:
 def write_recording(episode: Episode, path: str | Path, robot: Robot) -> tuple[str, ...]:
     """Write an episode's observations and controls.
 
-    Row t holds the points at time t and the commands from t on; the last row has no commands. A cell
-    that was not measured is empty.
+    Row t contains the points at time t and the commands from t on; the last row has no commands.
+    Unmeasured cells are empty.
 
     Returns:
-      What a log has no place for: "state", and the winches whose positions the episode knows though
-      the MJCF has no sensor for them.
+      Content that a log cannot hold: "state", and winches with known positions but without a sensor
+      in the MJCF.
 
     Raises:
-      DataError: there is a file already, or the episode is of another robot.
+      DataError: the file exists already, or the episode is of another robot.
     """
     if episode.provenance.robot != robot.digest:
         raise DataError(

@@ -1,4 +1,4 @@
-"""Whether a model leaves nothing but noise, and if not, when and where."""
+"""Adequacy: a test that the residual of a model is noise, and its location if it is not."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from flywheel.records import Floats
 
 @dataclass(frozen=True)
 class Adequacy:
-    """What is left after a model has explained what it can.
+    """Residual of a model, summarised.
 
     Attributes:
-      noise: variance of what is left, per degree of freedom; 1 for nothing but noise.
-      doubt: its standard deviation, from not knowing the noise exactly.
-      loudest: of one window, by how many standard deviations of noise alone it is above that.
-      correlation: of what is left, from one sample to the next; 0 for white noise.
-      inconstancy: of the fitted sizes over windows: squares of their differences over what noise exceeds
-        once in a thousand times, of the worst size; above 1 for sizes that are not the same everywhere.
-      beyond_noise: root mean square of what is left beyond noise [m].
+      noise: variance of the residual, per degree of freedom; 1 for pure noise.
+      doubt: its standard deviation, because the noise is not known exactly.
+      loudest: of one window, excess over that in standard deviations of pure noise.
+      correlation: of the residual, from one sample to the next; 0 for white noise.
+      inconstancy: of the fitted sizes over windows: squares of their differences relative to the
+        99.9 % quantile of noise, of the worst size; above 1 for sizes that differ.
+      beyond_noise: root mean square of the residual beyond noise [m].
       converged: most windows fit no worse than from the first estimates of their initial states.
     """
 
@@ -39,11 +39,11 @@ class Adequacy:
 
 @dataclass(frozen=True)
 class OwnErrors:
-    """What a model's own errors would be taken for, at most.
+    """Upper limits of statistics caused by a model's own errors.
 
     Attributes:
       score: best score of any candidate.
-      noise, correlation, loudest: of what is left of them, as in `Adequacy`.
+      noise, correlation, loudest: of their residual, as in `Adequacy`.
     """
 
     score: float
@@ -53,7 +53,7 @@ class OwnErrors:
 
 
 def own_errors(fitter: Fitter, test: ScoreTest) -> OwnErrors | None:
-    """What a test makes of the model's own errors, in draws that it does not know; None without any."""
+    """Result of a test on the model's own errors, in unseen draws; None without any."""
     draws = fitter.own_errors
     if not draws.shape[2]:
         return None
@@ -78,13 +78,13 @@ def adequacy(
     by_value: Floats | None,
     settings: CheckSettings = CheckSettings(),
 ) -> Adequacy:
-    """Judge what a fit leaves; every window counts in full.
+    """Assess the residual of a fit; every window counts in full.
 
     Args:
       fitter, fit: the model.
       test: on top of it.
       by_value: (K, D, n) sensitivities to its fitted values; None without any.
-      settings: tuned numbers.
+      settings: of the diagnosis.
     """
     windows = fitter.windows
     shape = windows.measured.shape
@@ -115,7 +115,7 @@ def astray(
 
 
 def mostly(converged: np.ndarray, settings: CheckSettings = CheckSettings()) -> bool:
-    """Whether so many of the windows (K,) converged that something can be said."""
+    """True if enough of the windows (K,) converged for an assessment."""
     return bool(1.0 - converged.mean() <= settings.most_astray)
 
 
@@ -137,7 +137,7 @@ def sample_correlation(residual: Floats, shape: tuple[int, ...]) -> float:
 def _inconstancy(
     fit: Fit, test: ScoreTest, by_value: Floats | None, settings: CheckSettings
 ) -> float:
-    """Chow's test of each size: is it the same in every window?"""
+    """Chow's test of each size: equality over all windows."""
     if by_value is None:
         return 0.0
     start = 0

@@ -1,8 +1,8 @@
-"""What is still detectable of an effect where windows begin a little elsewhere.
+"""Smallest detectable sizes of an effect with slightly different initial states.
 
-A score test promises that an effect of some size would be seen, by sensitivities around fitted initial
-states. Those are known only so well, and where contacts make the motion bend, the sensitivities around
-others, which fit about as well, are others: as much as both have in common is kept.
+A score test promises detection of an effect of some size from sensitivities around fitted initial
+states. Those are uncertain, and if contacts make the motion nonlinear, sensitivities around other,
+equally good ones differ: only their common part counts.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def detectable(
     rng: np.random.Generator,
     settings: CheckSettings = CheckSettings(),
 ) -> tuple[Score, ...]:
-    """The scores of a model, with the smallest sizes that are shown around other initial states, too."""
+    """The scores of a model, with the smallest sizes that are visible around other initial states, too."""
     test, fit = model.test, model.fit
     local = fit.local + settings.shift * _deviation(fitter, model, rng)
     there = _sensitivities(fitter, fitter.with_local(fit, local), test)
@@ -49,7 +49,7 @@ def _sensitivities(fitter: Fitter, fit: Fit, test: ScoreTest) -> Floats:
 
 
 def _deviation(fitter: Fitter, model: ScoredModel, rng: np.random.Generator) -> Floats:
-    """(K, X) local parameters, drawn as far off as measurements and priors leave them."""
+    """(K, X) local parameters, drawn from the uncertainty due to measurements and priors."""
     local, by_local = model.fit.local, model.jacobian.by_local
     information, _ = fitter.normal_equations(local, by_local, model.fit.residual, 0.0)
     root = np.linalg.cholesky(information).swapaxes(1, 2)
@@ -57,9 +57,10 @@ def _deviation(fitter: Fitter, model: ScoredModel, rng: np.random.Generator) -> 
 
 
 def common_share(here: Floats, there: Floats) -> float:
-    """Share of what sensitivities (N, d) promise, that they show of an effect which acts by others (N, d).
+    """Fraction of the expected signal power (of sensitivities (N, d)) that is detected if the
+    effect acts through other sensitivities (N, d).
 
-    At most 1, though others may promise more; above 0, so that what is divided by it stays a number.
+    At most 1, though others may promise more; above 0, to allow division.
     """
     own, across = here.T @ here, here.T @ there
     seen = np.trace(across.T @ np.linalg.pinv(own) @ across)

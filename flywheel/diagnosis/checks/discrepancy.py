@@ -1,12 +1,12 @@
-"""A discrepancy model: a learned law for physics that the library does not have.
+"""A discrepancy model: a learned law for physics outside the library.
 
-Where none of the library's effects explains the recordings, a small network is put into the law of the
-cables: their strain, speed and direction give an extra tension, the same network for all cables. Its
-hidden layer is drawn at random and stays so; its outputs are trained like any effect is fitted, through
-the plant and with the windows' starts, by Levenberg-Marquardt with a normal prior (random features:
-Rahimi and Recht 2007). Many random features find more than few trained ones, whose training gets stuck.
-What the law changes is then held against what the effects of the library would change, to say what the
-unknown looks like.
+If no effect of the library explains the recordings, a small network is added to the law of the
+cables: their strain, speed and direction give an additional tension, the same network for all
+cables. Its hidden layer is random and constant; its outputs are fitted like any effect, through the
+plant and with the windows' starts, by Levenberg-Marquardt with a normal prior (random features:
+Rahimi and Recht 2007). Many random features find more than few trained ones, whose training gets
+stuck. The change caused by the law is then compared with those of the library's effects, to
+characterise the unknown.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ STRAIN, FAST = 0.05, 10.0  # of a cable whose inputs are one; speed in those tha
 
 
 class LearnedTension(TensionEffect):
-    """A network of one hidden layer: strain, speed and direction of a cable to extra tension.
+    """A network of one hidden layer: from strain, speed and direction of a cable to additional tension.
 
-    Laws of different hidden layers are not simulated in one batch, where effects go by their names.
+    Laws of different hidden layers are not simulated in one batch, where effects are identified by
+    their names.
 
     Args:
       hidden: (4, UNITS) weights of strain, speed and direction, and biases, of the hidden layer.
@@ -46,7 +47,7 @@ class LearnedTension(TensionEffect):
     )
     equation = "dT = sum_j v_j tanh(a_j e / l0 + b_j V + c_j tanh(V / v0) + d_j)"
     source = "fitted to the recordings"
-    shown_by = "what no other effect explains"
+    shown_by = "the unexplained error"
 
     def __init__(self, hidden: Floats) -> None:
         self._hidden = hidden
@@ -61,11 +62,11 @@ class LearnedTension(TensionEffect):
 
 @dataclass(frozen=True)
 class Resemblance:
-    """How much of what a learned law does an effect of the library would do.
+    """Similarity of an effect of the library to a learned law.
 
     Attributes:
-      effect, location: which.
-      share: of the squared change, by its best size; 1 for all of it.
+      effect, location: the effect.
+      share: of the law's squared change, reproduced by the effect's best size; 1 for all of it.
     """
 
     effect: str
@@ -73,18 +74,18 @@ class Resemblance:
     share: float
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {"effect": self.effect, "location": self.location, "share": self.share}
 
 
 @dataclass(frozen=True)
 class DiscrepancyModel:
-    """A law of the cables, learned from the recordings for what the library does not have.
+    """A law of the cables, fitted to the recordings for an effect outside the library.
 
     Attributes:
-      errors: on the recordings that it was learned from; the baseline has all effects that were found.
-      held_out: on those that it was not, where the baseline is the plant as it was; None without any.
-      resembles: effects that do most nearly what it does, the nearest first.
+      errors: on the fitted recordings; the baseline has all identified effects.
+      held_out: on the others, with the initial plant as baseline; None without any.
+      resembles: most similar effects, nearest first.
     """
 
     errors: Errors
@@ -92,7 +93,7 @@ class DiscrepancyModel:
     resembles: tuple[Resemblance, ...]
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "error": self.errors.summary(),
             "held_out": None if self.held_out is None else self.held_out.summary(),
@@ -106,13 +107,13 @@ def learned_law(
     seed: int = 0,
     settings: DiscrepancySettings = DiscrepancySettings(),
 ) -> Fit:
-    """Train a law on top of a model; it is the last term of the fit that is returned.
+    """Fit a law on top of a model; it is the last term of the returned fit.
 
     Args:
       fitter: of the windows.
       model: so far, with the test of the library on top of it.
       seed: of the hidden layer.
-      settings: tuned numbers.
+      settings: of the diagnosis.
     """
     begun = _begun(fitter, model.fit, np.random.default_rng(seed), settings.beginnings)
     free = _free(fitter, begun[0].terms, settings.step)
@@ -132,12 +133,12 @@ def learned_law(
 def resemblances(
     fitter: Fitter, trained: Fit, test: ScoreTest, shown: int
 ) -> tuple[Resemblance, ...]:
-    """The effects of the library that do most nearly what the last term of a fit does.
+    """The effects of the library most similar to the last term of a fit.
 
     Args:
       fitter, trained: the model with the law.
       test: of the library on top of the model without it.
-      shown: how many effects.
+      shown: number of effects.
     """
     without = fitter.columns(trained, [trained.terms[:-1]])  # (K, D, 1)
     change = test.projection(without)[:, 0]
@@ -158,7 +159,7 @@ def resemblances(
 
 
 def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator, count: int) -> list[Fit]:
-    """A fit with laws of random features that add nothing yet."""
+    """A fit with laws of random features and zero outputs."""
     known = tuple(size.typical(fitter.scales) for size in LearnedTension.sizes)
     found = []
     for _ in range(count):
@@ -169,7 +170,7 @@ def _begun(fitter: Fitter, fit: Fit, rng: np.random.Generator, count: int) -> li
 
 
 def _free(fitter: Fitter, terms: Terms, step: float) -> list[FreeParameter]:
-    """The values of terms, of which the last one is a law with a `step` of its own."""
+    """The values of terms, the last of which is a law with its own `step`."""
     law = len(terms) - 1
     return [
         replace(value, step=step) if value.term == law else value for value in fitter.free(terms)

@@ -18,14 +18,14 @@ from flywheel.dynamics.plant.tautness import taut
 
 @dataclass(frozen=True)
 class FirstLength:
-    """A winch that a recording is explained by only if it began elsewhere.
+    """A winch whose first length must differ for a recording to be explained.
 
     Attributes:
       recording: index.
       cables: names of the winch's cables.
-      longer: fitted rest length less the one in the keyframe, or as measured [m].
-      measured: whether the winch was measured when the recording began.
-      slack: its cables are slack whenever a window of the recording begins.
+      longer: fitted rest length minus the one in the keyframe, or the measured one [m].
+      measured: True if the winch was measured at the start of the recording.
+      slack: its cables are slack at the start of every window of the recording.
     """
 
     recording: int

@@ -1,4 +1,4 @@
-"""Errors on recordings that nothing was fitted to but their initial states."""
+"""Errors on recordings with only the initial states fitted."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from flywheel.records import Floats, Trajectory
 
 @dataclass(frozen=True)
 class Errors:
-    """Root mean square of measured minus predicted, after the initial states were fitted [m].
+    """Root mean square of measured minus predicted, with fitted initial states [m].
 
     Attributes:
-      noise: that is in the measurements.
-      baseline: of the plant as it was.
-      augmented: with the effects that were found.
+      noise: of the measurements.
+      baseline: of the initial plant.
+      augmented: with the identified effects.
     """
 
     noise: float
@@ -32,7 +32,7 @@ class Errors:
     augmented: float
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "noise": self.noise,
             "baseline": self.baseline,
@@ -47,12 +47,12 @@ def errors(fitter: Fitter, before: Fit, after: Fit) -> Errors:
 
 
 class HeldOut:
-    """Recordings on which answers are only judged.
+    """Recordings for the evaluation of answers.
 
     Args:
-      under_test: what is judged.
-      recordings: maybe none.
-      fitted_on: windows like which they are cut.
+      under_test: model.
+      recordings: may be empty.
+      fitted_on: windows whose length is used.
     """
 
     def __init__(
@@ -64,9 +64,9 @@ class HeldOut:
         self._last: tuple[Fitter, Fit, Fit] | None = None
 
     def errors(self, terms: Terms) -> Errors | None:
-        """The errors with terms that stay as they are; None without recordings.
+        """The errors with constant terms; None without recordings.
 
-        Initial states of a model with all effects of the one before, and more, begin where those ended.
+        Initial states of a model that extends the previous one start from its results.
         """
         return errors(*self._fits(terms)) if self._recordings else None
 
@@ -78,7 +78,7 @@ class HeldOut:
         return beyond_noise(fitter, (fit.residual**2).sum(axis=1) + fitter.local_cost(fit.local))
 
     def _fits(self, terms: Terms) -> tuple[Fitter, Fit, Fit]:
-        """A fitter, the model as it was, and with terms."""
+        """A fitter, the initial model, and the model with terms."""
         if self._last is None or self._last[2].terms != terms:
             fitter, before = self._fitted(terms)
             fitter, fit = self._with(fitter, before, terms)
@@ -86,7 +86,7 @@ class HeldOut:
         return self._last
 
     def _fitted(self, terms: Terms) -> tuple[Fitter, Fit]:
-        """The model as it was; that of a plant does not depend on the terms, and is kept."""
+        """The initial model; that of a plant does not depend on the terms, and is cached."""
         if self._plant is not None:
             return self._plant
         under_test = self._under_test
@@ -103,7 +103,7 @@ class HeldOut:
         return found
 
     def _with(self, fitter: Fitter, before: Fit, terms: Terms) -> tuple[Fitter, Fit]:
-        """Initial states that fit under other terms, in time steps that will do for them."""
+        """Initial states that fit under other terms, in sufficiently short time steps."""
         if terms == before.terms:
             return fitter, before
         fits = self._last if self._plant else None
@@ -116,7 +116,7 @@ class HeldOut:
         return fitter, self._begun_elsewhere(fitter, fit)
 
     def _begun_elsewhere(self, fitter: Fitter, fit: Fit) -> Fit:
-        """A fit whose loud windows begin elsewhere, where that helps."""
+        """A fit whose windows with large residuals start elsewhere, if that helps."""
         loud = self._under_test.settings.selection.restart_mean_square
         begun = restarted_where_loud(fitter, fit, loud, self._under_test.seed)
         rounds = fitter.settings.multistart.after
@@ -124,7 +124,7 @@ class HeldOut:
 
 
 def beyond_noise(fitter: Fitter, squares: Floats) -> Floats:
-    """(K,) squares without what noise leaves where local parameters are fitted [sigma^2]."""
+    """(K,) squares beyond those of noise with fitted local parameters [sigma^2]."""
     freedom = fitter.windows.noisy_in_each - fitter.taken
     noise = (fitter.windows.noise / fitter.windows.sigma) ** 2
     return np.asarray(squares - noise * np.maximum(freedom, 0.0))

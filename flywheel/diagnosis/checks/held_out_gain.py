@@ -1,8 +1,8 @@
-"""What effects are worth on windows that they were not fitted to.
+"""Held-out gain: error reduction by effects on windows that were not fitted.
 
-Windows of held-out recordings are judged as they are. Of those that were fitted, each is left out in turn:
-what the values that all windows share would be without it follows from the linearisation of the fit, without
-another fit. The squares that are left then are the predicted residual sum of squares (PRESS, Allen 1974).
+Windows of held-out recordings are evaluated directly. Of the fitted ones, each is left out in turn:
+the shared values without it follow from the linearisation of the fit, without another fit. The
+remaining squares are the predicted residual sum of squares (PRESS, Allen 1974).
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ WIDE = 10.0
 
 @dataclass(frozen=True)
 class Gain:
-    """What effects take away on windows that they were not fitted to.
+    """Error reduction by effects on windows that were not fitted.
 
     Attributes:
-      share: of what the model as it was leaves beyond noise there, as mean squares; NaN if that is nothing.
+      share: of the initial model's error beyond noise there, as mean squares; NaN if that is zero.
       low, high: ends of its 95 % interval, by a bootstrap over windows.
       clear: it is above zero in 39 of 40 draws of that.
-      windows: how many there are.
-      held_out: how many of them are of held-out recordings.
+      windows: their number.
+      held_out: number of windows in held-out recordings.
     """
 
     share: float
@@ -45,7 +45,7 @@ class Gain:
     held_out: int
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         known = np.isfinite(self.share)
         return {
             "share": self.share if known else None,
@@ -58,12 +58,12 @@ class Gain:
 
 
 class UnseenWindows:
-    """Windows that a model was not fitted to: each of the fitted ones, left out in turn, and those held out.
+    """Windows outside the fit: each of the fitted ones, left out in turn, and those held out.
 
     Args:
       fitter: of the fitted ones.
-      first: the model as it was.
-      held_out: the recordings that were.
+      first: the initial model.
+      held_out: held-out recordings.
       seed: of the bootstrap.
     """
 
@@ -74,15 +74,15 @@ class UnseenWindows:
         self._known: list[tuple[ScoredModel, Floats]] = []
 
     def gain(self, without: ScoredModel, model: ScoredModel) -> Gain:
-        """What a model gains beside one without some of its effects, on windows left out in turn."""
+        """Gain of a model over one without some of its effects, on windows left out in turn."""
         first, less, more = (self._left_out(each) for each in (self._first, without, model))
         return _gain(first, less - more, 0, self._seed)
 
     def gain_everywhere(self, simpler: ScoredModel, model: ScoredModel) -> Gain:
-        """What a model gains beside a simpler one, or the one as it was, on held-out windows, too.
+        """Gain of a model over a simpler one, or the initial one, including held-out windows.
 
-        Beside whichever of the two is better there: what the simpler one has, numbers of a robot as built
-        say, may do harm on windows that it was not fitted to.
+        Relative to the better of the two there: the simpler one has numbers of a robot as built,
+        which may do harm on windows that were not fitted.
         """
         first, less, more = (self._everywhere(each) for each in (self._first, simpler, model))
         better = min(first, less, key=lambda each: float(each.sum()))
@@ -103,7 +103,7 @@ class UnseenWindows:
 
 
 def _gain(first: Floats, gained: Floats, held_out: int, seed: int) -> Gain:
-    """A share with its interval, from (K,) squares beyond noise, and what of them is gone."""
+    """Relative reduction of squared error, with a bootstrap interval over K windows."""
     whole, count = float(first.sum()), len(first)
     if not whole > 0.0 or not np.isfinite(gained).all():
         return Gain(np.nan, np.nan, np.nan, False, count, held_out)
@@ -118,7 +118,7 @@ def _gain(first: Floats, gained: Floats, held_out: int, seed: int) -> Gain:
 def left_out_squares(
     fitter: Fitter, fit: Fit, jacobian: Jacobian, by_value: Floats | None
 ) -> Floats:
-    """(K,) squares of every window beyond noise, as values predict it that were fitted to all others.
+    """(K,) squares beyond noise of every window, predicted by values fitted to all others.
 
     Args:
       fitter, fit, jacobian: of the model.

@@ -1,7 +1,7 @@
-"""Where and when something acts that no effect explains.
+"""Localisation: time and place of an unexplained error.
 
-When, and at which tracked point: where most is left of the residual, in pieces of a tenth of a window. At
-which cable: whose change alone would explain most of what is left in that window, by any effect of the
+Time and tracked point: the maximum of the residual, in pieces of a tenth of a window. Cable: the
+one whose change alone would explain most of the residual in that window, by any effect of the
 library that acts on single cables.
 """
 
@@ -20,14 +20,14 @@ from flywheel.records import Floats
 
 @dataclass(frozen=True)
 class Location:
-    """Where and when most of what is left acts.
+    """Time and place of the largest part of the residual.
 
     Attributes:
-      cables: (K, C) squares that a change of each cable explains in each window alone [sigma^2].
-      recording: index of the one in which most is left.
-      begin, end: of the time there in which it is [s].
-      point: at which it is.
-      cable: that explains most in the window where it is; "" where the library has no effect on cables.
+      cables: (K, C) squares explained by a change of each cable in each window alone [sigma^2].
+      recording: index of the one with the largest residual.
+      begin, end: interval of time in it [s].
+      point: its tracked point.
+      cable: with the best explanation in that window; "" if the library has no effect on cables.
     """
 
     cables: Floats
@@ -38,7 +38,7 @@ class Location:
     cable: str
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "recording": self.recording,
             "from": self.begin,
@@ -52,7 +52,7 @@ class Location:
 def localise(
     fitter: Fitter, test: ScoreTest, settings: CheckSettings = CheckSettings()
 ) -> Location:
-    """Find where and when what a test's model leaves acts."""
+    """Locate the residual of a test's model."""
     windows, robot = fitter.windows, fitter.windows.robot
     cables = _explained(fitter, test)
     in_noise = (windows.sigma / windows.noise) ** 2
@@ -75,7 +75,7 @@ def localise(
 
 
 def _explained(fitter: Fitter, test: ScoreTest) -> Floats:
-    """(K, C) most that any effect at each cable explains in each window."""
+    """(K, C) largest explanation by any effect at each cable in each window."""
     windows = len(fitter.windows)
     left = test.residual.reshape(windows, -1)
     found = np.zeros((windows, len(fitter.windows.robot.cables)))
@@ -92,7 +92,7 @@ def _explained(fitter: Fitter, test: ScoreTest) -> Floats:
 
 
 def _pieces(fitter: Fitter, test: ScoreTest, count: int) -> Floats:
-    """(K, pieces, P) mean square of what is left, over time, of each tracked point."""
+    """(K, pieces, P) mean square of the residual, over time, of each tracked point."""
     windows, shape = fitter.windows, fitter.windows.measured.shape
     left = test.left.reshape(shape[0], -1)[:, : int(np.prod(shape[1:]))]
     squares, noisy = windows.squares(left).reshape(shape), windows.noisy
@@ -105,7 +105,7 @@ def _pieces(fitter: Fitter, test: ScoreTest, count: int) -> Floats:
 
 
 def _run(pieces: Floats, highest: int, half: float) -> tuple[int, int]:
-    """First and last of the pieces around the highest that stand out as it does."""
+    """First and last of the adjacent pieces that stand out like the highest."""
     above = pieces > 1.0 + half * max(pieces[highest] - 1.0, 0.0)
     first = last = highest
     while first > 0 and above[first - 1]:

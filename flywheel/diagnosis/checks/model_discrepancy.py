@@ -1,10 +1,10 @@
-"""How much of what is measured no model explains: the second scale of error beside noise.
+"""Model discrepancy: the unexplained error as a second scale of error besides noise.
 
-Measurements are often a hundred times better than any model. What the best one leaves is then no noise: it
-goes on from sample to sample, and moves the points of a body together. Counted as noise of the same mean
-square it would be averaged out over thousands of samples, and any effect that takes a little of it would be
-sure. So it counts as the white noise that disturbs a fit as much: its long-run variance (Newey and West
-1987), over as many points as move independently.
+Measurements are often a hundred times better than any model. The residual of the best one is then
+not noise: it is correlated in time and between the points of a body. Treated as noise of the same
+mean square it would be averaged out over thousands of samples, and any effect that reduces it
+slightly would be certain. It is therefore treated as the white noise that disturbs a fit equally:
+its long-run variance (Newey and West 1987), over as many points as move independently.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ FREEDOMS = 6  # of a rigid body
 
 
 def model_discrepancy(fitter: Fitter, fit: Fit) -> float:
-    """What a model leaves beside noise, as the standard deviation of white noise that disturbs as much [m].
+    """Residual of a model beyond noise, as the standard deviation of equally disturbing white noise [m].
 
     Args:
       fitter, fit: of the best model.
@@ -35,10 +35,10 @@ def model_discrepancy(fitter: Fitter, fit: Fit) -> float:
 
 
 def long_run_variance(series: Floats, known: np.ndarray) -> float:
-    """Variance of the sum of samples that resemble each other, per sample, with Bartlett's weights.
+    """Variance of the sum of correlated samples, per sample, with Bartlett's weights.
 
     Args:
-      series: (K, T, ...) along the second axis; 0 where it is not known.
+      series: (K, T, ...) along the second axis; 0 where unknown.
       known: (K, T, ...) bool.
     """
     length, count = series.shape[1], max(1, int(known.sum()))

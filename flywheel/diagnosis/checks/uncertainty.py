@@ -1,4 +1,4 @@
-"""How sure fitted values are, and how far the plant's time step pushes them."""
+"""Uncertainty of fitted values, and their bias due to the plant's time step."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ HALVINGS = 2.0
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How sure n fitted values are, in their units.
+    """Uncertainty of n fitted values, in their units.
 
     Attributes:
       deviations: (n,) standard deviations of the values without `by_step`.
-      by_step: (n,) what the plant's time step adds to the values. A plant with long steps fits best with
-        values that make up for them; those of the robot are without.
+      by_step: (n,) bias of the values due to the plant's time step. A plant with long steps fits
+        best with values that compensate for them; the robot's values exclude this.
     """
 
     deviations: Floats
@@ -32,21 +32,21 @@ class Uncertainty:
 def uncertainty(
     fitter: Fitter, fit: Fit, jacobian: Jacobian | None = None, known_to: float = 0.0
 ) -> Uncertainty:
-    """How sure the values of a fit are.
+    """Uncertainty of the values of a fit.
 
-    From the curvature of the fit, or from how much the windows disagree (sandwich), whichever is
-    larger: curvature alone trusts the model to be right. What time steps add is extrapolated from half
-    the step, for an error in proportion to it (Richardson); half of that again is doubted. So is all of
-    the next Gauss-Newton step: it is next to nothing at a minimum, but contacts make fits of many numbers
-    end before one. Where the cost of such a fit is not known better, its 95 % interval holds all values that
-    cost no more than that (profile likelihood, linearised).
+    From the curvature of the fit, or from the variation between windows (sandwich), whichever is
+    larger: curvature alone trusts the model to be right. The bias by time steps is extrapolated
+    from half the step, for an error in proportion to it (Richardson); half of that is added as
+    uncertainty. So is all of the next Gauss-Newton step: it is almost zero at a minimum, but
+    contacts make fits of many numbers end before one. If the minimum cost of such a fit is only
+    known within a tolerance, its 95 % interval contains all values within that tolerance (profile
+    likelihood, linearised).
 
     Args:
       fitter: of its windows.
-      fit: at which.
-      jacobian: computed where it is not at hand.
-      known_to: how far the cost may be above its minimum, for values of which nothing is known before
-        [sigma^2].
+      fit: the fit.
+      jacobian: computed if not given.
+      known_to: possible excess of the cost over its minimum, for values without a prior [sigma^2].
     """
     free = fitter.free(fit.terms)
     columns = fitter.by_value(fit, free)

@@ -17,10 +17,10 @@ class Bins:
     """Squared errors of one kind, in noise variances, sorted by one criterion.
 
     Attributes:
-      of: what is off: "points" or "cables".
+      of: kind of error: "points" or "cables".
       by: criterion.
       labels: of the bins.
-      sums: (n,) of each bin; its mean is 1 for nothing but noise.
+      sums: (n,) of each bin; its mean is 1 for pure noise.
     """
 
     of: str
@@ -46,13 +46,13 @@ class Bins:
         return self.sums.over(0)
 
     def worst(self, count: int) -> list[int]:
-        """Indices of the bins with the largest means, at most so many."""
+        """Indices of the bins with the largest means, up to a number."""
         there = np.flatnonzero(self.sums.count)
         order = np.argsort(-self.sums.mean[there], kind="stable")
         return [int(i) for i in there[order[:count]]]
 
     def summary(self) -> list[dict[str, Any]]:
-        """As JSON has it."""
+        """In JSON form."""
         rows = zip(self.labels, self.sums.total, self.sums.count, self.sums.mean, strict=True)
         return [
             {

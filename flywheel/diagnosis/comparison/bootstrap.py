@@ -1,16 +1,16 @@
-"""What noise alone would make of a model's error: a parametric bootstrap for any dynamics model.
+"""Bootstrap null: a model's errors due to noise alone, by a parametric bootstrap for any dynamics model.
 
-Were the model the truth, its predictions would still be off: measurements have noise, so have the
-pasts that it starts from, and what it has to guess there it may guess wrong. What that does depends on
-the model, the robot and the motion, so it is tried. In each draw the model moves through the recorded
-commands, from a while before every window; that is taken for the truth, noise is added, and the model
-predicts it from the noisy past.
+If the model were the truth, its predictions would still have errors: measurements have noise, as do
+the pasts from which it starts, and it may estimate invisible quantities wrongly. The effect of that
+depends on the model, the robot and the motion, so it is simulated. In each draw the model moves
+through the recorded commands, from some time before every window; that is taken as the truth, noise
+is added, and the model predicts it from the noisy past.
 
-An untrained model can be wrong by metres through noise in its start alone, and so pass any test of the
-size of its error. But noise in the start moves predictions in few ways only. Half of the draws tell
-which these are; the other half tell how much is left of an error where those count as little as they
-should, and the model's error on the recording is held against that. What smaller time steps of a plant
-would change is numbers, not physics, and counts as little.
+An untrained model can have errors of metres due to noise in its start alone, and so pass any test
+of the size of its error. But noise in the start affects predictions in few directions only. Half of
+the draws determine these; the other half give the distribution of errors with these directions
+down-weighted, with which the model's error on the recording is compared. Changes caused by smaller
+time steps of a plant are numerical, not physical, and are down-weighted as well.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class BootstrapNull:
 
     Attributes:
       by_lead: (draws, steps) mean square over the windows, in its own world.
-      left: (K,) mean square of each window beyond what noise does to starts.
+      left: (K,) mean square of each window beyond the influence of noise on starts.
       own: (draws / 2, K) the same in its own world.
     """
 
@@ -44,18 +44,18 @@ class BootstrapNull:
 
     @property
     def band(self) -> Floats:
-        """(2, steps) within which noise alone keeps the mean square at each lead time in 95 %."""
+        """(2, steps) 95 % band of the mean square at each lead time due to noise alone."""
         return np.asarray(np.quantile(self.by_lead, (BAND[0], BAND[-1]), axis=0))
 
     @property
     def rms(self) -> tuple[float, float, float]:
-        """Root mean square by noise alone: lower bound of 95 %, median, upper bound [sigma]."""
+        """Root mean square due to noise alone: lower bound of 95 %, median, upper bound [sigma]."""
         low, middle, high = np.quantile(np.sqrt(np.nanmean(self.by_lead, axis=1)), BAND)
         return float(low), float(middle), float(high)
 
     @property
     def excess(self) -> float:
-        """How many times more is left of windows than noise alone leaves."""
+        """Residual of windows relative to that of noise alone."""
         return float(self._excess(self.left))
 
     @property
@@ -65,7 +65,7 @@ class BootstrapNull:
         return float((1 + as_much) / (1 + len(self.own)))
 
     def _excess(self, left: Floats) -> Floats:
-        """Geometric mean over windows, so that one that went another way counts as one."""
+        """Geometric mean over windows, so that one diverging window counts as one."""
         typical = np.median(self.own, axis=0)
         return np.asarray(np.exp(np.log(left / typical).mean(axis=-1)))
 
@@ -73,17 +73,17 @@ class BootstrapNull:
 def bootstrap_null(
     subject: Subject, windows: ForecastWindows, points: Floats, draws: int, rng: np.random.Generator
 ) -> BootstrapNull:
-    """Hold a model's error against those that it makes of itself.
+    """Compare a model's error with those in its own world.
 
     Args:
       subject: the model.
       windows: the windows.
-      points: (K, steps + 1, P, 3) that it predicted there [m].
+      points: (K, steps + 1, P, 3) its predictions there [m].
       draws: of the noise.
       rng: of the noise.
 
     Raises:
-      ModelError: it does not predict finite numbers in its own world.
+      ModelError: its predictions in its own world are not finite.
     """
     size = max(1, ROWS // draws)
     parts, squares, counts = [], 0.0, 0.0
@@ -137,7 +137,7 @@ def _drawn(
 
 
 def _finer(subject: Subject, windows: ForecastWindows, points: Floats) -> Floats:
-    """What a plant predicts with smaller time steps, like points (K, steps + 1, P, 3) [m].
+    """Predictions of a plant with smaller time steps, for points (K, steps + 1, P, 3) [m].
 
     Of other models the points themselves.
     """
@@ -152,16 +152,16 @@ def _finer(subject: Subject, windows: ForecastWindows, points: Floats) -> Floats
 def _left(
     wrong: Floats, noise: Floats, residual: Floats, numbers: Floats, known: Floats
 ) -> tuple[Floats, Floats]:
-    """Mean squares of errors with what noise does to starts weighted by its size.
+    """Mean squares of errors, weighted by the influence of noise on starts.
 
-    With errors by starts of covariance C and noise of covariance 1, the square of an error r is
-    r' (1 + C)^-1 r; C is that of the first half of the draws, and of the numbers.
+    With errors by starts of covariance C and noise of covariance 1, the square of an error r is r'
+    (1 + C)^-1 r; C is that of the first half of the draws, and of the numbers.
 
     Args:
       wrong, noise: (draws, K, ...) errors in the model's own world, and noise [sigma].
-      residual: (K, ...) of the recording [sigma]. All are 0 where nothing was measured.
-      numbers: (K, ...) what smaller time steps change [sigma].
-      known: (K,) how many numbers were.
+      residual: (K, ...) of the recording [sigma]. All are 0 for missing measurements.
+      numbers: (K, ...) changes by smaller time steps [sigma].
+      known: (K,) number of measurements.
 
     Returns:
       (K,) of the recording, (draws / 2, K) of the second half of the draws.
@@ -181,14 +181,14 @@ def _left(
 
 
 def mean_by_lead(squares: Floats) -> Floats:
-    """(steps,) mean over windows, points and axes of (K, steps, P, 3); NaN where nothing is known."""
+    """(steps,) mean over windows, points and axes of (K, steps, P, 3); NaN if unknown."""
     count = np.isfinite(squares).sum(axis=(0, 2, 3))
     total = np.nansum(squares, axis=(0, 2, 3))
     return np.asarray(np.where(count, total / np.maximum(count, 1), np.nan))
 
 
 def _repeated(past: Past, count: int) -> Past:
-    """The batch, so many times one after the other."""
+    """The batch, repeated."""
 
     def many(array: Floats) -> Floats:
         return np.tile(array, (count,) + (1,) * (array.ndim - 1))

@@ -1,4 +1,4 @@
-"""The comparison: from models and recordings to what is more than noise, and where."""
+"""The comparison: from models and recordings to a test of their errors against noise."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ def compare(
     """Compare models with recordings.
 
     Args:
-      models: of one robot; the verdict speaks for the last.
+      models: of one robot; the verdict is that of the last.
       recordings: unbatched, of the models' control step.
-      horizon: predicted from each present [s]; less where the recordings are shorter.
-      draws: of the noise, for what it makes of each model's error.
+      horizon: predicted from each present [s]; less if the recordings are shorter.
+      draws: of the noise, for its influence on each model's error.
       seed: of the draws.
       names: of the recordings.
-      fit_starts: also say what plants leave where starts are fitted, which takes longer than the rest.
-      settings: tuned numbers of those fits, as of a diagnosis.
+      fit_starts: also report errors of plants with fitted starts, which takes longer than the rest.
+      settings: of those fits, as in a diagnosis.
 
     Raises:
-      DataError: recordings that cannot be used.
-      ModelError: models that do not fit them or each other, or predict nothing finite.
+      DataError: recordings cannot be used.
+      ModelError: models do not fit them or each other, or have no finite prediction.
     """
     begun = time.perf_counter()
     if draws < FEWEST_DRAWS:
@@ -86,9 +86,9 @@ def judged(
     fit_seed: int | None,
     settings: Settings = Settings(),
 ) -> Judgement:
-    """One model; `fit_seed` is of the search for starts that fit, None to leave that out.
+    """One model; `fit_seed` is of the search for fitted starts, None to leave that out.
 
-    A plant begins with first lengths of its winches that suit it, any other model with those of the MJCF's.
+    A plant starts with fitted first lengths of its winches, any other model with those of the MJCF.
     """
     dynamics, fitted = subject.dynamics, None
     if isinstance(dynamics, RestartedPlant) and dynamics.plant.terms:
@@ -127,7 +127,7 @@ def predicted(subject: Subject, windows: ForecastWindows) -> tuple[Floats, Float
 
 
 def _squares(windows: ForecastWindows, points: Floats) -> Floats:
-    """(K, steps, P, 3) squared errors in noise variances; NaN where nothing was measured."""
+    """(K, steps, P, 3) squared errors in noise variances; NaN for missing measurements."""
     return np.asarray(((windows.measured - points[:, 1:]) / windows.sigma) ** 2)
 
 

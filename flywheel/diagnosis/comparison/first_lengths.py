@@ -1,4 +1,4 @@
-"""Where winches were when recordings began, where nobody measured it.
+"""Unmeasured winch positions at the start of recordings.
 
 A log that begins with cables as long as at the keyframe began there. Any other may begin in motion, and rest
 lengths reckoned from the keyframe are then off from its first row to its last. As in a diagnosis they are
@@ -26,12 +26,12 @@ WINDOWS = 3  # that lengths are fitted to: later ones are off by more of what th
 def with_first_lengths(
     windows: ForecastWindows, plant: Plant, settings: Settings = Settings()
 ) -> ForecastWindows:
-    """The same windows, of winches that began where a plant fits best.
+    """The same windows, with the first winch positions that fit a plant best.
 
     Args:
-      windows: whose recordings they are.
-      plant: to be fitted, with the terms that it has.
-      settings: tuned numbers, as of a diagnosis.
+      windows: of the recordings.
+      plant: to be fitted, with its terms.
+      settings: as in a diagnosis.
 
     Returns:
       The windows themselves where every winch was measured in the first row, where all logs began at the

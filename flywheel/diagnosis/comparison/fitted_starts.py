@@ -1,4 +1,4 @@
-"""What a plant leaves where no initial state is guessed: windows begin where they fit best."""
+"""Error of a plant without guessed initial states: windows start where they fit best."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ ANY = "winch_gain"  # the test needs a candidate; which one does not matter here
 
 @dataclass(frozen=True)
 class FittedStarts:
-    """A plant's error where no initial state is guessed; as at the beginning of `diagnose`.
+    """A plant's error with fitted initial states, as at the beginning of `diagnose`.
 
     Attributes:
       rms: [m], with the initial states counted as degrees of freedom.
-      noise: variance of what is left; 1 for nothing but noise.
-      correlation: of what is left, from sample to sample; 0 for noise.
-      only_noise: nothing but noise is left, by the limits of a diagnosis.
-      windows: that were fitted.
-      left_out: of these, whose fits did not converge: they end far worse than from measured pasts.
+      noise: variance of the residual; 1 for pure noise.
+      correlation: of the residual, from sample to sample; 0 for noise.
+      only_noise: the residual is noise, by the limits of a diagnosis.
+      windows: number of fitted ones.
+      left_out: number of those whose fits did not converge: they end far worse than from measured
+        pasts.
       converged: most of them did.
     """
 
@@ -51,7 +52,7 @@ class FittedStarts:
     converged: bool
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return asdict(self)
 
 

@@ -26,20 +26,20 @@ SMOOTHED = 0.3  # length of the parabolas that smooth measured positions [sqrt(L
 
 @dataclass(frozen=True)
 class ForecastWindows:
-    """K windows; each begins where all points are in sight, and lasts as long as the others.
+    """K windows of equal length; each starts with all points in sight.
 
     Attributes:
-      robot: whose recordings they are.
+      robot: of the recordings.
       recordings: as episodes.
       names: of the recordings.
       steps: of each window.
-      warmup: steps before each window in which a model can forget how it was started.
-      lead: steps before each window that belong to its past, the warm-up among them.
+      warmup: steps before each window in which a model can forget its start.
+      lead: steps before each window that belong to its past, including the warm-up.
       recording: (K,) index of each window's recording.
       first: (K,) step of the recording that is its present.
       sigma: noise of each measured coordinate [m].
-      begun: (recordings, W) fitted positions of the winches in the first rows, see `with_first_lengths`;
-        None where they were measured [m].
+      begun: (recordings, W) fitted positions of the winches in the first rows, see
+        `with_first_lengths`; None if they were measured [m].
     """
 
     robot: Robot
@@ -69,14 +69,14 @@ class ForecastWindows:
         """Tile recordings.
 
         Args:
-          robot: whose recordings they are.
+          robot: of the recordings.
           recordings: unbatched, of one control step.
-          seconds: of a window; the longest that the recordings hold where none is as long.
-          history: past steps that the models look at.
+          seconds: of a window; the longest possible if no recording is as long.
+          history: past steps of the models.
           names: of the recordings; numbers by default.
 
         Raises:
-          DataError: recordings that cannot be used, or are too short.
+          DataError: recordings cannot be used, or are too short.
         """
         _check(robot, recordings)
         dt = recordings[0].dt
@@ -119,7 +119,7 @@ class ForecastWindows:
         return replace(self, recording=self.recording[some], first=self.first[some])
 
     def starting_at(self, begun: Floats) -> ForecastWindows:
-        """The same, of winches that were at (recordings, W) in the first rows [m]."""
+        """The same, with winches at (recordings, W) in the first rows [m]."""
         return replace(self, begun=begun, _reckoned={})
 
     @property
@@ -129,7 +129,7 @@ class ForecastWindows:
 
     @property
     def moved(self) -> Floats:
-        """(W,) farthest that winches began from the keyframe, as fitted; 0 where measured [m]."""
+        """(W,) largest fitted distance of first winch positions from the keyframe; 0 if measured [m]."""
         home = self.robot.winch_of(self.robot.keyframe)
         measured = np.stack([e.trajectory.observations.winch[0] for e in self.recordings])
         if self.begun is None:
@@ -150,7 +150,7 @@ class ForecastWindows:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What each window is called."""
+        """Name of each window."""
         begin = self.dt * self.first
         end = begin + self.dt * self.steps
         return tuple(
@@ -160,7 +160,7 @@ class ForecastWindows:
 
     @cached_property
     def measured(self) -> Floats:
-        """(K, steps, P, 3) what is to be predicted; NaN where missing [m]."""
+        """(K, steps, P, 3) targets; NaN where missing [m]."""
         return self.ahead([e.trajectory.observations.points for e in self.recordings])
 
     @cached_property
@@ -176,19 +176,19 @@ class ForecastWindows:
         return tuple(savitzky_golay(each, self.dt, seconds) for each in points)
 
     def controls(self, before: int = 0) -> Floats:
-        """(K, before + steps, W) commands from so many steps before the windows to their ends."""
+        """(K, before + steps, W) commands from some steps before the windows to their ends."""
         return self._ahead([e.trajectory.controls for e in self.recordings], -before, 0)
 
     def before(self, series: Sequence[Floats]) -> Floats:
-        """(K, steps, ...) of (T + 1, ...) for each recording, where each control begins to act."""
+        """(K, steps, ...) of (T + 1, ...) for each recording, at the start of each control."""
         return self._ahead(series, 0, 0)
 
     def ahead(self, series: Sequence[Floats]) -> Floats:
-        """The same one step later, where points are to be predicted."""
+        """The same one step later, at the predicted instants."""
         return self._ahead(series, 1, 1)
 
     def past(self, subject: Subject) -> Past:
-        """(K,) measured pasts, as a model wants them."""
+        """(K,) measured pasts, as model inputs."""
         return self._pasts(subject, self.recordings, self.first)
 
     def origin(self, subject: Subject) -> Past:
@@ -205,7 +205,7 @@ class ForecastWindows:
         )
 
     def _winches(self, terms: Terms) -> tuple[Floats, ...]:
-        """(T + 1, W) winch positions in each recording, by what is known of the plant [m]."""
+        """(T + 1, W) winch positions in each recording, from the known effects of the plant [m]."""
         key = tuple((term.effect.name, term.place, term.values) for term in terms)
         if key not in self._reckoned:
             reckoning = Reckoning(self.robot, self.dt, terms)
@@ -248,7 +248,7 @@ class ForecastWindows:
 
 
 def _tiled(episode: Episode, steps: int, lead: int) -> list[int]:
-    """Where windows of so many steps begin, one as soon as the one before has ended."""
+    """Starts of windows of so many steps, one right after the other."""
     if episode.trajectory.steps < lead + steps:
         return []
     found, free = [], lead

@@ -1,4 +1,4 @@
-"""Where the robot was, and what it did, at every sample: from the measurements alone.
+"""Regions: place and motion of the robot at every sample, from the measurements alone.
 
 The bins are the same for every model, because no prediction enters them.
 """
@@ -26,7 +26,7 @@ class Region:
     """A criterion.
 
     Attributes:
-      of: what it sorts: "points" or "cables".
+      of: sorted errors: "points" or "cables".
       by: its name.
       labels: of its bins.
       place: (K, steps, P or C) index of each sample's bin.
@@ -72,7 +72,7 @@ def _tension(tension: Floats) -> Region:
 
 
 def _command(windows: ForecastWindows) -> Region:
-    """By what the cable's winch is told in the step before each sample."""
+    """By the command of the cable's winch in the step before each sample."""
     robot, controls = windows.robot, windows.controls()
     asked = np.abs(controls - robot.holding(windows.before(windows.winch)))
     moving = asked > MOVING * (robot.control_high - robot.control_low)
@@ -82,7 +82,7 @@ def _command(windows: ForecastWindows) -> Region:
 
 
 def spans(robot: Robot, points: Floats) -> Floats:
-    """(..., C) distances between the ends of the cables, as tracked points (..., P, 3) tell them [m]."""
+    """(..., C) distances between the ends of the cables, from tracked points (..., P, 3) [m]."""
 
     def end(attachment: Attachment) -> Floats:
         return attachment.offset if attachment.point < 0 else points[..., attachment.point, :]
@@ -101,7 +101,7 @@ def cable_tensions(robot: Robot, points: Floats, winch: Floats, dt: float) -> Fl
     """Elastic tensions (K, T, C) [N] of nominal cables; 0 where slack.
 
     Args:
-      robot: whose cables they are.
+      robot: of the cables.
       points: (K, T, P, 3), without gaps [m].
       winch: (K, T, W) winch positions [m].
       dt: control step [s].

@@ -1,4 +1,4 @@
-"""What a comparison says."""
+"""Result of a comparison."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LEVEL = 0.05  # probability below which an error is more than noise
 
 
 class Outcome(StrEnum):
-    """Verdict on the error of a model; `NOT_CONVERGED` where most fits of starts ended far off."""
+    """Verdict on the error of a model; `NOT_CONVERGED` if most fits of starts ended far off."""
 
     NOISE_ONLY = "NOISE_ONLY"
     MORE_THAN_NOISE = "MORE_THAN_NOISE"
@@ -30,23 +30,23 @@ EXIT_CODES = {Outcome.NOISE_ONLY: 0, Outcome.MORE_THAN_NOISE: 1, Outcome.NOT_CON
 
 @dataclass(frozen=True)
 class Judgement:
-    """What is said of one model. Squares are in noise variances; K windows, P tracked points.
+    """Result for one model. Squares are in noise variances; K windows, P tracked points.
 
     Attributes:
       name: of the model.
       points: (K, steps + 1, P, 3) predicted; the first is the model's present [m].
       winch: (K, steps + 1, W) predicted [m].
       by_lead: (steps,) mean square at each lead time.
-      band: (2, steps) within which noise alone would keep it in 95 %.
+      band: (2, steps) 95 % band of noise alone.
       squares: (K, P) sums of squares.
       cables: of the distances between the ends of cables, over everything.
       bins: the squares sorted by everything else.
-      noise_rms: root mean square that noise alone makes of the model's error: lower bound of 95 %,
+      noise_rms: root mean square of the model's error due to noise alone: lower bound of 95 %,
         median, upper bound [sigma].
-      excess: times more mean square that windows have, beyond what noise does to starts, than noise
-        alone leaves there.
+      excess: mean square of windows beyond the influence of noise on starts, relative to that of
+        noise alone.
       probability: of as much excess by noise alone.
-      fitted: what is left where starts are fitted; None where that was not asked for, or not possible.
+      fitted: error with fitted starts; None if not requested, or not possible.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Judgement:
 
     @property
     def outcome(self) -> Outcome:
-        """By what fitted starts leave, where they were asked for; else by the predictions."""
+        """By the error with fitted starts, if that was requested; else by the predictions."""
         if self.fitted is not None and not self.fitted.converged:
             return Outcome.NOT_CONVERGED
         more = self.forecast_is_off if self.fitted is None else not self.fitted.only_noise
@@ -82,7 +82,9 @@ class Judgement:
 
     @property
     def forecast_is_off(self) -> bool:
-        """Whether predictions from measured pasts are off as noise makes them neither often nor nearly."""
+        """True if predictions from measured pasts have more error, and of another kind, than noise
+        causes.
+        """
         return self.probability < LEVEL and self.excess > LOUD
 
     @property
@@ -91,7 +93,7 @@ class Judgement:
         return int(np.nanargmax(self.squares.over(1).mean))
 
     def summary(self, sigma: float) -> dict[str, Any]:
-        """As JSON has it.
+        """In JSON form.
 
         Args:
           sigma: noise of a coordinate [m].
@@ -118,15 +120,15 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Models beside the same recordings.
+    """Models compared with the same recordings.
 
     Attributes:
-      windows: windows of the recordings that all models predicted.
-      models: what is said of each.
-      persistence: (steps,) mean square, at each lead time, of a model in which nothing moves.
+      windows: of the recordings, predicted by all models.
+      models: result of each.
+      persistence: (steps,) mean square, at each lead time, of a model without motion.
       draws: of the noise.
       seed: of the draws.
-      seconds: it took.
+      seconds: duration.
     """
 
     windows: ForecastWindows
@@ -138,12 +140,12 @@ class Comparison:
 
     @property
     def exit_code(self) -> int:
-        """0 where the error of the last model is noise only; see `EXIT_CODES`."""
+        """0 if the error of the last model is noise only; see `EXIT_CODES`."""
         return EXIT_CODES[self.models[-1].outcome]
 
     @property
     def persistence_rms(self) -> float:
-        """Root mean square error where nothing moves [sigma]."""
+        """Root mean square error without motion [sigma]."""
         return float(np.sqrt(np.nanmean(self.persistence)))
 
     @property
@@ -152,7 +154,7 @@ class Comparison:
         return self.windows.dt * np.arange(1, self.windows.steps + 1)
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         windows = self.windows
         return {
             "verdict": str(self.models[-1].outcome),

@@ -1,7 +1,7 @@
-"""Command scripts for experiments: families that are drawn at random, and changes of a script.
+"""Command scripts for experiments: random families, and variations of a script.
 
-A script is drawn as a wish, the path that each winch should take; `WinchRange.commands` makes of it what
-the winches can do.
+A script is drawn as a desired path of each winch; `WinchRange.commands` turns it into feasible
+commands.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ PLAIN = "random_steps"  # the family that a design is compared with
 
 @dataclass(frozen=True)
 class WinchRange:
-    """Where scripts may bring the winches of a robot.
+    """Range of the winches of a robot in scripts.
 
     Attributes:
-      robot: whose winches.
+      robot: of the winches.
       start: (W,) positions at which scripts begin [m].
       low, high: (W,) positions between which they stay [m].
-      step: (W,) longest way in one control step [m].
+      step: (W,) longest motion in one control step [m].
       dt: control step [s].
     """
 
@@ -49,7 +49,7 @@ class WinchRange:
         return cls(robot, start, low, high, np.maximum(rate, 0.0) * dt, dt)
 
     def path(self, wish: Floats) -> Floats:
-        """The path (..., T, W) that winches take which follow a wish (..., T, W) [m]."""
+        """The path (..., T, W) of winches that follow a desired path (..., T, W) [m]."""
         wish = np.clip(wish, self.low, self.high)
         path, now = np.empty_like(wish), np.broadcast_to(self.start, wish[..., 0, :].shape)
         for t in range(wish.shape[-2]):
@@ -58,7 +58,7 @@ class WinchRange:
         return path
 
     def commands(self, path: Floats) -> Floats:
-        """Commands (..., T, W) that lead along a path (..., T, W) [m]."""
+        """Commands (..., T, W) along a path (..., T, W) [m]."""
         first = np.broadcast_to(self.start, (*path.shape[:-2], 1, path.shape[-1]))
         rates = np.diff(np.concatenate([first, path], axis=-2), axis=-2) / self.dt
         commands = np.where(self.robot.rate_driven, rates, path)
@@ -69,7 +69,7 @@ Family = Callable[[WinchRange, int, np.random.Generator], Floats]
 
 
 def random_steps(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
-    """Every winch goes at a random rate, another one every 0.3 to 0.8 s; sometimes it rests."""
+    """Every winch moves at a random rate, which changes every 0.3 to 0.8 s; sometimes it rests."""
     shape = (1 + int(steps * reach.dt / 0.3), len(reach.start))
     ends = np.cumsum(rng.uniform(0.3, 0.8, shape), axis=0)
     rate = rng.uniform(-0.8, 0.8, shape) * (rng.random(shape) > 0.25)
@@ -92,7 +92,7 @@ def fast_sines(reach: WinchRange, steps: int, rng: np.random.Generator) -> Float
 
 
 def tightened(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
-    """The same strokes again and again, while all winches haul in by steps: loose, then tight."""
+    """The same strokes repeatedly, while all winches haul in by steps: loose, then tight."""
     stroke = max(2, round(rng.uniform(0.25, 0.5) * steps))
     once = random_steps(reach, stroke, rng) - reach.start
     again = 0.5 * once[np.arange(steps) % stroke]
@@ -103,7 +103,7 @@ def tightened(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats
 
 
 def one_by_one(reach: WinchRange, steps: int, rng: np.random.Generator) -> Floats:
-    """One winch after the other goes in or out and back."""
+    """One winch after the other moves in or out and back."""
     winches = len(reach.start)
     each = max(4, round(rng.uniform(0.3, 0.7) / reach.dt))
     order = np.concatenate([rng.permutation(winches) for _ in range(steps // each + 1)])
@@ -144,7 +144,7 @@ def _sines(
     periods: tuple[float, float],
     amplitudes: tuple[float, float],
 ) -> Floats:
-    """Around the middle of the reach or the start, one or more winches, together or each by itself."""
+    """Around the middle of the range or the start, one or more winches, together or each by itself."""
     winches = len(reach.start)
     together = rng.random() < 0.3
     period = np.broadcast_to(rng.uniform(*periods, 1 if together else winches), winches)
@@ -172,13 +172,13 @@ FAMILIES: dict[str, Family] = {
 def varied(
     reach: WinchRange, path: Floats, other: Floats, width: float, rng: np.random.Generator
 ) -> Floats:
-    """A wish near a path (T, W) [m]: some winches take another path's, some are moved at knots.
+    """A variation of a path (T, W) [m]: some winches take another path's, some are moved at knots.
 
     Args:
-      reach: of the winches.
+      reach: range of the winches.
       path, other: (T, W) [m].
-      width: of the moves, as a share of the reach.
-      rng: what is random comes from here.
+      width: of the moves, as a fraction of the range.
+      rng: source of randomness.
     """
     steps, winches = path.shape
     taken = rng.random(winches) < rng.choice([0.0, 0.0, 0.3])

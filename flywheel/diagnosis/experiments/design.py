@@ -1,4 +1,5 @@
-"""The experiment that tells given rivals apart best: many scripts are tried on the plant, the best varied.
+"""The experiment that best distinguishes given effects: many scripts are tried on the plant, the
+best varied.
 
 T-optimal design: Hunter and Reiner 1965, Atkinson and Fedorov 1975.
 """
@@ -36,13 +37,13 @@ Told = Callable[[int, float], None]
 
 @dataclass(frozen=True)
 class Pair:
-    """Two rivals in an experiment.
+    """Two effects in an experiment.
 
     Attributes:
-      first, second: the candidates that are hardest to tell apart.
-      likeness: |cosine| of what they change.
-      separation: what of the one the other cannot explain [sigma].
-      plain_likeness, plain: the same under plain random scripts, in the median.
+      first, second: the candidates that are hardest to distinguish.
+      likeness: |cosine| between their changes.
+      separation: part of the first that the second cannot explain [sigma].
+      plain_likeness, plain: the median of the same under plain random scripts.
     """
 
     first: Candidate
@@ -55,22 +56,22 @@ class Pair:
 
 @dataclass(frozen=True)
 class Design:
-    """A command script that tells rivals apart.
+    """A command script that distinguishes effects.
 
     Attributes:
       controls: (T, W) commands.
-      path: (T, W) winch positions that they lead to, step by step [m].
+      path: (T, W) resulting winch positions, step by step [m].
       dt: control step [s].
-      family: of the script that it began as.
-      separation: of the rivals that it tells apart least [sigma].
-      plain: the same of plain random scripts, in the median.
-      pairs: of rivals.
+      family: of the original script.
+      separation: smallest one of all pairs [sigma].
+      plain: its median over plain random scripts.
+      pairs: of effects.
       history: best separation after the first scripts, and after each round.
-      tried: scripts in all.
-      unsafe: of them, those that were left out: diverging, or too slack.
+      tried: number of scripts.
+      unsafe: number of excluded ones: diverging, or too slack.
       sigma: noise [m].
-      size: of the rivals, in typical sizes.
-      settings: tuned numbers of the diagnosis that follows.
+      size: of the effects, in typical sizes.
+      settings: of the following diagnosis.
     """
 
     controls: Floats
@@ -89,16 +90,16 @@ class Design:
 
     @property
     def needed(self) -> float:
-        """Separation from which two rivals are told apart [sigma]."""
+        """Separation from which two effects are distinguished [sigma]."""
         return float(np.sqrt(self.settings.limits.threshold))
 
     @property
     def enough(self) -> bool:
-        """It tells all rivals apart."""
+        """True if all effects are distinguished."""
         return self.separation >= self.needed
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "separation": self.separation,
             "plain": self.plain,
@@ -125,14 +126,14 @@ class Design:
 
 @dataclass(frozen=True)
 class Tried:
-    """Scripts that were looked at, all of them safe.
+    """Evaluated scripts, all of them safe.
 
     Attributes:
       path: (S, T, W) of the winches [m].
       family: (S,) of each.
       information: of each.
-      separation: (S,) of the rivals that are told apart least [sigma].
-      unsafe: further ones that were not.
+      separation: (S,) smallest one of all pairs [sigma].
+      unsafe: number of further, unsafe ones.
     """
 
     path: Floats
@@ -152,7 +153,7 @@ class Tried:
 
     @property
     def count(self) -> int:
-        """Scripts in all."""
+        """Number of scripts."""
         return len(self.path) + self.unsafe
 
     @property
@@ -162,15 +163,15 @@ class Tried:
 
 
 class Designer:
-    """Looks for scripts that tell rivals apart.
+    """Searches for scripts that distinguish effects.
 
     Args:
-      plant: as it is known, with the effects that it has.
+      plant: with its known effects.
       rivals: two or more.
       sigma: noise of each coordinate [m].
       size: of the rivals, in typical sizes.
-      start: (1,) where the experiment begins; None for the settled keyframe.
-      settings: tuned numbers of the diagnosis that follows.
+      start: (1,) initial state of the experiment; None for the settled keyframe.
+      settings: of the following diagnosis.
 
     Raises:
       DataError: fewer than two rivals, or one of them twice.
@@ -211,10 +212,10 @@ class Designer:
 
         Args:
           seconds: length of the script [s].
-          count: scripts that are drawn; later as many again are variations.
-          seed: of all that is random.
-          told: called after the first scripts and after each round, with how many were tried and
-            the best separation so far [sigma].
+          count: number of drawn scripts, and of later variations.
+          seed: of all random numbers.
+          told: called after the first scripts and after each round, with the number tried and the
+            best separation so far [sigma].
 
         Raises:
           DataError: nothing to try, or no plain script is safe.

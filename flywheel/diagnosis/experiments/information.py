@@ -1,9 +1,9 @@
-"""What experiments that nobody has made yet would say of each candidate, and which they would confuse.
+"""Information of planned experiments about each candidate, and their ambiguities.
 
-An experiment is a start, commands, and the noise of the measurements. The plant says what would be
-measured; what a diagnosis would do with it follows, without any data, from the same projected
-sensitivities as the score test: how large an effect must be to be seen, and how much of
-it another one could explain.
+An experiment is a start, commands, and the noise of the measurements. The plant predicts the
+measurements; the outcome of a diagnosis follows, without any data, from the same projected
+sensitivities as the score test: the smallest visible size of an effect, and the part of it that
+another one could explain.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ AT_ONCE = 24  # windows whose sensitivities are in memory together
 
 @dataclass(frozen=True)
 class Information:
-    """What each of S experiments would say.
+    """Information of each of S experiments.
 
     Attributes:
-      candidates: that were looked at.
+      candidates: all of them.
       gram: (S, n, n) products of the projected sensitivities of every size of every shape of every
         candidate, each at its typical size, in `ScoreTest` order [sigma^2].
       slices: candidate -> shape -> its columns.
       usual: candidate -> its shape of typical values.
-      threshold: score from which an effect counts as seen.
+      threshold: score from which an effect counts as visible.
     """
 
     candidates: tuple[Candidate, ...]
@@ -63,14 +63,15 @@ class Information:
         return replace(self, gram=np.concatenate([self.gram, other.gram]))
 
     def smallest(self, index: int) -> Floats:
-        """(S,) size of a candidate that would just be seen, in typical sizes; infinite for none."""
+        """(S,) smallest visible size of a candidate, in typical sizes; infinite for none."""
         own = self.slices[index][self.usual[index]]
         return np.array([smallest_shown(gram, self.threshold) for gram in self.gram[:, own, own]])
 
     def strength(self, index: int) -> Floats:
-        """(S,) what a candidate at its typical size would change that nothing known explains [sigma].
+        """(S,) change by a candidate at its typical size, beyond known influences [sigma].
 
-        Of several sizes, the combination that shows least, as strong as one that is as unlikely by noise.
+        Of several sizes, the combination that shows least, converted to one size of the same
+        significance.
         """
         own = self.slices[index][self.usual[index]]
         return _weakest(self.gram[:, own, own]) / np.sqrt(
@@ -78,9 +79,10 @@ class Information:
         )
 
     def separation(self, index: int, rival: int) -> Floats:
-        """(S,) what of a candidate at its typical size no size and shape of a rival explains [sigma].
+        """(S,) part of a candidate at its typical size that no size and shape of a rival explains
+        [sigma].
 
-        Negative sizes of the rival count, too, so that it is never overstated.
+        Negative sizes of the rival are allowed, so that the separation is never overstated.
         """
         own = self.slices[index][self.usual[index]]
         left = []
@@ -92,9 +94,9 @@ class Information:
         return np.asarray(np.min(left, axis=0))
 
     def cosines(self, first: int, second: int) -> Floats:
-        """(S, m) |cosines| of what two candidates change, the largest first.
+        """(S, m) |cosines| between the changes of two candidates, the largest first.
 
-        One of each common direction, of as many as the candidate of fewer sizes has; 0 where one of
+        One of each common direction, of as many as the candidate of fewer sizes has; 0 if one of
         them changes nothing.
         """
         a, b = (self.slices[i][self.usual[i]] for i in (first, second))
@@ -104,12 +106,12 @@ class Information:
 
 
 def simulate_scripts(plant: Plant, scripts: Floats, start: State | None = None) -> Motion:
-    """What a plant does under command scripts.
+    """Motion of a plant under command scripts.
 
     Args:
-      plant: with the effects that it has.
+      plant: with its effects.
       scripts: (S, T, W) commands.
-      start: (1,) state at which they begin; None for the keyframe after a second of holding still.
+      start: (1,) initial state; None for the keyframe after a second of holding still.
     """
     augmented, count = AugmentedPlant(plant), len(scripts)
     state = plant.settle(SETTLING) if start is None else start
@@ -127,19 +129,19 @@ def information_of(
     seconds: float | None = None,
     settings: Settings = Settings(),
 ) -> Information:
-    """What experiments would say, before they are made.
+    """Information of planned experiments.
 
     Args:
-      plant: as it is known, with the effects that it has.
+      plant: with its known effects.
       scripts: (S, T, W) commands.
       motion: of the plant under them, see `simulate_scripts`.
       library: candidates.
       sigma: noise of each coordinate [m].
-      seconds: length of the windows [s]; None for what suits the robot.
-      settings: tuned numbers of the diagnosis that follows.
+      seconds: length of the windows [s]; None for one that suits the robot.
+      settings: of the following diagnosis.
 
     Raises:
-      DataError: nothing to look at, no noise, or scripts too short for a window.
+      DataError: no candidate, no noise, or scripts too short for a window.
       ModelError: the plant diverged.
     """
     if not library:
@@ -167,7 +169,7 @@ def information_of(
 
 
 def _track(plant: Plant, script: Floats, motion: Motion, row: int) -> Trajectory:
-    """What would be measured without noise. Winch positions only say where the winches begin."""
+    """The measurements without noise. Winch positions are only used for the starts of winches."""
     seen = Observation(motion.points[row], plant.winch(motion.states[row]))
     return Trajectory(seen, script, plant.dt)
 
@@ -179,7 +181,7 @@ def _grams(
     library: Sequence[Candidate],
     settings: FittingSettings,
 ) -> Floats:
-    """(S, n, n) of the candidates; every script by itself, as if it were the only recording."""
+    """(S, n, n) of the candidates; every script by itself, like a single recording."""
     starts = states[windows.recording, windows.first]
     fitter = PlantFitter(WindowSimulator(windows, plant), starts, settings)
     fit = fitter.first_estimate(plant.terms)
@@ -214,7 +216,7 @@ def _weakest(grams: Floats) -> Floats:
 
 
 def _inverse_root(grams: Floats) -> Floats:
-    """(S, d, d) inverse square roots; 0 where there is nothing."""
+    """(S, d, d) inverse square roots; 0 for empty directions."""
     values, vectors = np.linalg.eigh(grams)
     live = values > np.maximum(DEAD**2, 1e-10 * values[:, -1:])
     roots = np.where(live, 1.0 / np.sqrt(np.where(live, values, 1.0)), 0.0)

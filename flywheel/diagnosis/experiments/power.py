@@ -1,4 +1,4 @@
-"""What an experiment could show, before it is made."""
+"""Power of a planned experiment."""
 
 from __future__ import annotations
 
@@ -22,18 +22,17 @@ from flywheel.records import Floats, State
 
 @dataclass(frozen=True)
 class Prospect:
-    """What an experiment would say of one candidate.
+    """Power of an experiment for one candidate.
 
     Attributes:
-      candidate: which.
-      smallest: size that would be seen in 95 of 100 recordings, in typical sizes; infinite if nothing
-        changes.
-      strength: what it changes at the size asked about, after what is known was taken out [sigma].
-      rival: that would explain most of it; None if there is no other.
-      likeness: |cosine| of what the two change.
-      separation: what the rival, at whatever size, leaves of it [sigma].
-      shown: whether the size asked about would be seen, more often than not.
-      taken_for: candidates that leave too little of it to be told from it; of one that would be seen.
+      candidate: the candidate.
+      smallest: size visible in 95 of 100 recordings, in typical sizes; infinite if nothing changes.
+      strength: its change at the requested size, beyond known influences [sigma].
+      rival: candidate that would explain most of it; None if there is no other.
+      likeness: |cosine| between the changes of the two.
+      separation: part that the rival cannot explain at any size [sigma].
+      shown: True if the requested size would be visible, more often than not.
+      taken_for: candidates too similar to be distinguished from it, if it is visible.
     """
 
     candidate: Candidate
@@ -47,11 +46,11 @@ class Prospect:
 
     @property
     def visible(self) -> bool:
-        """A size that the effect can have would be seen."""
+        """True if an allowed size of the effect would be visible."""
         return self.smallest <= self.candidate.effect.sizes[0].high
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         parameters = zip(self.candidate.effect.sizes, self.candidate.typical, strict=True)
         finite = np.isfinite(self.smallest)
         return {
@@ -73,16 +72,16 @@ class Prospect:
 
 @dataclass(frozen=True)
 class Power:
-    """What an experiment would say of a library.
+    """Power of an experiment for a library.
 
     Attributes:
       prospects: of every candidate, the most visible first.
-      likeness: (n, n) |cosine| of what they change, in that order.
-      size: that was asked about, in typical sizes.
+      likeness: (n, n) |cosine| between their changes, in that order.
+      size: requested, in typical sizes.
       sigma: noise of each coordinate [m].
       dt: control step [s].
       controls: (T, W) of the experiment.
-      settings: tuned numbers of the diagnosis that follows.
+      settings: of the following diagnosis.
     """
 
     prospects: tuple[Prospect, ...]
@@ -95,11 +94,13 @@ class Power:
 
     @property
     def enough(self) -> float:
-        """Strength from which an effect is seen, and separation from which two are told apart [sigma]."""
+        """Strength from which an effect is visible, and separation from which two are distinguished
+        [sigma].
+        """
         return float(np.sqrt(self.settings.limits.threshold))
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "noise": {"value": self.sigma, "unit": "m"},
             "seconds": len(self.controls) * self.dt,
@@ -121,17 +122,17 @@ def power(
     seconds: float | None = None,
     settings: Settings = Settings(),
 ) -> Power:
-    """Say what commands would show.
+    """Predict the power of commands.
 
     Args:
-      plant: as it is known, with the effects that it has.
+      plant: with its known effects.
       controls: (T, W) commands.
       sigma: noise of each coordinate [m].
-      library: effects that may be missing.
-      size: at which they are to be told apart, in typical sizes.
-      start: (1,) where the experiment begins; None for the settled keyframe.
-      seconds: length of the windows [s]; None for what suits the robot.
-      settings: tuned numbers of the diagnosis that follows.
+      library: candidate effects.
+      size: for the separation, in typical sizes.
+      start: (1,) initial state of the experiment; None for the settled keyframe.
+      seconds: length of the windows [s]; None for one that suits the robot.
+      settings: of the following diagnosis.
 
     Raises:
       DataError: too few commands for a window, no effect, or no noise.

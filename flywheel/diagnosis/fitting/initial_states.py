@@ -1,4 +1,4 @@
-"""Where and how fast a robot was when a window began, from the measurements around it."""
+"""Initial state of a robot at the start of a window, from the measurements around it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def nominal_winch(windows: Windows, reckoning: Reckoning | None = None) -> Float
 def smoothed(
     windows: Windows, settings: InitialStateSettings = InitialStateSettings()
 ) -> tuple[Floats, Floats]:
-    """(K, P, 3) positions [m] and velocities [m/s] at each window's begin, by `local_regression`.
+    """(K, P, 3) positions [m] and velocities [m/s] at each window's start, by `local_regression`.
 
     Raises:
       DataError: a point is never seen in a recording.

@@ -1,4 +1,6 @@
-"""Finite differences: how what a plant predicts depends on the initial states of its windows."""
+"""Finite differences: derivatives of a plant's predictions with respect to the initial states of
+its windows.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +13,16 @@ from flywheel.records import Floats, State
 
 
 class FiniteDifferences:
-    """Jacobians of a plant's predictions, precise ones or rough ones.
+    """Jacobians of a plant's predictions, accurate or rough ones.
 
-    Precise ones are differences of both sides, in the time steps of each window. Rough ones, for a fit
-    on its way, are of one side and in `hasty` steps of the plant's own length: less than half the price, and
-    half of that again where windows have steps of half the length. They only say which way to go; what is
-    left is simulated as it has to be.
+    Accurate ones are two-sided differences, in the time steps of each window. Rough ones, for
+    intermediate steps of a fit, are one-sided and in `hasty` steps of the plant's own length: less
+    than half the price, and half of that again if windows have steps of half the length. They only
+    give the direction; the residual is simulated accurately.
 
     Args:
       simulator: of the windows.
-      first: (K,) the initial states that local parameters count from.
+      first: (K,) reference initial states of the local parameters.
       settings: steps of the differences.
     """
 
@@ -52,7 +54,7 @@ class FiniteDifferences:
     def _begun(
         self, fit: Fit, members: np.ndarray, local: Floats
     ) -> tuple[WindowSimulator, Floats]:
-        """What rough differences are simulated with, and the points of windows before any difference.
+        """Simulator of rough differences, and the points of windows at their origin.
 
         Windows that diverge in such steps keep their own.
         """
@@ -74,7 +76,7 @@ class FiniteDifferences:
         here: Floats,
         step: float,
     ) -> Floats:
-        """(n, D, X) of windows whose points are `here` without any difference."""
+        """(n, D, X) of windows with points `here` at the origin."""
         aside = self._aside(simulator, fit, members, local, step)
         return simulator.windows.slope(aside - here[:, None], step, members)
 
@@ -92,7 +94,7 @@ class FiniteDifferences:
     def _by_winch(
         self, simulator: WindowSimulator, fit: Fit, members: np.ndarray, here: Floats
     ) -> Floats:
-        """(n, D, W) with each winch aside from where windows begin, whose points are `here`."""
+        """(n, D, W) with a change of each winch at the start of windows with points `here`."""
         winches = fit.initial.winch.shape[1]
         offset = self._settings.winch_step * simulator.length
         rows = np.repeat(members, winches)

@@ -1,10 +1,10 @@
-"""Nonlinear least squares: values of effects, beside what is unknown about every window.
+"""Nonlinear least squares: values of effects, together with the unknowns of every window.
 
-Output error: the difference of measured and predicted positions is made small, never a difference of
-velocities or forces. Shared parameters (values of effects, offsets of winches) are common to windows; local
-parameters belong to one window alone, so that they are eliminated window by window (Schur complement of the
-normal equations). What is local depends on the model under test: the state that a plant starts from
-(`plant_fit`), or how much of each of its own errors a network makes (`network_fit`).
+Output error: the difference of measured and predicted positions is minimised, never a difference of
+velocities or forces. Shared parameters (values of effects, offsets of winches) are common to
+windows; local parameters belong to one window alone, so they are eliminated window by window (Schur
+complement of the normal equations). The local parameters depend on the model under test: the
+initial state of a plant (`plant_fit`), or the amounts of a network's own errors (`network_fit`).
 
 With the residual r, the Jacobians J of the local and S of the shared parameters, and priors P and Q, a step
 solves, window by window and then over all of them,
@@ -34,7 +34,8 @@ from flywheel.records import Floats
 
 @dataclass(frozen=True)
 class Jacobian:
-    """How predictions depend on what is unknown about windows, in sigmas; D measurements per window.
+    """Derivatives of predictions with respect to the unknowns of windows, in sigmas; D measurements
+    per window.
 
     Attributes:
       by_local: (K, D, X) change of the prediction with each local parameter: for a plant, with each entry
@@ -48,7 +49,7 @@ class Jacobian:
 
 @dataclass(frozen=True)
 class KeptColumns:
-    """Sensitivities to values that are many and bend little: they are computed once.
+    """Sensitivities to many, nearly linear values: they are computed once.
 
     Attributes:
       keys: of each value, its column.
@@ -61,16 +62,16 @@ class KeptColumns:
 
 @dataclass(frozen=True)
 class JacobianCache:
-    """A Jacobian that was computed on the way to a fit, and how far it was followed since then.
+    """A Jacobian computed during a fit, and its validity since then.
 
     Attributes:
-      jacobian: the matrices; each window's may be from another point of the way.
-      stale: (K,) windows that changed otherwise than it predicted.
-      damping: (K,) that suited each window's last step.
-      shared_damping: index of the damping that suited the last step of the shared parameters.
+      jacobian: the matrices; each window's may be from another iteration.
+      stale: (K,) windows whose change differed from its prediction.
+      damping: (K,) best for each window's last step.
+      shared_damping: index of the best damping for the last step of the shared parameters.
       untried: no step of the shared parameters was taken with it yet.
-      number: how often it was computed anew.
-      kept: sensitivities that are not computed anew.
+      number: of recomputations.
+      kept: sensitivities that are not recomputed.
     """
 
     jacobian: Jacobian
@@ -88,7 +89,7 @@ class JacobianCache:
         settings: LeastSquaresSettings,
         before: JacobianCache | None = None,
     ) -> JacobianCache:
-        """A new Jacobian; windows that were damped less `before` still are."""
+        """A new Jacobian; windows with smaller damping `before` keep it."""
         fresh = np.zeros(len(jacobian.by_local), bool)
         if before is None:
             return cls(jacobian, fresh, np.full(len(fresh), settings.first_damping))
@@ -109,7 +110,7 @@ class JacobianCache:
     def tried(self, dampings: int) -> list[int]:
         """Indices of the shared parameters' `dampings`, in the order in which they are tried.
 
-        From a little less than suited the last time; before that, with a new Jacobian, the least of all.
+        From slightly less than the last best one; with a new Jacobian, first the least of all.
         """
         usual = list(range(max(0, self.shared_damping - 1), dampings))
         return [0, *usual] if self.untried and usual[0] > 0 else usual
@@ -117,19 +118,19 @@ class JacobianCache:
 
 @dataclass(frozen=True)
 class Fit:
-    """Parameters that fit the measurements of K windows, and what they predict.
+    """Parameters that fit the measurements of K windows, and the predictions.
 
     Attributes:
-      initial: states and winch offsets that the plant starts from.
+      initial: states and winch offsets at the plant's start.
       terms: effects with fitted values.
-      local: (K, X) local parameters: how far initial states are from their first estimates, in natural
-        units, or how much of each of its own errors a network makes.
+      local: (K, X) local parameters: deviations of initial states from their first estimates, in
+        natural units, or amounts of a network's own errors.
       points: (K, steps + 1, P, 3) predicted [m].
-      residual: (K, D) measured minus predicted, in sigmas; 0 where nothing was measured.
-      carried: what the windows began with.
+      residual: (K, D) measured minus predicted, in sigmas; 0 for missing measurements.
+      carried: starts of the windows.
       cost: sum of squares, with priors [sigma^2].
       converged: the last step hardly changed the cost.
-      cache: a Jacobian from nearby; None where there is none.
+      cache: a Jacobian from nearby; None if there is none.
     """
 
     initial: InitialStates
@@ -144,7 +145,7 @@ class Fit:
 
     @property
     def kept(self) -> KeptColumns | None:
-        """Sensitivities that are not computed anew; None for none."""
+        """Sensitivities that are not recomputed; None for none."""
         return None if self.cache is None else self.cache.kept
 
     def outdated(self, where: np.ndarray) -> Fit:
@@ -154,14 +155,15 @@ class Fit:
 
 @dataclass(frozen=True)
 class Restart:
-    """Which windows begin elsewhere.
+    """Windows that start elsewhere.
 
     Attributes:
       seed: of other initial states.
       stuck: mean square of a window, over the usual one, from which it may be stuck; None for the
         settings'.
       usual: mean square of a window that is not stuck [sigma^2]; None for the median one.
-      most: windows that begin elsewhere, the loudest ones; None for all that may be stuck.
+      most: largest number of windows, those with the largest residuals; None for all that may be
+        stuck.
     """
 
     seed: int = 0
@@ -177,7 +179,7 @@ class Fitter(ABC):
       windows: to be fitted.
       local_prior: (X,) standard deviations of the local parameters, around zero.
       winch_prior: of the winches' offsets [m].
-      settings: tuned numbers.
+      settings: of the diagnosis.
     """
 
     def __init__(
@@ -195,11 +197,11 @@ class Fitter(ABC):
     @property
     @abstractmethod
     def starts_are_free(self) -> bool:
-        """Whether initial states are fitted; else the model begins with what was measured."""
+        """True if initial states are fitted; else the model starts from the measurements."""
 
     @property
     def own_errors(self) -> Floats:
-        """(K, D, n) draws of errors that the model makes anyway, noise included [sigma]; n may be 0."""
+        """(K, D, n) draws of the model's own errors, including noise [sigma]; n may be 0."""
         return np.zeros((len(self.windows), int(np.prod(self.windows.measured.shape[1:])), 0))
 
     @abstractmethod
@@ -219,15 +221,15 @@ class Fitter(ABC):
         """The Jacobian around a fit."""
 
     def rough_jacobian(self, fit: Fit) -> Jacobian:
-        """The same, good enough to find the way to a fit."""
+        """The same, sufficiently accurate for the direction of a fit."""
         return self.jacobian(fit)
 
     @abstractmethod
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
-        """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
+        """(n, K, steps + 1, P, 3) points with a fit's terms replaced by each of n [m]."""
 
     def step_error(self, fit: Fit) -> Floats:
-        """(K, D, n) how the prediction changes with smaller time steps: numerics, not physics [sigma]."""
+        """(K, D, n) change of the prediction with smaller time steps: numerics, not physics [sigma]."""
         return np.zeros((*fit.residual.shape, 1))
 
     @abstractmethod
@@ -236,26 +238,26 @@ class Fitter(ABC):
     ) -> Fit:
         """A fit with other offsets and terms, its local parameters moved towards `left` (K, D).
 
-        Where none of it makes the cost fall, they may as well stay.
+        If no move reduces the cost, they may stay.
         """
 
     @abstractmethod
     def rms(self, fit: Fit) -> float:
-        """Root mean square of what a fit is off, per degree of freedom [m]."""
+        """Root mean square error of a fit, per degree of freedom [m]."""
 
     def finer(self, fit: Fit, tolerated: float) -> Self | None:
-        """The same with half the time step in windows that this changes by more than `tolerated` [sigma].
+        """The same with half the time step in windows that change by more than `tolerated` [sigma].
 
-        None where there is no such window, or its steps cannot be shorter.
+        None if there is no such window, or its steps cannot be shorter.
         """
         return None
 
     def restarted(self, fit: Fit, restart: Restart) -> Fit:
-        """A fit in which windows that are stuck begin elsewhere; the fit itself if none is better."""
+        """A fit in which stuck windows start elsewhere; the fit itself if none is better."""
         return fit
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
-        """The better of two fits of one model, with what is better in the other one."""
+        """The better of two fits of one model, with the better windows of the other one."""
         return min(fit, other, key=lambda each: each.cost)
 
     def free(self, terms: Terms) -> list[FreeParameter]:
@@ -263,19 +265,19 @@ class Fitter(ABC):
         return free_parameters(terms, self.scales, self.settings.jacobian)
 
     def renewed(self, fit: Fit) -> JacobianCache:
-        """A Jacobian around a fit, computed anew where the one that it has is stale."""
+        """A Jacobian around a fit, recomputed in stale windows."""
         if fit.cache is not None and not fit.cache.stale.any():
             return fit.cache
         return self.cached(self.rough_jacobian(fit), fit.cache)
 
     def cached(self, jacobian: Jacobian, before: JacobianCache | None = None) -> JacobianCache:
-        """A Jacobian that was just computed; see `JacobianCache.fresh`."""
+        """A new Jacobian; see `JacobianCache.fresh`."""
         return JacobianCache.fresh(jacobian, self.settings.least_squares, before)
 
     def rough_estimate(
         self, terms: Terms, free: Sequence[FreeParameter], kept: KeptColumns | None = None
     ) -> Fit:
-        """The local parameters as first estimated, with values of effects that suit them."""
+        """The local parameters as first estimated, with suitable values of effects."""
         begun = self.first_estimate(terms)
         if not free:
             return begun
@@ -285,10 +287,10 @@ class Fitter(ABC):
         return self.lm_steps(replace(begun, cache=cache), free)
 
     def warm_start(self, fit: Fit, terms: Terms, free: Sequence[FreeParameter] = ()) -> Fit:
-        """Other terms, before anything else is fitted to them: each window begins as before, or anew.
+        """Other terms, before anything else is fitted to them: each window starts as before, or anew.
 
-        What is better is taken: initial states that made up for a wrong model may lead astray, and so may
-        values that were seen from there.
+        The better start is used: initial states that compensated for a wrong model may mislead, and
+        so may values estimated from them.
         """
         here, first = self.with_terms(fit, terms), self.rough_estimate(terms, free, fit.kept)
         first = replace(first, cache=here.cache).outdated(np.ones(len(fit.local), bool))
@@ -296,10 +298,10 @@ class Fitter(ABC):
 
     @cached_property
     def taken(self) -> Floats:
-        """(K,) degrees of freedom that the local parameters take from what has noise in each window.
+        """(K,) degrees of freedom taken by the local parameters from noisy coordinates in each window.
 
-        As many as there are; where something was filled in, what they take from the rest: a planar robot's
-        height and tilt are held by what was filled in.
+        All of them; with filled-in coordinates, those taken from the rest: a planar robot's height
+        and tilt are determined by filled-in coordinates.
         """
         if not self.windows.filled.any():
             return np.minimum(self.windows.noisy_in_each, len(self.local_prior)).astype(float)
@@ -309,11 +311,11 @@ class Fitter(ABC):
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom: what noise alone would cost."""
+        """Degrees of freedom: the expected cost of noise alone."""
         return float(self.windows.noisy.sum() - self.taken.sum())
 
     def worthwhile(self, fit: Fit) -> float:
-        """Fall of the cost that is worth another round; 0 for a model that may be right."""
+        """Decrease of the cost worth another round; 0 for a model that may be right."""
         return least_worthwhile_fall(fit.cost, self.freedom, self.settings.stopping)
 
     def mean_squares(self, fit: Fit) -> Floats:
@@ -330,10 +332,10 @@ class Fitter(ABC):
         """Levenberg-Marquardt from a fit; each round ends with a Jacobian that is stale somewhere.
 
         Args:
-          fit: where to begin.
+          fit: starting point.
           free: values of effects that are fitted, too.
-          rounds: at most.
-          enough: fall of the cost in a round, below which it has converged, too [sigma^2].
+          rounds: maximum number.
+          enough: decrease of the cost in a round, below which it has converged, too [sigma^2].
         """
         for _ in range(rounds):
             before, anew = fit.cost, fit.cache is None or bool(fit.cache.stale.all())
@@ -349,7 +351,7 @@ class Fitter(ABC):
         return fit
 
     def lm_steps(self, fit: Fit, free: Sequence[FreeParameter]) -> Fit:
-        """Steps with the Jacobian that the fit has: computing it is what costs time."""
+        """Steps with the present Jacobian, whose computation dominates the time."""
         settings, columns = self.settings.least_squares, None
         for _ in range(settings.steps):
             if columns is None or len(free) < settings.reuse_sensitivities_from:
@@ -364,7 +366,7 @@ class Fitter(ABC):
         return fit
 
     def columns(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
-        """(K, D, n) how the prediction changes if its terms are replaced, in sigmas."""
+        """(K, D, n) change of the prediction with other terms, in sigmas."""
         difference = np.moveaxis(self.predictions(fit, terms) - fit.points[None], 0, 1)
         return self.windows.slope(difference, 1.0, np.arange(len(fit.local)))
 
@@ -423,10 +425,10 @@ class Fitter(ABC):
         return matrix, np.einsum("kdx,kd->kx", by_local, left) - prior * local
 
     def _step(self, fit: Fit, free: Sequence[FreeParameter], by_value: Floats) -> Fit | None:
-        """One step of all parameters; None if none makes the cost fall.
+        """One step of all parameters; None if none reduces the cost.
 
-        The shared ones take one common step, as little damped as will do, or, where they are many, as suits
-        them best: long steps of many lead to poor minima. Each window then takes what suits it.
+        The shared ones take one common step, with the least possible damping, or, if they are many,
+        the best one: long steps of many lead to poor minima. Each window then takes its best step.
         """
         assert fit.cache is not None
         settings = self.settings.least_squares
@@ -483,7 +485,7 @@ class Fitter(ABC):
 
 
 def local_bases(by_local: Floats, prior: Floats) -> Floats:
-    """(K, D + X, X) orthonormal bases of what local parameters change, and of their priors.
+    """(K, D + X, X) orthonormal bases of the changes by local parameters, and of their priors.
 
     Args:
       by_local: (K, D, X) sensitivities.
@@ -496,7 +498,7 @@ def local_bases(by_local: Floats, prior: Floats) -> Floats:
 def damped_step(matrix: Floats, right: Floats, damping: float, bounds: Floats) -> Floats:
     """(S,) step of Levenberg-Marquardt with normal equations (S, S), (S,), within bounds (2, S).
 
-    What would leave them goes to the bound, and the others take what suits them then.
+    A parameter that would leave its bounds goes to the bound, and the others are solved again.
     """
     if np.isinf(damping):
         return np.zeros_like(right)
@@ -513,7 +515,7 @@ def damped_step(matrix: Floats, right: Floats, damping: float, bounds: Floats) -
 def _mispredicted(
     before: Floats, promised: Floats, after: Floats, settings: LeastSquaresSettings
 ) -> np.ndarray:
-    """(K,) windows whose residuals (K, D) are not what was promised."""
+    """(K,) windows whose residuals (K, D) differ from the prediction."""
     off, went = ((after - x) ** 2 for x in (promised, before))
     noticed = np.maximum(
         settings.prediction_error_tolerance**2 * went.sum(axis=1),

@@ -1,4 +1,4 @@
-"""The model under test, a plant or a trained model in its stead, and its fit as it is given."""
+"""The model under test, a plant or a trained model, and its fit without further effects."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from flywheel.records import Trajectory
 
 @dataclass(frozen=True)
 class ModelUnderTest:
-    """What is tested.
+    """Subject of the test.
 
     Attributes:
-      plant: itself, or what says what effects would change.
-      model: that is tested in its stead.
-      seed: of what is random.
+      plant: itself, or the source of changes by effects.
+      model: tested instead of it.
+      seed: of random numbers.
       busy: called before every simulation.
-      settings: tuned numbers.
+      settings: of the diagnosis.
     """
 
     plant: Plant
@@ -57,8 +57,8 @@ class ModelUnderTest:
     ) -> tuple[Fitter, Fit]:
         """A fitter of windows of recordings, and its fit without further effects.
 
-        Where a model is tested, the plant starts from where it fits best with terms like `around`. A plant
-        that is yet to be `calibrated` may be fitted roughly. No model explains a `discrepancy` [m].
+        If a model is tested, the plant starts where it fits best with terms like `around`. A plant
+        before `calibrated` may be fitted roughly. A `discrepancy` is unexplained by any model [m].
         """
         plant, model, fitting = self.plant, self.model, self.settings.fitting
         windows = self.windows(recordings, seconds, sigma).with_discrepancy(discrepancy)
@@ -79,11 +79,11 @@ class ModelUnderTest:
         seconds: float | None = None,
         sigma: float | None = None,
     ) -> Windows:
-        """Recordings cut as the model wants them, which may look back for a while; see `Windows.cut`.
+        """Recordings cut for the model, whose past may be long; see `Windows.cut`.
 
         Raises:
-          DataError: recordings that cannot be used.
-          ModelError: a model that cannot.
+          DataError: recordings cannot be used.
+          ModelError: the model cannot.
         """
         plant, model = self.plant, self.model
         if model is not None:
@@ -114,20 +114,20 @@ def fitter_of(
     busy: Callable[[], None] = lambda: None,
     settings: FittingSettings = FittingSettings(),
 ) -> PlantFitter:
-    """A fitter that begins with initial states estimated from the measurements.
+    """A fitter that starts with initial states estimated from the measurements.
 
     Args:
       windows: to be fitted.
       plant: under test.
       busy: called before every simulation.
-      settings: tuned numbers.
+      settings: of the diagnosis.
     """
     first = estimated_initial_states(windows, plant, settings.initial_states)
     return PlantFitter(WindowSimulator(windows, plant, busy), first, settings)
 
 
 def fitted(fitter: Fitter, terms: Terms = (), rounds: int | None = None, seed: int = 0) -> Fit:
-    """Initial states that fit, under terms that stay as they are, in the time steps of the fitter."""
+    """Fitted initial states, with constant terms, in the time steps of the fitter."""
     settings = fitter.settings.multistart
     fit = fitter.fit(fitter.first_estimate(terms), rounds=settings.before)
     rounds = settings.after if rounds is None else rounds
@@ -147,17 +147,17 @@ def _fitted_on(fitter: Fitter, fit: Fit, rounds: int, enough: float = 0.0) -> Fi
 
 
 def fitted_and_refined(fitter: F, begun: Fit, seed: int = 0) -> tuple[F, Fit]:
-    """Initial states that fit, under terms that stay, and a fitter with time steps that will do."""
+    """Fitted initial states, with constant terms, and a fitter with sufficiently short time steps."""
     settings = fitter.settings.multistart
     fitter, fit = shorter_steps(fitter, fitter.fit(begun, rounds=settings.before))
     return fitter, _fitted_on(fitter, fitter.restarted(fit, Restart(seed)), settings.after)
 
 
 def fitted_as_given(fitter: F, begun: Fit, seed: int = 0, calibrated: bool = True) -> tuple[F, Fit]:
-    """The same of a model that may lack an effect.
+    """The same for a model that may lack an effect.
 
-    If it is clearly wrong, its initial states are not sought everywhere, nor fitted to the last digit; nor
-    are time steps, if it is yet to be `calibrated`.
+    If it is clearly wrong, its initial states are not searched everywhere, nor fitted to the last
+    digit; nor are time steps, before it is `calibrated`.
     """
     settings = fitter.settings.multistart
     fit = fitter.fit(begun, rounds=settings.before)

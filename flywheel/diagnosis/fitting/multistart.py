@@ -1,4 +1,4 @@
-"""Other initial states for windows that are stuck, if these are what is wrong with a model."""
+"""Other initial states for stuck windows, if these are the fault of a model."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, Restart
 
 
 def unstuck(fitter: Fitter, fit: Fit, restart: Restart = Restart()) -> Fit:
-    """A fit in which windows that are stuck begin elsewhere; of a clearly wrong model with care."""
+    """A fit in which stuck windows start elsewhere; with restrictions for a clearly wrong model."""
     if fitter.worthwhile(fit):
         return restarted_with_care(fitter, fit, restart)
     return fitter.restarted(fit, restart)
 
 
 def restarted_where_loud(fitter: Fitter, fit: Fit, loud: float, seed: int) -> Fit:
-    """A fit in which every window that leaves more than noise begins elsewhere, where that helps.
+    """A fit in which every window with a residual above noise starts elsewhere, if that helps.
 
     Args:
       fitter: of the windows.
-      fit: of a model of which something is to be said: a stuck window is no error of it.
+      fit: of the assessed model: a stuck window is not its error.
       loud: mean square of a window from which it may be stuck [sigma^2].
       seed: of the model under test; other initial states are drawn than before.
     """
@@ -27,9 +27,9 @@ def restarted_where_loud(fitter: Fitter, fit: Fit, loud: float, seed: int) -> Fi
 
 
 def restarted_with_care(fitter: Fitter, fit: Fit, restart: Restart) -> Fit:
-    """A fit in which windows that are stuck begin elsewhere, or the fit itself.
+    """A fit in which stuck windows start elsewhere, or the fit itself.
 
-    If the loudest window is hardly less so from anywhere else, initial states are not what is wrong, and
+    If the worst window hardly improves from any other start, initial states are not the fault, and
     the other windows are not tried, which takes long.
     """
     begun = fitter.restarted(fit, replace(restart, most=1))

@@ -1,18 +1,19 @@
-"""A trained network under test: values of effects are fitted to what it leaves.
+"""A trained network under test: values of effects are fitted to its residual.
 
-A network starts from the measured past, so that no initial state needs to be fitted; but it makes errors of
-its own, larger than the noise. What it would make of the recorded motion is tried: a plant moves from fitted
-initial states through the recorded commands, which is taken for the truth, and the network predicts that
-from its noisy past. Repeated from states nearby, this gives the covariance of the network's own errors in
-every window; what lies along them counts as little as it should. Half of the draws make the covariance, the
-other half tell what it leaves of such errors, and so what a score must exceed.
+A network starts from the measured past, so that no initial state needs to be fitted; but its own
+errors are larger than the noise. Its prediction of the recorded motion is tested: a plant moves
+from fitted initial states through the recorded commands, which is taken as the truth, and the
+network predicts that from its noisy past. Repeated from nearby states, this gives the covariance of
+the network's own errors in every window; residuals along them are down-weighted. Half of the draws
+make the covariance, the other half give the remaining level of such errors, which a score must
+exceed.
 
-An effect changes the motion, and also the past that the network sees of it. With the plant's motion y and
+An effect changes the motion, and also the past seen by the network. With the plant's motion y and
 the network's prediction N, the network with an effect predicts
 
     N(measured past) + [y - N(past of y)] with the effect - [y - N(past of y)] without it.
 
-The plant need not be right for this: it says what an effect changes, not where the robot goes.
+The plant need not be right for this: it gives the change by an effect, not the motion of the robot.
 """
 
 from __future__ import annotations
@@ -34,12 +35,13 @@ from flywheel.records import Floats, Observation, Past
 
 
 class NetworkFitter(Fitter):
-    """Fits terms to what a network leaves of windows.
+    """Fits terms to a network's residual in windows.
 
     Args:
-      world: of a plant, for the same windows; the network sees their first steps, and predicts the others.
+      world: of a plant, for the same windows; the network sees their first steps, and predicts the
+        others.
       fit: of its initial states, with any terms.
-      terms: that the plant has already.
+      terms: of the plant.
       model: under test.
       rng: of the draws of the network's own errors.
 
@@ -89,21 +91,21 @@ class NetworkFitter(Fitter):
 
     @property
     def time_steps(self) -> Floats:
-        """(K,) of the plant that says what effects change [s]."""
+        """(K,) of the plant for changes by effects [s]."""
         return self._world.time_steps
 
     @property
     def starts_are_free(self) -> bool:
-        """A network begins with the measured past."""
+        """A network starts with the measured past."""
         return False
 
     @property
     def own_errors(self) -> Floats:
-        """(K, D, n) draws, with noise, that the covariance of its errors was not made from [sigma]."""
+        """(K, D, n) draws, with noise, that are not part of the covariance of its errors [sigma]."""
         return self._own
 
     def first_estimate(self, terms: Terms = ()) -> Fit:
-        """The amounts of its own errors that suit the windows best, which are known at once."""
+        """The best amounts of its own errors in the windows, in closed form."""
         carried, points = self._carried, self._measured
         if terms != self._terms:
             worlds, (carried,) = self._world.simulator.chained(self._initial, [terms])
@@ -119,42 +121,42 @@ class NetworkFitter(Fitter):
         return Fit(self._initial, terms, local, points, left, carried, cost)
 
     def with_terms(self, fit: Fit, terms: Terms) -> Fit:
-        """Other terms, with the amounts of its own errors that suit these best."""
+        """Other terms, with the best amounts of its own errors."""
         return replace(self.first_estimate(terms), cache=fit.cache)
 
     def with_local(self, fit: Fit, local: Floats) -> Fit:
-        """The fit itself: the best amounts are known, wherever they are begun from."""
+        """The fit itself: the best amounts are known, independent of the start."""
         return self.first_estimate(fit.terms)
 
     def jacobian(self, fit: Fit) -> Jacobian:
-        """Its own errors; it does not depend on offsets of winches, which are part of its past."""
+        """Its own errors; independent of offsets of winches, which are part of its past."""
         count, size, _ = self._modes.shape
         return Jacobian(self._modes, np.zeros((count, size, fit.initial.winch.shape[1])))
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
-        """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
+        """(n, K, steps + 1, P, 3) points with a fit's terms replaced by each of n [m]."""
         worlds, _ = self._world.simulator.chained(self._initial, list(terms))
         return self._measured + (self._unseen(worlds) - self._without)
 
     def stepped(
         self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms
     ) -> Fit:
-        """Other terms, with the amounts of its own errors that suit these best."""
+        """Other terms, with the best amounts of its own errors."""
         return replace(self.first_estimate(terms), cache=cache)
 
     def rms(self, fit: Fit) -> float:
-        """Root mean square of what it is off [m], its own errors included: as it is used."""
+        """Root mean square error [m], its own errors included: as in use."""
         squares = (self.windows.residual(fit.points) ** 2).sum()
         return float(np.sqrt(squares / max(1, self.windows.noisy.sum()))) * self.windows.sigma
 
     def _unseen(self, worlds: Floats) -> Floats:
-        """What the network does not see coming in worlds (n, K, steps + 1, P, 3) [m]."""
+        """Prediction errors of the network in worlds (n, K, steps + 1, P, 3) [m]."""
         return worlds - self._predicted(worlds)
 
     def _predicted(self, worlds: Floats) -> Floats:
         """The network's predictions from the first steps of worlds (n, K, steps + 1, P, 3) [m].
 
-        NaN where a point was never seen there, or the world is not finite.
+        NaN if a point was never seen there, or the world is not finite.
         """
         model, history = self._model.dynamics, self._model.dynamics.history
         count, windows = worlds.shape[:2]
@@ -172,7 +174,7 @@ class NetworkFitter(Fitter):
         return predicted.reshape(worlds.shape)
 
     def _drawn(self, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """(K, D, draws / 2) errors whose covariance is the network's own, and as many with noise."""
+        """(K, D, draws / 2) errors that define the network's own covariance, and as many with noise."""
         world, windows, settings = self._world, self._past, self.settings.network
         draws, (count, size) = settings.draws, self._around.shape
         spread = np.repeat([settings.place, settings.speed], size // 2)
@@ -188,13 +190,13 @@ class NetworkFitter(Fitter):
         errors = self.windows.slope(np.moveaxis(wrong, 0, 1), 1.0, np.arange(count))
         half = len(points) // 2
         if half < 2:
-            raise ModelError("The plant stays finite from too few starts to try the network on.")
+            raise ModelError("The plant stays finite from too few starts to test the network.")
         noisy = self.windows.noisy.reshape(count, -1, 1)
         own = errors[..., half:]
         return errors[..., :half] / np.sqrt(half), own + noisy * rng.normal(size=own.shape)
 
 
 def _all_seen(points: Floats) -> np.ndarray:
-    """(n,) whether every point of pasts (n, h + 1, P, 3) was seen at least once."""
+    """(n,) True if every point of pasts (n, h + 1, P, 3) was seen at least once."""
     seen = np.asarray(np.isfinite(points).all(axis=-1))
     return np.asarray(seen.any(axis=1).all(axis=-1))

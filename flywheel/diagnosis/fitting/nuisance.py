@@ -1,4 +1,6 @@
-"""Numbers of the MJCF that are known only so well: fitted beside everything else, and not asked about."""
+"""Nuisance parameters: uncertain numbers of the MJCF, fitted together with everything else, and not
+tested.
+"""
 
 from __future__ import annotations
 
@@ -29,17 +31,17 @@ PARTS_OF = {
 def unsure_terms(
     unsure: Mapping[str, float], present: Terms = (), library: Mapping[str, Effect] = NAMED
 ) -> Terms:
-    """What is not known exactly, as effects of no size.
+    """Uncertain numbers, as effects of size zero.
 
     Args:
-      unsure: name of an effect of the whole robot with one parameter -> standard deviation of what is
-        known of that, in its unit.
-      present: effects that the plant has, which are fitted anyway.
-      library: that the names are from.
+      unsure: name of an effect of the whole robot with one parameter -> standard deviation of its
+        prior, in its unit.
+      present: effects of the plant, which are fitted anyway.
+      library: of the names.
 
     Raises:
       UnknownNameError: no such effect.
-      DataError: of a place, of several parameters, there already, or not a positive number.
+      DataError: of a place, of several parameters, already present, or not a positive number.
     """
     terms = []
     for name, deviation in unsure.items():
@@ -47,14 +49,18 @@ def unsure_terms(
         if effect.where != "robot" or len(effect.parameters) != 1:
             able = [n for n, e in library.items() if e.where == "robot" and len(e.parameters) == 1]
             raise DataError(
-                f"{name} is no single number of the whole robot, which one can be unsure of: "
+                f"{name} is not a single number of the whole robot, which could be uncertain: "
                 f"{', '.join(able)}."
             )
         if any(term.effect.name == name for term in present):
-            raise DataError(f"The plant has {name} already; it is fitted anew with what is found.")
+            raise DataError(
+                f"The plant has {name} already; it is fitted again with the new effects."
+            )
         if not 0.0 < deviation < math.inf:
             unit = effect.parameters[0].unit
-            raise DataError(f"{name} is known to a positive number [{unit}], got {deviation!r}.")
+            raise DataError(
+                f"The uncertainty of {name} must be a positive number [{unit}], got {deviation!r}."
+            )
         terms.append(Term(effect, None, (0.0,), (deviation,)))
     return tuple(terms)
 
@@ -65,13 +71,14 @@ def as_built_terms(
     present: Terms = (),
     named: Collection[str] = (),
 ) -> Terms:
-    """All numbers of a robot's MJCF that may be a little off, as effects of no size.
+    """All numbers of a robot's MJCF with a tolerance, as effects of size zero.
 
     Args:
-      robot: whose numbers.
-      settings: how far they may be off.
-      present: what is in the model, and fitted, already.
-      named: effects that were named to be asked about. Those that are in every library are not only numbers.
+      robot: of the numbers.
+      settings: their tolerances.
+      present: fitted effects of the model.
+      named: effects that are candidates by name. Those that are in every library are not only
+        numbers.
     """
     length = robot.length
     deviations = {
@@ -104,7 +111,7 @@ def as_built_terms(
 
 
 def as_said(terms: Terms) -> Terms:
-    """Terms with what is not known exactly at what was said of it."""
+    """Terms with uncertain numbers at their prior mean."""
     return tuple(
         replace(t, values=tuple(map(_said, t.values, t.known))) if t.known else t for t in terms
     )
@@ -115,13 +122,14 @@ def _said(value: float, known: float) -> float:
 
 
 def shaken_terms(terms: Terms, share: float, rng: np.random.Generator) -> Terms:
-    """Terms with what is not known exactly moved at random.
+    """Terms with uncertain numbers moved at random.
 
-    Contacts make the cost rough: a fit ends at an edge of it, where sensitivities are those of the edge.
+    Contacts make the cost rough: a fit ends at an edge of it, where sensitivities are those of the
+    edge.
 
     Args:
       terms: of a fit.
-      share: standard deviation, in those of what is known.
+      share: standard deviation, relative to the priors.
       rng: of the moves.
     """
     return tuple(
@@ -139,18 +147,18 @@ def shaken_terms(terms: Terms, share: float, rng: np.random.Generator) -> Terms:
 
 
 def asked(terms: Terms) -> Terms:
-    """Terms that are asked about: not the nuisance parameters."""
+    """Candidate terms, without the nuisance parameters."""
     return tuple(term for term in terms if term.asked)
 
 
 def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
-    """A fit with what is not known exactly fitted, too.
+    """A fit that includes uncertain numbers.
 
-    Each number begins at what was said, and a standard deviation to either side: a few contacts make local
-    minima in the cost, and a fit stays in the one that it begins in, surer of it than it should be. The
-    first round of all of them goes by the Jacobian at the fit; only the best go on. A model that lacks
-    more than that is not fitted to the last digit, and begins nowhere else. One that may be right begins
-    beside what was found, too, for as long as that finds something better.
+    Each number starts at its prior mean, and a standard deviation to either side: a few contacts
+    make local minima in the cost, and a fit stays in the one where it starts, with too much
+    certainty. The first round of all of them uses the Jacobian at the fit; only the best continue.
+    A model that lacks more than that is not fitted to the last digit, and starts nowhere else. One
+    that may be right also starts from around the result, as long as that improves it.
     """
     if not terms:
         return fit
@@ -171,10 +179,10 @@ def calibrated(fitter: Fitter, fit: Fit, terms: Terms) -> Fit:
 
 
 def _lowest_nearby(fitter: Fitter, fit: Fit, unknown: Sequence[FreeParameter]) -> Fit:
-    """The lowest minimum that is found from beside a fit, and from beside that.
+    """The lowest minimum found from around a fit, and from around that.
 
-    How deep a minimum is that a beginning leads to is not seen after a round: all of them go on. Then each
-    window takes the initial state that suits it best of all that were found.
+    The depth of a minimum is unknown after one round: all starts continue. Then each window takes
+    the best of all initial states found.
     """
     settings = fitter.settings.nuisance
     for _ in range(settings.repeats):
@@ -194,7 +202,7 @@ def _lowest_nearby(fitter: Fitter, fit: Fit, unknown: Sequence[FreeParameter]) -
 def _begun_beside(
     fitter: Fitter, fit: Fit, terms: Terms, unknown: Sequence[FreeParameter]
 ) -> list[Fit]:
-    """A round from terms and from beside them, by the Jacobian that the fit has."""
+    """A round from terms and from around them, by the fit's Jacobian."""
     sides = fitter.settings.nuisance.beside
     moved = [value.moved(terms, side * value.prior) for value in unknown for side in sides]
     return [fitter.fit(fitter.with_terms(fit, each), unknown, rounds=1) for each in (terms, *moved)]

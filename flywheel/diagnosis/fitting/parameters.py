@@ -22,7 +22,7 @@ class FreeParameter:
       unit: one step of the fit.
       low, high: bounds.
       step: of a finite difference, in units.
-      prior: standard deviation of what is known about it before any fit, around zero, in units.
+      prior: standard deviation of its prior, around zero, in units.
     """
 
     term: int
@@ -34,7 +34,7 @@ class FreeParameter:
     prior: float = inf
 
     def key(self, terms: Terms) -> Key:
-        """What tells it from all others: effect, place, and index."""
+        """Unique key: effect, place, and index."""
         term = terms[self.term]
         return term.effect.name, term.place, self.index
 
@@ -43,7 +43,7 @@ class FreeParameter:
         return terms[self.term].values[self.index] / self.unit
 
     def room(self, terms: Terms) -> tuple[float, float]:
-        """How far it may move down (at most 0) and up (at least 0), in units."""
+        """Largest move down (at most 0) and up (at least 0), in units."""
         value = self.value(terms)
         return min(0.0, self.low / self.unit - value), max(0.0, self.high / self.unit - value)
 
@@ -57,7 +57,7 @@ class FreeParameter:
         return (*terms[: self.term], changed, *terms[self.term + 1 :])
 
     def step_from(self, terms: Terms) -> float:
-        """Units of a finite difference: backwards where a bound is in the way, less between narrow ones."""
+        """Units of a finite difference: backwards at a bound, less between narrow ones."""
         down, up = self.room(terms)
         if up >= self.step or down == up:
             return self.step
@@ -69,8 +69,8 @@ def free_parameters(
 ) -> list[FreeParameter]:
     """All values of all terms: sizes, then shapes, term by term.
 
-    Numbers of a robot as built at whose place an effect is asked about stay zero: they are the same thing,
-    and of the effect nothing is known that could hold it back.
+    Numbers of a robot as built at the place of a candidate effect stay zero: they are the same
+    quantity, and the effect has no prior.
     """
     asked = [term for term in terms if term.asked]
     found = []
@@ -101,7 +101,7 @@ def _free(
 
 
 def prior_cost(terms: Terms) -> float:
-    """Squares of values over what is known of them before any fit."""
+    """Squares of values relative to their priors."""
     return sum(
         (value / deviation) ** 2
         for term in terms

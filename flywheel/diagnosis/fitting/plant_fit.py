@@ -1,4 +1,4 @@
-"""A plant under test: the initial states of all windows are fitted, beside values of effects."""
+"""A plant under test: the initial states of all windows are fitted, together with values of effects."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from flywheel.records import Floats, State
 
 
 class PlantFitter(Fitter):
-    """Fits the states from which a plant starts.
+    """Fits the initial states of a plant.
 
     Args:
       simulator: of the windows.
       first: (K,) first estimates of the initial states.
-      settings: tuned numbers.
+      settings: of the diagnosis.
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class PlantFitter(Fitter):
 
     @property
     def starts_are_free(self) -> bool:
-        """They are."""
+        """True."""
         return True
 
     def first_estimate(self, terms: Terms = ()) -> Fit:
-        """The initial states as first estimated, and the winches where they were thought to be."""
+        """The initial states as first estimated, and the winches at their nominal positions."""
         windows = self.windows
         winch = np.zeros((len(windows.recordings), len(windows.robot.winches)))
         return self.at(np.zeros((len(windows), len(self.local_prior))), winch, terms)
@@ -70,7 +70,7 @@ class PlantFitter(Fitter):
         """Predictions and cost at given parameters.
 
         Args:
-          local: (K, X) how far initial states are from their first estimates, in natural units.
+          local: (K, X) deviations of initial states from their first estimates, in natural units.
           winch: (recordings, W) offsets of the winches [m].
           terms: effects with their values.
         """
@@ -81,7 +81,7 @@ class PlantFitter(Fitter):
     def _predicted(
         self, initial: InitialStates, terms: Terms, local: Floats, points: Floats, carried: Carried
     ) -> Fit:
-        """What these points (K, steps + 1, P, 3) cost."""
+        """Cost of these points (K, steps + 1, P, 3)."""
         residual = self.windows.residual(points)
         cost = float((residual**2).sum() + self.local_cost(local).sum())
         cost += self._shared_cost(initial.winch, terms)
@@ -94,15 +94,15 @@ class PlantFitter(Fitter):
         return float(((winch / self.winch_prior) ** 2).sum()) + prior_cost(terms)
 
     def jacobian(self, fit: Fit) -> Jacobian:
-        """By differences of both sides, in the time steps of each window."""
+        """By two-sided differences, in the time steps of each window."""
         return self.differences.precise(fit, np.arange(len(self.windows)))
 
     def rough_jacobian(self, fit: Fit) -> Jacobian:
-        """By differences of one side, of other sizes than the last time."""
+        """By one-sided differences, of other sizes than the last time."""
         return self._rough(fit, np.arange(len(self.windows)))
 
     def renewed(self, fit: Fit) -> JacobianCache:
-        """A Jacobian around a fit, computed anew in its stale windows only."""
+        """A Jacobian around a fit, recomputed in its stale windows only."""
         if fit.cache is None:
             return super().renewed(fit)
         stale = np.flatnonzero(fit.cache.stale)
@@ -120,17 +120,17 @@ class PlantFitter(Fitter):
         return self.differences.rough(fit, members, steps[turn % len(steps)])
 
     def predictions(self, fit: Fit, terms: Sequence[Terms]) -> Floats:
-        """(n, K, steps + 1, P, 3) points if a fit's terms are replaced by each of n [m]."""
+        """(n, K, steps + 1, P, 3) points with a fit's terms replaced by each of n [m]."""
         return self.simulator.chained(fit.initial, list(terms))[0]
 
     def step_error(self, fit: Fit) -> Floats:
-        """(K, D, 1) what half the time step changes [sigma]."""
+        """(K, D, 1) change by half the time step [sigma]."""
         points, _ = self._halved.chained(fit.initial, [fit.terms])
         difference = (points - fit.points[None]).swapaxes(0, 1)
         return self.windows.slope(difference, 1.0, np.arange(len(fit.points)))
 
     def finer(self, fit: Fit, tolerated: float) -> Self | None:
-        """The same with half the time step where that changes more than `tolerated` [sigma]."""
+        """The same with half the time step if that changes more than `tolerated` [sigma]."""
         square = self.windows.mean_square(self.step_error(fit)[..., 0])
         can = self.simulator.fineness < self.settings.refinement.finest
         coarse = np.asarray((square > tolerated**2) & can)
@@ -141,14 +141,14 @@ class PlantFitter(Fitter):
         return type(self)(self.simulator.halved(where), self.first, self.settings)
 
     def rms(self, fit: Fit) -> float:
-        """Root mean square of what a fit is off [m]; the initial states count as degrees of freedom."""
+        """Root mean square error of a fit [m]; the initial states count as degrees of freedom."""
         left = (fit.residual**2).sum() / max(1, self.freedom)
         return float(np.sqrt(left)) * self.windows.sigma
 
     def stepped(
         self, fit: Fit, cache: JacobianCache, left: Floats, winch: Floats, terms: Terms
     ) -> Fit:
-        """Each window takes the damping that suits it, or stays where it is."""
+        """Each window takes its best damping, or does not move."""
         settings = self.settings.least_squares
         tried = np.clip(
             np.multiply.outer(settings.damping_multipliers, cache.damping),
@@ -175,11 +175,11 @@ class PlantFitter(Fitter):
         return replace(after, cache=cache)
 
     def restarted(self, fit: Fit, restart: Restart) -> Fit:
-        """A fit in which windows that are stuck begin elsewhere; the fit itself if none is better.
+        """A fit in which stuck windows start elsewhere; the fit itself if none is better.
 
-        Windows that fit much worse than the others may have begun in a wrong place, or have been led
-        there by a wrong model: they are tried on from where they are, from their first estimates, and
-        with their bodies turned at random as far as nobody sees it.
+        Windows that fit much worse than the others may have started in a wrong place, or have been
+        misled by a wrong model: they are restarted from their present states, from their first
+        estimates, and with their bodies turned at random about invisible axes.
         """
         settings, square, usual = self.settings.multistart, self.mean_squares(fit), restart.usual
         stuck = settings.stuck if restart.stuck is None else restart.stuck
@@ -196,7 +196,7 @@ class PlantFitter(Fitter):
         return self.searched(fit, members, tried)
 
     def best_of(self, fit: Fit, other: Fit) -> Fit:
-        """The better of two fits of one model, in which each window begins where it fits better."""
+        """The better of two fits of one model, in which each window starts where it fits better."""
         fit, other = sorted((fit, other), key=lambda each: each.cost)
         members = np.arange(len(fit.local))
         own, its = (
@@ -210,7 +210,7 @@ class PlantFitter(Fitter):
         return replace(mixed, cache=fit.cache).outdated(moved)
 
     def _turned(self, local: Floats, seed: int) -> Floats:
-        """Local parameters (n, X) with random turns of the bodies about their unseen axes added."""
+        """Local parameters (n, X) with random rotations of the bodies about their invisible axes."""
         rng, local = np.random.default_rng(seed), local.copy()
         for body, axis in unseen_axes(self.windows.robot).items():
             turn = FREE_VELOCITIES * body + np.arange(3, 6)
@@ -224,7 +224,7 @@ class PlantFitter(Fitter):
         """Windows with other offsets and terms at (n, K, X), the first of which is the fit's.
 
         Returns:
-          (n, K, steps + 1, P, 3) points of each window alone [m], and what the first begin with.
+          (n, K, steps + 1, P, 3) points of each window alone [m], and the starts of the first.
         """
         if terms == fit.terms and np.array_equal(winch, fit.initial.winch):
             known, carried = fit.points[None], fit.carried

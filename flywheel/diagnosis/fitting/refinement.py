@@ -1,4 +1,4 @@
-"""Time steps as short as the contacts of each window ask for."""
+"""Step refinement: time steps as short as the contacts of each window require."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ def shorter_steps(
     free: Sequence[FreeParameter] = (),
     tolerated: float | None = None,
 ) -> tuple[F, Fit]:
-    """A fitter with steps that will do for a model, and its fit; the same two where they do already.
+    """A fitter with sufficiently short steps for a model, and its fit; the same two if they are
+    short enough.
 
-    A plant's own may be too coarse where caps hit the ground. What it does in shorter ones is taken where
-    that fits better: recordings of a simulation may well have been made in the plant's own. Better initial
-    states that were found on the way are no evidence for shorter steps: longer ones are tried from there,
-    too.
+    A plant's own may be too coarse when caps hit the ground. Shorter ones are used if they fit
+    better: recordings of a simulation may have been made in the plant's own. Better initial states
+    found on the way are no evidence for shorter steps: longer ones are tried from there, too.
 
     Args:
       fitter: of the model.
       fit: with values of effects `free` or none.
       free: see `fit`.
-      tolerated: what half the time step may change in a window [sigma]; None for the settings'.
+      tolerated: allowed change by half the time step in a window [sigma]; None for the settings'.
     """
     if tolerated is None:
         tolerated = fitter.settings.refinement.tolerated
@@ -50,7 +50,7 @@ def shorter_steps(
 def _compared(
     fitter: Fitter, fit: Fit, finer: Fitter, other: Fit, free: Sequence[FreeParameter]
 ) -> tuple[Fit, Fit]:
-    """Both fits, fitted on until the one in shorter steps is better, or clearly will not be.
+    """Both fits, continued until the one in shorter steps is better, or clearly will not be.
 
     Before it is fitted, it is worse: its initial states suited the longer steps.
     """
@@ -70,5 +70,5 @@ def _compared(
 
 
 def in_other_steps(fitter: Fitter, fit: Fit, where: np.ndarray) -> Fit:
-    """A fit with the time steps of another fitter, which are not the same in windows `where` (K,)."""
+    """A fit with the time steps of another fitter, which differ in windows `where` (K,)."""
     return fitter.with_terms(fit, fit.terms).outdated(where)

@@ -20,12 +20,12 @@ HASTY = 0  # in the place of a fineness: `hasty` steps of the plant's own length
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Where windows and recordings begin, which belongs to them and not to the robot.
+    """Initial states of windows and recordings, which belong to them and not to the robot.
 
     Attributes:
-      mechanics: (K,) states at the begin of each window; their activations do not count.
-      winch: (recordings, W) how far the winches were from where they were thought to be, when each
-        recording began [m].
+      mechanics: (K,) states at the start of each window; their activations are ignored.
+      winch: (recordings, W) deviations of the winches from their nominal positions at the start of
+        each recording [m].
     """
 
     mechanics: State
@@ -34,7 +34,7 @@ class InitialStates:
 
 @dataclass(frozen=True)
 class Carried:
-    """What windows take over from the ones before, under one set of terms.
+    """State passed from window to window, under one set of terms.
 
     Attributes:
       winch: (K, W) winch positions at the windows' starts [m].
@@ -46,7 +46,7 @@ class Carried:
 
 
 class WindowSimulator:
-    """Simulates windows with one plant, each in time steps of its own.
+    """Simulates windows with one plant, each in its own time steps.
 
     Args:
       windows: to be predicted.
@@ -54,8 +54,7 @@ class WindowSimulator:
       busy: called before every simulation.
 
     Attributes:
-      fineness: (K,) how many times shorter than the plant's MuJoCo's steps are in each window; see
-        `halved` and `HASTY`.
+      fineness: (K,) ratio of the plant's MuJoCo step to each window's; see `halved` and `HASTY`.
     """
 
     def __init__(
@@ -93,7 +92,7 @@ class WindowSimulator:
         return len(self.unit)
 
     def told(self, terms: Sequence[Terms]) -> list[Floats]:
-        """Per log, what the winches are told (n, T, W) under each of n sets of terms."""
+        """Per log, the commands (n, T, W) that reach the winches under each of n sets of terms."""
         return [
             self.augmented.commands(np.repeat(log.controls[None], len(terms), axis=0), terms)
             for log in self.windows.recordings
@@ -104,11 +103,11 @@ class WindowSimulator:
     ) -> tuple[Floats, list[Carried]]:
         """Predict all windows of a log, under each of n sets of terms.
 
-        Winch positions and what cables remember go on from window to window.
+        Winch positions and memories of cables continue from window to window.
 
         Returns:
-          (n, K, steps + 1, P, 3) points [m], NaN where the simulation diverged; and what each window
-          began with.
+          (n, K, steps + 1, P, 3) points [m], NaN if the simulation diverged; and the start of each
+          window.
         """
         ways = (self._beside_each_other, self._one_after_the_other)
         apart = np.array([self.apart(each) for each in terms])
@@ -122,7 +121,7 @@ class WindowSimulator:
         return points, [carried[i] for i in range(len(terms))]
 
     def apart(self, terms: Terms) -> bool:
-        """Whether what a window begins with is known without simulating those before."""
+        """True if the starts of windows are known without simulating previous ones."""
         return bool(self.windows.robot.rate_driven.all()) and not any(
             isinstance(term.effect, WinchEffect)
             or (isinstance(term.effect, TensionEffect) and term.effect.remembers)
@@ -132,7 +131,7 @@ class WindowSimulator:
     def _beside_each_other(
         self, starts: InitialStates, terms: Sequence[Terms]
     ) -> tuple[Floats, list[Carried]]:
-        """All windows of `chained` at once, as steps of large batches cost less."""
+        """All windows of `chained` at once, because steps of large batches cost less."""
         self._busy()
         windows, count, told = self.windows, len(terms), self.told(terms)
         winch = self._winches(starts.winch, told)
@@ -150,11 +149,13 @@ class WindowSimulator:
         return points, [Carried(winch[i], {}) for i in range(count)]
 
     def began(self, winch: Floats, terms: Terms) -> Carried:
-        """What windows begin with under terms that leave them `apart`, with offsets (recordings, W) [m]."""
+        """Starts of windows under terms that leave them `apart`, with offsets (recordings, W) [m]."""
         return Carried(self._winches(winch, self.told([terms]))[0], {})
 
     def _winches(self, offsets: Floats, told: Sequence[Floats]) -> Floats:
-        """(n, K, W) where windows begin, of what each log is told (n, T, W), with offsets (recordings, W)."""
+        """(n, K, W) winch positions at window starts, given each log's commands (n, T, W), with
+        offsets (recordings, W).
+        """
         windows = self.windows
         begins = self.nominal[windows.first == 0] + offsets
         wound = [self._wound(*each) for each in zip(begins, told, strict=True)]
@@ -162,7 +163,7 @@ class WindowSimulator:
         return np.stack([wound[log][:, first] for log, first in at], axis=1)
 
     def _wound(self, start: Floats, told: Floats) -> Floats:
-        """(n, T + 1, W) positions of rate-driven winches that begin at (W,) and are told (n, T, W)."""
+        """(n, T + 1, W) positions of rate winches that start at (W,) and receive (n, T, W)."""
         plant, robot = self.plant, self.windows.robot
         within = np.clip(start, robot.rest_low, robot.rest_high)
         begin = np.repeat(within[None], len(told), axis=0)
@@ -210,17 +211,17 @@ class WindowSimulator:
         members: np.ndarray,
         winch: Floats | None = None,
     ) -> Floats:
-        """Predict windows by themselves, each from a start of its own.
+        """Predict windows independently, each from its own start.
 
         Args:
-          starts: (n,) states; activations do not count.
+          starts: (n,) states; activations are ignored.
           carried: under these terms.
           terms: of all simulations.
-          members: (n,) which window each belongs to.
+          members: (n,) window of each.
           winch: (n, W) winch positions at the starts [m]; None for those carried over.
 
         Returns:
-          (n, steps + 1, P, 3) points [m]; NaN where the simulation diverged.
+          (n, steps + 1, P, 3) points [m]; NaN if the simulation diverged.
         """
         self._busy()
         windows = self.windows
@@ -240,7 +241,7 @@ class WindowSimulator:
         terms: Sequence[Terms],
         memory: Memories | None = None,
     ) -> Motion:
-        """Simulate windows `members` (n,), each in steps as short as it needs."""
+        """Simulate windows `members` (n,), each in sufficiently short steps."""
         fineness = self.fineness[members]
         pieces, order = [], []
         for times in np.unique(fineness).tolist():
@@ -282,7 +283,7 @@ def _tiled(state: State, count: int) -> State:
 
 
 def _of_recordings(memory: Memories, count: int, logs: np.ndarray) -> Memories:
-    """What these recordings remember, as rows, from (count, all recordings, C)."""
+    """Memories of these recordings, as rows, from (count, all recordings, C)."""
     return {name: v[:, logs].reshape(count * len(logs), -1) for name, v in memory.items()}
 
 
@@ -297,5 +298,5 @@ def _to_recordings(memory: Memories, count: int, logs: np.ndarray, total: int) -
 
 
 def _started_with(before: Memories, after: Memories) -> Memories:
-    """What simulations began with; nothing where the law was not there yet."""
+    """Starts of simulations; empty if the law was not there yet."""
     return {name: before.get(name, np.zeros_like(values)) for name, values in after.items()}

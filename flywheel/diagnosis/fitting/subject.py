@@ -1,4 +1,4 @@
-"""A model that is looked into: compared with recordings, or diagnosed."""
+"""A model under comparison or diagnosis."""
 
 from __future__ import annotations
 
@@ -17,9 +17,8 @@ class Subject:
     Attributes:
       name: for people.
       dynamics: predicts.
-      dataset: index of the data set that it is told the recordings belong to.
-      terms: what it was told that the robot has beyond its MJCF: winches that nobody measures are
-        reckoned with that.
+      dataset: index of the data set given to it for the recordings.
+      terms: known effects of the robot beyond its MJCF: used to reckon unmeasured winches.
     """
 
     name: str
@@ -29,10 +28,10 @@ class Subject:
 
     @classmethod
     def of_plant(cls, name: str, plant: Plant) -> Self:
-        """MuJoCo, started from what is seen of the past.
+        """MuJoCo, started from the observed past.
 
         Args:
           name: for people.
-          plant: with the effects that it is told of.
+          plant: with its known effects.
         """
         return cls(name, RestartedPlant.from_measurements(plant), terms=plant.terms)

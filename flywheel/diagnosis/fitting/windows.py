@@ -1,4 +1,4 @@
-"""Recordings cut into windows, each with an initial state of its own, and how noisy they are."""
+"""Recordings cut into windows, each with its own initial state, and the noise of the recordings."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ FEWEST = 50  # differences below which an estimate means nothing
 
 @dataclass(frozen=True)
 class Recording:
-    """What was measured, on the model's time grid.
+    """Measurements on the model's time grid.
 
     Attributes:
       points: (T + 1, P, 3) measured points [m]; NaN where missing.
       controls: (T, W) commands.
-      winch: (T + 1, W) measured winch positions [m]; NaN where not measured.
+      winch: (T + 1, W) measured winch positions [m]; NaN if not measured.
     """
 
     points: Floats
@@ -54,17 +54,17 @@ class Windows:
     """Equally long windows that tile each recording, one after the other.
 
     Attributes:
-      robot: whose recordings they are.
+      robot: of the recordings.
       recordings: all of them.
       dt: control step [s].
       steps: of each window.
       recording: (K,) index of each window's recording.
-      first: (K,) the step of the recording at which each begins.
+      first: (K,) first step of each in its recording.
       measured: (K, steps + 1, P, 3) [m].
       filled: (K, P, 3) bool, coordinates of it that were `filled_in`.
-      sigma: that a coordinate may be off: by noise, and by what no model explains [m].
-      doubt: standard deviation of one over the noise's square, relative to that; 0 where it was given.
-      discrepancy: what no model explains, see `with_discrepancy` [m].
+      sigma: standard deviation of a coordinate's error: by noise, and by model discrepancy [m].
+      doubt: standard deviation of one over the noise's square, relative to that; 0 if it was given.
+      discrepancy: model discrepancy, see `with_discrepancy` [m].
     """
 
     robot: Robot
@@ -91,14 +91,14 @@ class Windows:
         """Cut trajectories into windows of about `seconds`.
 
         Args:
-          robot: whose trajectories they are.
+          robot: of the trajectories.
           trajectories: unbatched, of one control step.
-          seconds: of a window; None for what suits the robot's size.
+          seconds: of a window; None for one that suits the robot's size.
           sigma: noise of a coordinate [m]; None to estimate it.
-          settings: tuned numbers.
+          settings: of the diagnosis.
 
         Raises:
-          DataError: nothing to cut, different control steps, or too few measurements.
+          DataError: no recording, different control steps, or too few measurements.
         """
         if not trajectories:
             raise DataError("There is no recording to look at.")
@@ -141,7 +141,7 @@ class Windows:
         )
 
     def with_discrepancy(self, discrepancy: float) -> Windows:
-        """The same, of models that are off by so much besides noise [m], whatever they have."""
+        """The same, with a model discrepancy in addition to noise [m], whatever they have."""
         sigma = float(np.hypot(self.noise, discrepancy))
         return replace(self, sigma=sigma, discrepancy=discrepancy)
 
@@ -166,25 +166,26 @@ class Windows:
 
     @property
     def ranks(self) -> list[np.ndarray]:
-        """Windows that are the first of their recordings, those that are the second, and so on."""
+        """The first windows of all recordings, then the second ones, and so on."""
         number = self.first // self.steps
         return [np.flatnonzero(number == rank) for rank in range(number.max() + 1)]
 
     def squares(self, off: Floats) -> Floats:
-        """(K, D, ...) squares of what each window is off (K, D, ...); 0 where nothing has noise."""
+        """(K, D, ...) squares of errors (K, D, ...); 0 for coordinates without noise."""
         noisy = self.noisy.reshape(*off.shape[:2], *(1,) * (off.ndim - 2))
         return np.where(noisy, off**2, 0.0)
 
     def mean_square(self, off: Floats) -> Floats:
-        """(K, ...) of what each window is off (K, D, ...), per coordinate that has noise."""
+        """(K, ...) mean over each window of errors (K, D, ...), per coordinate with noise."""
         whole: Floats = self.squares(off).sum(axis=1)
         return (whole.T / np.maximum(self.noisy_in_each, 1)).T
 
     @cached_property
     def noisy(self) -> np.ndarray:
-        """(K, steps + 1, P, 3) bool: what has noise, neither missing nor filled in.
+        """(K, steps + 1, P, 3) bool: True for noisy coordinates, neither missing nor filled in.
 
-        What was filled in holds the model in its plane, say, and tells nothing of how far it is off.
+        Filled-in coordinates hold the model in its plane, for example, and contain no information
+        on its error.
         """
         return np.isfinite(self.measured) & ~self.filled[:, None]
 
@@ -205,7 +206,7 @@ class Windows:
     def slope(self, difference: Floats, step: float, members: np.ndarray) -> Floats:
         """(n, D, m) in sigmas, of windows `members` (n,) that differ by (n, m, steps + 1, P, 3) in a step.
 
-        0 where nothing was measured, or predicted.
+        0 for missing measurements or predictions.
         """
         seen = np.isfinite(self.measured[members])[:, None]
         slope = np.where(seen, difference / (step * self.sigma), 0.0)
@@ -216,16 +217,16 @@ class Windows:
 def noise_floor(points: Sequence[Floats]) -> float:
     """Standard deviation of the noise of each coordinate [m].
 
-    From the median of fourth differences in time, which neither smooth motion nor a few leaps change.
-    Gaps leave out the differences that reach over them. A sensor that counts in steps and mostly repeats a
-    value is as good as its steps. Coordinates that never change say nothing: a planar robot's third one, or a
-    marker on the frame.
+    From the median of fourth differences in time, which are insensitive to smooth motion and a few
+    leaps. Gaps leave out the differences that reach over them. A sensor that counts in steps and
+    mostly repeats a value is as good as its steps. Constant coordinates are ignored: a planar
+    robot's third one, or a marker on the frame.
 
     Args:
       points: (T + 1, P, 3) of each recording, at regular times; NaN where missing [m].
 
     Raises:
-      DataError: too few samples in a row, or nothing in them ever changes.
+      DataError: too few samples in a row, or all of them are constant.
     """
     known = _differences(points)
     if len(known) < FEWEST:
@@ -238,10 +239,11 @@ def noise_floor(points: Sequence[Floats]) -> float:
 
 
 def filled_in(points: Sequence[Floats]) -> np.ndarray:
-    """(R, P, 3) bool: coordinates that never change in a recording, though the others are noisy.
+    """(R, P, 3) bool: constant coordinates in a recording with noise in the others.
 
-    So they were not measured: a planar robot's third one, say. Where a sensor counts in steps that noise
-    does not exceed, a point that rests repeats its values, too: there, only of a point that moves.
+    They were not measured: a planar robot's third one, for example. If a sensor counts in steps
+    above the noise, a resting point repeats its values, too: there, only those of a moving point
+    count.
 
     Args:
       points: (T + 1, P, 3) of each of R recordings; NaN where missing [m].
@@ -259,7 +261,7 @@ def noise_doubt(points: Sequence[Floats]) -> float:
 
 
 def _differences(points: Sequence[Floats]) -> Floats:
-    """(n,) fourth differences of everything that was measured five times in a row, and changes."""
+    """(n,) fourth differences of all changing coordinates measured five times in a row."""
     flat = [p.reshape(len(p), -1)[:, _changes(p)] for p in points if len(p) > ORDER]
     found = [np.diff(p, ORDER, axis=0).ravel() for p in flat]
     return np.concatenate([d[np.isfinite(d)] for d in found] or [np.empty(0)])
@@ -272,12 +274,12 @@ def _resolution(points: Sequence[Floats]) -> float:
 
 
 def _spread(differences: Floats) -> float:
-    """Standard deviation of the noise that shows in fourth differences (n,) [m]; 0 without any."""
+    """Standard deviation of the noise, from fourth differences (n,) [m]; 0 without any."""
     return float(np.median(np.abs(differences)) / (NORMAL * GAIN)) if len(differences) else 0.0
 
 
 def _changes(points: Floats) -> np.ndarray:
-    """(3 P,) bool: whether coordinates of points (T + 1, P, 3) take different values."""
+    """(3 P,) bool: True for changing coordinates of points (T + 1, P, 3)."""
     flat = points.reshape(len(points), -1)
     seen = np.isfinite(flat)
     highest = flat.max(axis=0, where=seen, initial=-np.inf)
@@ -285,5 +287,5 @@ def _changes(points: Floats) -> np.ndarray:
 
 
 def _rounding(points: Sequence[Floats]) -> float:
-    """What numbers of this size may differ by for how they were computed [m]."""
+    """Rounding error of numbers of this size [m]."""
     return ROUNDING * max(float(np.abs(p).max(where=np.isfinite(p), initial=0.0)) for p in points)

@@ -1,4 +1,4 @@
-"""An answer of a diagnosis as it is read again, from `Diagnosis.summary()` or from a file."""
+"""The answer of a diagnosis, as read from `Diagnosis.summary()` or from a file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LARGEST_EVIDENCE = 200_000  # characters, as JSON: a plant's file must stay one 
 
 
 class _Part(BaseModel):
-    """A part of an answer; what other versions add to it is left out."""
+    """A part of an answer; unknown fields are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -56,7 +56,7 @@ class FoundEffect(_Part):
     parameters: dict[Name, Fitted] = Field(max_length=MOST_PARAMETERS)
 
     def written(self) -> WrittenTerm:
-        """As a plant has it."""
+        """In the form of a plant."""
         values = {
             name: each.value if each.in_plant is None else each.in_plant
             for name, each in self.parameters.items()
@@ -81,7 +81,7 @@ class HeldOut(_Part):
 
     @property
     def explained(self) -> float:
-        """Share of the mean square beyond noise that is gone; NaN where it is not known."""
+        """Removed share of the mean square beyond noise; NaN if unknown."""
         if not self.baseline > self.noise:
             return math.nan
         beyond = (self.baseline - self.noise) * (self.baseline + self.noise)
@@ -89,7 +89,7 @@ class HeldOut(_Part):
 
 
 class AboutRobot(_Part):
-    """What was diagnosed."""
+    """The diagnosed robot."""
 
     name: Name = ""
     digest: Name = ""
@@ -103,18 +103,18 @@ class Suspect(_Part):
 
 
 class Answer(_Part):
-    """What is read of `Diagnosis.summary()`, or of the JSON of `flywheel diagnose`.
+    """The part of `Diagnosis.summary()`, or of the JSON of `flywheel diagnose`, that is read.
 
     Attributes:
       verdict: in a word.
       answer_set: alternatives, each of effects that act together.
-      calibration: what the plant was not sure of.
-      interrupted: it is the best answer that was known when somebody stopped the diagnosis.
-      suspect_parameters: numbers of the MJCF that may be what is wrong instead.
-      held_out: what was kept to judge the answer by; None for nothing.
-      robot: that was diagnosed.
-      effects_from: law files that effects were from.
-      settings: tuned numbers of the diagnosis that are not the usual ones, by their paths.
+      calibration: uncertain numbers of the plant.
+      interrupted: it is the best answer at an early stop.
+      suspect_parameters: numbers of the MJCF that may be wrong instead.
+      held_out: errors on held-out recordings; None for nothing.
+      robot: diagnosed robot.
+      effects_from: law files of the effects.
+      settings: changed ones of the diagnosis, by their paths.
       format: of the JSON.
     """
 
@@ -134,7 +134,7 @@ class Answer(_Part):
         """Read it.
 
         Raises:
-          DataError: something in it has another type than it must have, or it has another format.
+          DataError: a field has a wrong type, or the format differs.
         """
         answer = validated(cls, dict(summary), "The answer cannot be used", DataError)
         if answer.format != FORMAT:
@@ -148,12 +148,12 @@ class Answer(_Part):
 
     @property
     def worth_having(self) -> float:
-        """The share of the held-out error beyond noise from which it is adopted unnamed, see `Limits`."""
+        """The smallest share of the held-out error beyond noise for an unnamed adoption, see `Limits`."""
         return self.settings.get("limits.adopted", Limits().adopted)
 
     @property
     def is_clear(self) -> bool:
-        """Whether the first alternative may be adopted without naming it.
+        """True if the first alternative may be adopted without naming it.
 
         It may be one of `EFFECT`; the only one of `PARTIAL`; and the only one beside something else that is
         left, if it explains most of what held-out recordings have beyond noise. The best answer so far of a
@@ -170,10 +170,10 @@ class Answer(_Part):
         return alone and self.held_out is not None and self.held_out.explained >= self.worth_having
 
     def chosen(self, number: int | None) -> tuple[FoundEffect, ...]:
-        """The effects of an alternative, from 1, or of the first where that is clear.
+        """The effects of an alternative, from 1, or of the first if that is clear.
 
         Raises:
-          DataError: there is none, or it is not clear which.
+          DataError: there is none, or the choice is not clear.
         """
         alternatives = self.alternatives
         if not alternatives and self.verdict == Verdict.NOISE_ONLY and self.calibration:
@@ -191,8 +191,8 @@ class Answer(_Part):
                     f"Another {self._wrong_numbers} in the MJCF explains more than any effect. "
                 )
             raise DataError(
-                f"{early}The verdict is {self.verdict}: say which answer to adopt. There are {named}."
-                f"{self._too_little()}"
+                f"{early}The verdict is {self.verdict}: choose the answer to adopt. There are "
+                f"{named}.{self._too_little()}"
             )
         number = 1 if number is None else number
         if not 1 <= number <= len(alternatives):
@@ -205,18 +205,18 @@ class Answer(_Part):
         return ", ".join(s.name for s in self.suspect_parameters if s.explained is not None)
 
     def _too_little(self) -> str:
-        """How far the only answer is from being adopted unnamed, beside something that no effect explains."""
+        """Reason why the only answer is not adopted unnamed, if an error remains."""
         if self.verdict != Verdict.OUTSIDE_LIBRARY or len(self.alternatives) != 1:
             return ""
         if self.held_out is None or math.isnan(self.held_out.explained):
-            return " Held-out recordings would say whether it is worth having."
+            return " Held-out recordings would show its value."
         return (
-            f" It takes away {self.held_out.explained:.0%} of the error beyond noise on held-out recordings; "
-            f"from {self.worth_having:.0%} on it is adopted unnamed."
+            f" It removes {self.held_out.explained:.0%} of the error beyond noise on held-out "
+            f"recordings; from {self.worth_having:.0%} on it is adopted unnamed."
         )
 
     def check_held_out(self) -> None:
-        """Refuse effects that held-out recordings speak against.
+        """Reject effects contradicted by held-out recordings.
 
         Raises:
           DataError: they do.
@@ -226,14 +226,14 @@ class Answer(_Part):
         before, after = self.held_out.baseline, self.held_out.augmented
         if not (math.isfinite(after) and after < before):
             raise DataError(
-                f"On the held-out recordings the error is {1000 * after:.3g} mm with these effects and "
-                f"{1000 * before:.3g} mm without: they do not carry over. Name the answer to adopt it "
-                "none the less."
+                f"On the held-out recordings the error is {1000 * after:.3g} mm with these "
+                f"effects and {1000 * before:.3g} mm without: they do not carry over. Name the "
+                "answer to adopt it anyway."
             )
 
 
 def evidence_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What is kept of an answer beside its effects: for people, and as it is.
+    """The evidence kept with an adopted answer: for people, unchanged.
 
     Raises:
       DataError: it is too large.

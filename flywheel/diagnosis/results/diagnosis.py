@@ -1,4 +1,4 @@
-"""What a diagnosis says: the verdict and everything it rests on."""
+"""Result of a diagnosis: the verdict and its evidence."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from flywheel.effects.own import law_files
 
 @dataclass(frozen=True)
 class TimeSteps:
-    """How finely windows had to be simulated: what is numbers is told from what is physics.
+    """Time steps of the windows: separates numerics from physics.
 
     Attributes:
       own: the plant's [s].
@@ -44,7 +44,7 @@ class TimeSteps:
         return sum(each < self.own for each in self.taken)
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {"own": self.own, "taken": list(self.taken), "unit": "s"}
 
 
@@ -55,33 +55,33 @@ class Diagnosis:
     Attributes:
       verdict: in a word.
       answers: alternatives, the best first; each is a set of effects that act together.
-      ranking: of every candidate on top of the plant as it was, best first.
-      threshold: score from which an effect counts as seen.
-      other_forms: the first answer by other laws, which explain the recordings as well: its form is not
-        decided.
-      errors: on the recordings that were fitted.
-      held_out: on those that were not; None without any.
-      gain: of all effects of the first answer that were added, on windows that they were not fitted to; None
-        for none.
-      model_discrepancy: what no model explains, as the standard deviation of white noise that disturbs as
-        much [m]; scores and intervals count in this and noise. 0 where the best model comes down to noise.
-      before, after: what the plant as it was leaves, and what the augmented one leaves.
-      evidence: to look at.
-      seconds: it took.
+      ranking: of every candidate on top of the initial plant, best first.
+      threshold: score from which an effect counts as visible.
+      other_forms: the first answer by other laws, which explain the recordings as well: its form is
+        undecided.
+      errors: on the fitted recordings.
+      held_out: on the others; None without any.
+      gain: of all added effects of the first answer, on windows that were not fitted; None for
+        none.
+      model_discrepancy: unexplained error, as the standard deviation of equally disturbing white
+        noise [m]; scores and intervals use this and noise. 0 if the best model fits to noise level.
+      before, after: residuals of the initial and of the augmented plant.
+      evidence: for display.
+      seconds: duration.
       model: name of the model under test; "" for the plant itself.
-      misspecification: laws of no library that explain something beside the first answer.
-      other_form: they explain so much that what was found must have another form.
-      location: where what no effect explains acts; None where nothing is left.
+      misspecification: laws of no library that explain something in addition to the first answer.
+      other_form: they explain so much that the answer must have another form.
+      location: of an unexplained error; None without one.
       discrepancy: a learned law for it, likewise.
-      calibration: what the plant was not sure of, as fitted beside the first answer; in JSON, with what
-        was `held_back` (see `Found`).
-      as_built: numbers of the robot that are all a little off, likewise; None where that was not needed.
+      calibration: uncertain numbers of the plant, as fitted together with the first answer; in
+        JSON, with the `held_back` ones (see `Found`).
+      as_built: numbers of the robot that are all slightly off, likewise; None if not needed.
       time_steps: of the simulations.
-      suspects: numbers of the MJCF that may be what is wrong instead.
-      settings: tuned numbers that it was made with; in JSON, the unusual ones.
-      interrupted: this is the best answer that was known when somebody stopped it.
-      failures: parts of the search that were lost to a bug.
-      first_lengths: winches by which the recordings are explained only if they began elsewhere.
+      suspects: numbers of the MJCF that may be wrong instead.
+      settings: of the diagnosis; in JSON, the changed ones.
+      interrupted: this is the best answer at an early stop.
+      failures: parts of the search lost to a bug.
+      first_lengths: winches whose first lengths must differ for the recordings to be explained.
     """
 
     verdict: Verdict
@@ -113,7 +113,7 @@ class Diagnosis:
 
     @property
     def next_experiment(self) -> NextExperiment:
-        """What to record next."""
+        """The next experiment."""
         law = self.misspecification.instead or self.misspecification.name
         other = law if self.other_form and self.location is None else ""
         return next_experiment(self.verdict, self.answers, self.ranking, self.evidence, other)
@@ -124,7 +124,7 @@ class Diagnosis:
         return INTERRUPTED if self.interrupted else EXIT_CODES[self.verdict]
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         wrong_form = self.misspecification.summary() if self.other_form else None
         return {
             "format": FORMAT,
@@ -164,7 +164,7 @@ class Diagnosis:
 
     @property
     def effects_from(self) -> list[dict[str, str]]:
-        """The law files that effects of the library were from."""
+        """The law files of the library's effects."""
         files = law_files(score.candidate.effect for score in self.ranking)
         return [file.reference.model_dump() for file in files]
 

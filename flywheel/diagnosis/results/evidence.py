@@ -1,4 +1,4 @@
-"""What people look at: predictions beside measurements, and who is easily taken for whom."""
+"""Evidence for people: predictions against measurements, and similar candidates."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ LAGS = 20  # of the autocorrelation
 
 @dataclass(frozen=True)
 class Rung:
-    """A model of the ladder from the plant as it was to the last one.
+    """A model of the ladder from the initial plant to the last one.
 
     Attributes:
-      label: what it has more than the one before.
+      label: addition to the previous one.
       error: root mean square on the recordings [m].
     """
 
@@ -34,20 +34,20 @@ class Rung:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Predictions beside measurements; K windows, T steps, P points.
+    """Predictions against measurements; K windows, T steps, P points.
 
     Attributes:
       points, cables: names of the tracked points, and of the cables.
-      recording, first: (K,) recording and step at which each window begins.
+      recording, first: (K,) recording and first step of each window.
       dt: [s].
       sigma: noise [m].
       measured, before, after: (K, T + 1, P, 3) [m].
-      noisy: (K, T + 1, P, 3) bool: what was measured, and not filled in.
+      noisy: (K, T + 1, P, 3) bool: measured, and not filled in.
       ladder: of models.
       rivals: the best candidates.
-      likeness: (n, n) |cosine| between them, of what they change and nothing else explains.
+      likeness: (n, n) |cosine| between their changes, beyond other influences.
       lags_before, lags_after: autocorrelation of the residuals at lags 1 to LAGS.
-      band: within which it lies for white noise, at 95 %.
+      band: 95 % band of white noise.
     """
 
     points: tuple[str, ...]
@@ -71,7 +71,7 @@ class Evidence:
     def of(
         cls, fitter: Fitter, models: Sequence[ScoredModel], others: Sequence[Fit] = ()
     ) -> Evidence:
-        """Collect it from the models of a search, and others that explain as much."""
+        """Collect it from the models of a search, and equally good alternatives."""
         windows = fitter.windows
         first, last = models[0].fit, models[-1].fit
         named = [term for fit in (last, *others) for term in fit.terms if term.asked]
@@ -109,7 +109,7 @@ class Evidence:
 
 def _label(windows: Windows, models: Sequence[ScoredModel], index: int) -> str:
     if index == 0:
-        return "as it was"
+        return "initial model"
     before, fit = models[index - 1].fit, models[index].fit
     known = {(t.effect.name, t.place) for t in before.terms}
     added = [t for t in fit.terms if (t.effect.name, t.place) not in known]
@@ -122,7 +122,7 @@ def _label(windows: Windows, models: Sequence[ScoredModel], index: int) -> str:
 def _likeness(
     model: ScoredModel, named: Sequence[Term] = ()
 ) -> tuple[tuple[Candidate, ...], Floats]:
-    """The best candidates and those that are named, and the |cosine| of what they would explain."""
+    """The best candidates and the named ones, and the |cosine| between their changes."""
     test = model.test
     place = {id(c): i for i, c in enumerate(test.candidates)}
     chosen, directions = [], []

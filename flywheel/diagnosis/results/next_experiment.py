@@ -1,4 +1,4 @@
-"""What to record next, given what the recordings at hand have said."""
+"""The next experiment, given the results so far."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from flywheel.diagnosis.selection.score_test import Score
 SHOWN = 3  # effects whose best experiment is named
 SAME = 0.999  # |cosine| from which two candidates are one
 AGAIN = (
-    "Record the same commands once more from the same start: what comes back at the same moment belongs "
-    "to the robot, what does not came from outside or happened once."
+    "Record the same commands once more from the same start: an error that recurs at the same "
+    "moment belongs to the robot, one that does not came from outside or happened once."
 )
-REST = "Begin with the robot lying still for a second, so that the state it starts from is known."
+REST = "Start with the robot lying still for a second, so that its initial state is known."
 LONGER = (
-    "Every effect of the library would have shown at its typical size; smaller ones need longer "
-    "recordings."
+    "Every effect of the library would have been visible at its typical size; smaller ones need "
+    "longer recordings."
 )
 
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """What is to be recorded next.
+    """A recommended recording.
 
     Attributes:
-      aim: what the experiment is for.
-      about: the effects whose best experiments (`Effect.shown_by`) it is to resemble.
-      rivals: between which it has to decide; none if there is nothing to decide.
+      aim: purpose of the experiment.
+      about: the effects whose best experiments (`Effect.shown_by`) it resembles.
+      rivals: to distinguish; empty if nothing is undecided.
     """
 
     aim: str
@@ -41,17 +41,17 @@ class NextExperiment:
 
     @property
     def shown_by(self) -> dict[str, str]:
-        """Name of each effect it is about, and the experiment that shows it best."""
+        """Name of each such effect, and the experiment that shows it best."""
         return {each.effect.name: each.effect.shown_by for each in self.about}
 
     @property
     def command(self) -> str:
-        """What writes its commands, without the robot; "" where there is nothing to decide."""
+        """Command that writes its commands, without the robot; "" if nothing is undecided."""
         names = " ".join(each.name for each in self.rivals)
         return f"flywheel design {names}" if names else ""
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {"aim": self.aim, "shown_by": self.shown_by, "command": self.command}
 
 
@@ -62,13 +62,13 @@ def next_experiment(
     evidence: Evidence,
     other_law: str = "",
 ) -> NextExperiment:
-    """The experiment that the verdict asks for.
+    """The experiment recommended for the verdict.
 
     Args:
-      verdict, answers: what was found.
-      ranking: of all candidates on top of the model as it was.
-      evidence: who is easily taken for whom.
-      other_law: a law of no library, whose form an answer has that leaves nothing else; "" for none.
+      verdict, answers: results.
+      ranking: of all candidates on top of the initial model.
+      evidence: similar candidates.
+      other_law: a law of no library, whose form an answer without a residual has; "" for none.
     """
     if verdict is Verdict.NOT_CONVERGED:
         return NextExperiment(REST)
@@ -84,43 +84,43 @@ def next_experiment(
 
 
 def _form(law: str) -> NextExperiment:
-    """Learn the form of what was found."""
+    """Determine the form of the answer."""
     return NextExperiment(
-        f"To learn its form, what shows {law} best: {PROBES[law].shown_by}. An effect of that form can be "
-        "added (docs/own_effect.md)."
+        f"To determine its form, the experiment that shows {law} best: {PROBES[law].shown_by}. An "
+        "effect of that form can be added (docs/own_effect.md)."
     )
 
 
 def _deciding(answers: Sequence[Sequence[Candidate]], evidence: Evidence) -> NextExperiment:
-    """Tell alternatives apart, where that can be done."""
+    """Distinguish alternatives, if possible."""
     everyone = list(dict.fromkeys(each for answer in answers for each in answer))
     rivals = tuple(each for each in everyone if not all(each in answer for answer in answers))
     alike = min((_likeness(evidence, rivals[0], other) for other in rivals[1:]), default=0.0)
     if alike > SAME:
         return NextExperiment(
             f"{_listed(rivals)} change these recordings in the same way (|cos| {alike:.4f}): only "
-            "measuring one of them by itself tells them apart.",
+            "measuring one of them by itself distinguishes them.",
             rivals,
         )
-    return NextExperiment(f"To be told apart: {_listed(rivals)}.", rivals, rivals)
+    return NextExperiment(f"To be distinguished: {_listed(rivals)}.", rivals, rivals)
 
 
 def _confirming(answer: Sequence[Candidate], evidence: Evidence) -> NextExperiment:
-    """Tell an answer from what it is taken for most easily."""
+    """Distinguish an answer from its most similar candidate."""
     pairs = [(own, other) for own in answer for other in evidence.rivals if other not in answer]
     if not pairs:
         return NextExperiment("For a narrower interval, make the effect larger.", tuple(answer))
     own, other = max(pairs, key=lambda pair: _likeness(evidence, *pair))
     return NextExperiment(
-        f"Of all others, {other.label} would do most nearly what {own.label} does here (|cos| "
-        f"{_likeness(evidence, own, other):.2f}): commands that part the two put the answer to the test.",
+        f"Of all others, {other.label} is most similar to {own.label} here (|cos| "
+        f"{_likeness(evidence, own, other):.2f}): commands that separate the two test the answer.",
         (own,),
         (own, other),
     )
 
 
 def _unseen(ranking: Sequence[Score]) -> NextExperiment:
-    """Show what could be there at its typical size, unseen."""
+    """Show effects that could exist at their typical size, unseen."""
     unseen: dict[str, Candidate] = {}
     for score in sorted(ranking, key=lambda s: -s.smallest):
         if score.smallest > 1.0:
@@ -128,7 +128,7 @@ def _unseen(ranking: Sequence[Score]) -> NextExperiment:
     if not unseen:
         return NextExperiment(LONGER)
     return NextExperiment(
-        f"Could be there at its typical size without having shown: {', '.join(unseen)}.",
+        f"Could exist at its typical size without being visible: {', '.join(unseen)}.",
         tuple(unseen.values())[:SHOWN],
     )
 
@@ -145,7 +145,7 @@ def _listed(candidates: Iterable[Candidate]) -> str:
 
 
 def _likeness(evidence: Evidence, first: Candidate, second: Candidate) -> float:
-    """|cosine| of what two candidates change; 0 where one is not among the best."""
+    """|cosine| between the changes of two candidates; 0 if one is not among the best."""
     rivals = evidence.rivals
     if first not in rivals or second not in rivals:
         return 0.0

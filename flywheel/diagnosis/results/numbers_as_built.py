@@ -1,4 +1,4 @@
-"""The numbers of a robot as it was built, as fitted beside an answer."""
+"""The numbers of a robot as built, as fitted together with an answer."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from flywheel.records import Floats
 
 @dataclass(frozen=True)
 class AsBuiltNumbers:
-    """Numbers of the MJCF that are all a little off.
+    """Numbers of the MJCF that are all slightly off.
 
-    Of each its usual standard deviation is known before (`AsBuiltSettings`). Together they explain more than
-    any effect did; one by one these recordings say little of most of them.
+    The usual standard deviation of each is known before (`AsBuiltSettings`). Together they explain
+    more than any effect did; individually most of them are hardly determined by these recordings.
 
     Attributes:
       numbers: each with its value and its 95 % interval.
-      share: of the usual deviations, that these recordings are most likely with.
+      share: most likely fraction of the usual standard deviations.
     """
 
     numbers: Alternative
@@ -28,17 +28,17 @@ class AsBuiltNumbers:
 
     @property
     def count(self) -> int:
-        """How many values there are."""
+        """Number of values."""
         return len(self._off)
 
     @property
     def root_mean_square(self) -> float:
-        """Of all values, each in its usual deviations: about 1 or less where these are believable."""
+        """Of all values, each relative to its usual standard deviation: plausible if about 1 or less."""
         return float(np.sqrt(np.mean(self._off**2)))
 
     @property
     def farthest(self) -> Alternative:
-        """All numbers, the one that is off by the most of its standard deviations first."""
+        """All numbers, largest relative deviation first."""
         return tuple(sorted(self.numbers, key=lambda each: -self._farthest(each)))
 
     @property
@@ -47,14 +47,16 @@ class AsBuiltNumbers:
         return np.concatenate([self._off_by(each) for each in self.numbers])
 
     def _off_by(self, number: Found) -> Floats:
-        """Values of a number in its usual standard deviations; a term has those that it was fitted with."""
+        """Values of a number relative to its usual standard deviations; a term contains those of
+        its fit.
+        """
         return self.share * np.array(number.term.values) / np.array(number.term.known)
 
     def _farthest(self, number: Found) -> float:
         return float(np.abs(self._off_by(number)).max())
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "root_mean_square": self.root_mean_square,
             "share": self.share,

@@ -1,4 +1,4 @@
-"""The answer of a diagnosis: a word, and effects with their values; and what the word follows from."""
+"""The verdict of a diagnosis, the effects with their values, and the rules for the verdict."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ NEAR = 0.999  # of a bound: a step that ends there may miss it by a rounding
 
 
 class Verdict(StrEnum):
-    """The answer in a word.
+    """The verdict in a word.
 
     `NOT_CONVERGED` means that the cost of the last model is not finite: no start was found from which the
     simulation of the recordings stays finite; or that most windows fit far worse than from their first
-    estimates. A search or a fit that ends at a limit on its rounds is judged
-    by what it leaves, so that the answer is likely to be `OUTSIDE_LIBRARY`. The same holds for an effect
-    whose true value is beyond the bounds of its fit; `Found.at_bound` tells.
+    estimates. A search or a fit that ends at a limit on its rounds is judged by its residual, so
+    that the answer is likely to be `OUTSIDE_LIBRARY`. The same holds for an effect whose true value is
+    beyond the bounds of its fit; see `Found.at_bound`.
     """
 
     NOISE_ONLY = "NOISE_ONLY"
@@ -62,7 +62,7 @@ class Value:
       name, unit: of the parameter.
       value: of the robot.
       low, high: its 95 % interval.
-      in_plant: with which the plant at its time step comes nearest to the robot.
+      in_plant: the value that brings the plant at its time step closest to the robot.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Value:
     in_plant: float
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "value": self.value,
             "low": self.low,
@@ -92,9 +92,9 @@ class Found:
       location: name of the cable or point; "" for the whole robot.
       values: of its parameters.
       term: the same, to be added to a plant.
-      held_back: a value ended as far from what was said of it as that is believed.
+      held_back: a value ended at the limit of its prior.
       at_bound: its values that ended at a bound of their parameter other than zero.
-      gain: on windows that nothing was fitted to; None where that was not asked.
+      gain: on windows that were not fitted; None if not computed.
     """
 
     effect: str
@@ -112,12 +112,12 @@ class Found:
 
     @property
     def family(self) -> str:
-        """The effect whose physical cause it has, by whatever law."""
+        """The effect with the same physical cause, by whatever law."""
         return self.term.effect.family
 
     @property
     def form(self) -> str:
-        """How it differs from the effect of its family; "" for that itself."""
+        """Difference from the effect of its family; "" for that itself."""
         return self.term.effect.form
 
     @property
@@ -127,7 +127,7 @@ class Found:
 
     @property
     def by_part(self) -> tuple[Value, ...]:
-        """Its size at each part, where that differs; the common one is taken for known in the intervals."""
+        """Its size at each part, if that differs; the intervals assume the common one as known."""
         if not isinstance(self.term.effect, PerPart):
             return ()
         common = self.values[0]
@@ -145,7 +145,7 @@ class Found:
 
     @property
     def readable(self) -> tuple[Value, ...]:
-        """Its values for people: sizes of parts in the place of logarithms of factors."""
+        """Its values for people: sizes of parts instead of logarithms of factors."""
         return self.values[: len(self.values) - len(self._factors)] + self.by_part
 
     @property
@@ -155,7 +155,7 @@ class Found:
 
     @property
     def shown(self) -> bool:
-        """The interval of one of its sizes leaves out zero."""
+        """True if the interval of one of its sizes excludes zero."""
         sizes = self.values[: len(self.term.effect.sizes)]
         return any(value.low > 0 or value.high < 0 for value in sizes)
 
@@ -166,7 +166,7 @@ class Found:
         return max(abs(v.value) / max(v.high - v.low, 1e-300) for v in sizes)
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "effect": self.effect,
             "family": self.family,
@@ -188,13 +188,13 @@ def found(
     robot: Robot,
     believed: float = JacobianSettings().believed,
 ) -> Found:
-    """A term with what is known about its values.
+    """A term with the uncertainty of its values.
 
     Args:
       term: an effect with fitted values.
-      deviations, by_step: of these values, as `Uncertainty` has them.
-      robot: whose effect it is.
-      believed: standard deviations of what was said of a value that it may be off.
+      deviations, by_step: of these values, as in `Uncertainty`.
+      robot: of the effect.
+      believed: allowed number of prior standard deviations.
     """
     values = tuple(
         _value(parameter, value, deviation, of_step)
@@ -214,7 +214,7 @@ def found(
 
 
 def _at_bound(size: float, parameter: Parameter) -> bool:
-    """Whether a size, in typical ones, is at a bound; zero is none that it was stopped at."""
+    """True if a size, in typical ones, is at a bound; zero does not count as one."""
     return size >= NEAR * parameter.high or (
         not parameter.one_sided and size <= NEAR * parameter.low
     )
@@ -230,7 +230,7 @@ def _value(parameter: Parameter, fitted: float, deviation: float, by_step: float
 
 
 def beyond(limits: Limits, own: OwnErrors) -> Limits:
-    """Limits within which a model's own errors are not taken for more."""
+    """Limits that include a model's own errors."""
     return replace(
         limits,
         threshold=max(limits.threshold, limits.margin * own.score),
@@ -241,12 +241,12 @@ def beyond(limits: Limits, own: OwnErrors) -> Limits:
 
 
 def tolerated(limits: Limits, left: Adequacy) -> bool:
-    """Whether what is left beyond noise is so little that nobody wants to know more."""
+    """True if the residual beyond noise is within the tolerance."""
     return limits.tolerance > 0.0 and left.beyond_noise <= limits.tolerance
 
 
 def only_noise(limits: Limits, left: Adequacy) -> bool:
-    """Whether nothing but noise is left, or nothing that matters."""
+    """True if only noise, or a tolerated residual, is left."""
     return tolerated(limits, left) or (
         left.noise < limits.max_residual_variance + limits.sure * left.doubt
         and left.correlation < limits.correlated
@@ -255,7 +255,7 @@ def only_noise(limits: Limits, left: Adequacy) -> bool:
 
 
 def carries_over(limits: Limits, held_out: Errors | None) -> bool:
-    """Whether what explains the recordings that were fitted explains those that were not; so without any."""
+    """True if the explanation of fitted recordings also holds for held-out ones; True without any."""
     if held_out is None:
         return True
     most = limits.max_held_out_variance * held_out.noise**2
@@ -263,28 +263,28 @@ def carries_over(limits: Limits, held_out: Errors | None) -> bool:
 
 
 def worth_having(limits: Limits, gain: Gain) -> bool:
-    """Whether effects take away enough of what the model as it was leaves to be a part of what is missing."""
+    """True if effects remove enough of the initial model's error to be named as a part of it."""
     return gain.clear and gain.share >= limits.least_gain
 
 
 def constant(limits: Limits, left: Adequacy) -> bool:
-    """Whether fitted sizes are the same everywhere."""
+    """True if fitted sizes are the same everywhere."""
     return left.inconstancy < limits.inconstant
 
 
 def imitated(limits: Limits, law: Misspecification) -> bool:
-    """Whether an effect of the answer only imitates a law that is none of the library.
+    """True if an effect of the answer only imitates a law outside the library.
 
-    Which explains by so much more that it would have been seen beside the effect.
+    That law explains so much more that it would have been visible in addition to the effect.
     """
     return law.gain > limits.threshold
 
 
 def other_form(limits: Limits, law: Misspecification) -> bool:
-    """Whether what was found has another form than the effects of the library.
+    """True if the answer has another form than the effects of the library.
 
-    An effect that is there leaves something to another law where the plant has it in a slightly
-    other form; but in its place that law would not explain more.
+    An existing effect leaves a residual to another law if the plant has it in a slightly different
+    form; but in its place that law would not explain more.
     """
     beside = law.score > limits.threshold and law.share > limits.other
     return imitated(limits, law) or beside
@@ -298,14 +298,14 @@ def verdict_of(
     after: Adequacy,
     law: Misspecification,
 ) -> Verdict:
-    """The answer in a word, before it is asked whether others explain the recordings as well.
+    """The verdict in a word, before alternatives are considered.
 
     Args:
-      limits: what counts as seen.
+      limits: of the diagnosis.
       last: model of the search.
       answer: of that; empty if nothing was found.
-      before, after: what the first and the last model leave.
-      law: that explains more than the answer.
+      before, after: residuals of the first and the last model.
+      law: one that explains more than the answer.
     """
     if not np.isfinite(last.fit.cost) or not after.converged:
         return Verdict.NOT_CONVERGED

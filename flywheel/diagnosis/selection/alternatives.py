@@ -1,4 +1,4 @@
-"""Other models that explain the data as well: effects and laws in the place of those that were found."""
+"""Alternative models: other effects and laws in place of those of the answer."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ TWINS = 1e-6  # relative difference of the costs of models that predict the same
 
 @dataclass(frozen=True)
 class ExchangedModels:
-    """What came of a model whose effects were exchanged for others.
+    """Result for a model with replaced effects.
 
     Attributes:
       last: the model, perhaps with better initial states.
-      others: models that explain the data as well.
-      without: each effect that was exchanged, and the model without it.
+      others: equally good models.
+      without: each replaced effect, and the model without it.
     """
 
     last: Fit
@@ -31,10 +31,10 @@ class ExchangedModels:
     without: tuple[tuple[Term, ScoredModel], ...]
 
     def shorter(self, search: Search) -> ScoredModel | None:
-        """The model without the least needed effect, if that does nearly as well.
+        """The model without the least necessary effect, if that is nearly as good.
 
-        Without a single effect that is the model as it was, which was fitted with care before any effect; not
-        so beside numbers of a robot as built.
+        Without a single effect that is the initial model, which was fitted carefully before any
+        effect; except with numbers of a robot as built.
         """
         if len(self.without) < (1 if self.last.kept else 2):
             return None
@@ -47,17 +47,17 @@ class ExchangedModels:
 def exchanged(
     search: Search, models: Sequence[ScoredModel], margin: float, only_twins: bool = False
 ) -> ExchangedModels:
-    """The last model of a search, and those that explain the data as well.
+    """The last model of a search, and equally good alternatives.
 
-    Each of its effects is exchanged for others, and for probes, that scored nearly as well in its place.
-    A model that is better may have found better initial states only: the last one is then fitted from them,
-    too.
+    Each of its effects is replaced by others, and by probes, that scored nearly as well in its
+    place. A better model may only have found better initial states: the last one is then fitted
+    from them, too.
 
     Args:
-      search: that made the models.
+      search: of the models.
       models: of the search; the last one is meant.
       margin: difference of the criteria up to which a model is as good.
-      only_twins: no others are fitted than those that predict the same with the same values.
+      only_twins: only fit those that predict the same with the same values.
     """
     last = models[-1].fit
     found: list[Fit] = []
@@ -76,7 +76,7 @@ def exchanged(
 
 
 def _own_statistic(model: ScoredModel, term: Term) -> float:
-    """What a term promises on a model; of one at a part alone, what its effect does everywhere."""
+    """Promise of a term on a model; for one at a part alone, that of its effect everywhere."""
     scores, family = (*model.scores, *model.probes), term.effect.family
     own = [s.statistic for s in scores if s.proposes(term)]
     everywhere = [s.statistic for s in scores if s.candidate.effect.family == family]
@@ -86,7 +86,7 @@ def _own_statistic(model: ScoredModel, term: Term) -> float:
 def model_without(
     search: Search, known: Sequence[ScoredModel], fit: Fit, terms: Sequence[Term]
 ) -> ScoredModel:
-    """A fit without some of its terms: one of the known models, where that is it already."""
+    """A fit without some of its terms: one of the known models, if possible."""
     rest = tuple(term for term in fit.terms if term not in terms)
     left = places(rest)
     for model in reversed(known):
@@ -98,14 +98,14 @@ def model_without(
 
 
 def refitted(search: Search, model: ScoredModel, target: float) -> ScoredModel:
-    """A model that was given up when it was clearly not the best, fitted on; its scores stay.
+    """A model abandoned when it was clearly not the best, fitted further; its scores stay.
 
-    To its end; or, with numbers of a robot as built, whose fits take a minute, until it clearly stays above
-    the target.
+    To its end; or, with numbers of a robot as built, whose fits take a minute, until it clearly
+    stays above the target.
 
     Args:
-      search: that made it.
-      model: given up.
+      search: of the model.
+      model: abandoned one.
       target: criterion from which on it would be as good.
     """
     if not model.fit.terms:
@@ -128,7 +128,7 @@ def _in_place(
     margin: float,
     only_twins: bool = False,
 ) -> list[Fit]:
-    """Models with a candidate in the place of a term that are as good."""
+    """Equally good models with a candidate in place of a term."""
     others, limit = without(last.terms, term), search.criterion(last) + margin
     found: list[Fit] = []
     known = [(last, term)]
@@ -149,7 +149,7 @@ def _in_place(
     for score in scores:
         if len(found) >= search.settings.shortlist:
             break
-        what = f"{score.candidate.label} in the place of {term.effect.name}"
+        what = f"{score.candidate.label} in place of {term.effect.name}"
         fit = search.heartbeat.spared(partial(fitted, score), None, what)
         if fit is not None and search.criterion(fit) < limit:
             found.append(fit)
@@ -157,9 +157,9 @@ def _in_place(
 
 
 def _twin(search: Search, fit: Fit, term: Term, score: Score) -> Fit | None:
-    """The model with a candidate in the place of a term, and its values, if that predicts the same.
+    """The model with a candidate in place of a term, and its values, if that predicts the same.
 
-    Two fits of one model differ by more than a margin may be; twins need none.
+    Two fits of one model may differ by more than a margin; twins need none.
     """
     effect, place = score.candidate.effect, score.candidate.place
     if len(effect.parameters) != len(term.values) or not score.candidate.allows(term.values):
@@ -170,6 +170,6 @@ def _twin(search: Search, fit: Fit, term: Term, score: Score) -> Fit | None:
 
 
 def _from_its_initial_states(search: Search, fit: Fit, other: Fit) -> Fit:
-    """A fit, where another model's initial states suit its windows better, begun from those."""
+    """A fit, restarted from another model's initial states if those suit its windows better."""
     begun = search.fitter.with_terms(other, fit.terms)
     return search.combined(fit, search.fit_until(begun, search.criterion(fit)))

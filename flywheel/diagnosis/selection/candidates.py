@@ -1,4 +1,4 @@
-"""What could be missing: every effect of a library, at every place, with every shape of its grid."""
+"""Candidates: every effect of a library, at every place, with every shape of its grid."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Candidate:
     """One effect at one place.
 
     Attributes:
-      effect: what.
+      effect: the effect.
       place: index of the cable or point; None for the whole robot.
-      typical: value of every size that is usual.
-      shapes: alternatives for the values of its shapes; one empty tuple where it has none.
+      typical: usual value of every size.
+      shapes: alternatives for the values of its shapes; one empty tuple without shapes.
       location: name of the place; "" for the whole robot.
     """
 
@@ -41,13 +41,13 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """As commands take it: "weak_cable@long_03"."""
+        """In the format of commands: "weak_cable@long_03"."""
         return f"{self.effect.name}{AT}{self.location}" if self.location else self.effect.name
 
     def term(self, sizes: tuple[float, ...], shape: int = 0) -> Term:
         """The effect with these sizes, in multiples of the typical ones, and this shape.
 
-        A size that the effect cannot have is the nearest that it can.
+        An impossible size is replaced by the nearest possible one.
         """
         bounds = ((p.low, p.high) for p in self.effect.sizes)
         values = tuple(
@@ -57,12 +57,12 @@ class Candidate:
         return Term(self.effect, self.place, values + self.shapes[shape])
 
     def allows(self, values: tuple[float, ...]) -> bool:
-        """Whether the effect can have these sizes, in its own units; its shapes may follow them."""
+        """True if the effect can have these sizes, in its own units; its shapes may follow them."""
         sizes = zip(values, self.effect.sizes, self.typical, strict=False)
         return all(size.low * usual <= value <= size.high * usual for value, size, usual in sizes)
 
     def unit_terms(self, share: float = 1.0) -> list[Term]:
-        """Each size alone at a share of its typical value: shapes outside, sizes inside."""
+        """Each size alone at a fraction of its typical value: shapes outside, sizes inside."""
         count = len(self.typical)
         units = [tuple(share * float(i == j) for j in range(count)) for i in range(count)]
         return [self.term(unit, shape) for shape in range(len(self.shapes)) for unit in units]
@@ -93,22 +93,22 @@ def at_parts(robot: Robot, everywhere: Sequence[Candidate]) -> tuple[Candidate, 
 
 
 def places(terms: Terms) -> set[tuple[str, int | None]]:
-    """Which effects terms are of, and where."""
+    """Effects of terms, and their places."""
     return {(term.effect.name, term.place) for term in terms}
 
 
 def families(terms: Terms) -> set[tuple[str, int | None]]:
-    """Which physical causes terms that are asked about have, and where, by whatever law."""
+    """Physical causes of candidate terms, and their places, by whatever law."""
     return {(term.effect.family, term.place) for term in terms if term.asked}
 
 
 @dataclass(frozen=True)
 class Rival:
-    """An effect that may be the one, at a place or at any.
+    """A possible effect, at one place or at any.
 
     Attributes:
-      name: as it was asked for.
-      candidates: the effect at each place that it may be at.
+      name: as given.
+      candidates: the effect at each possible place.
     """
 
     name: str

@@ -1,9 +1,9 @@
-"""Whether an answer has the right form: laws that no effect of the library has, as questions.
+"""Misspecification tests: the form of an answer is tested against laws outside the library.
 
-A cable whose damping grows with the square of its speed is well imitated by one that is damped in
-proportion to it: hardly anything is left, and the fit looks right. Asked directly for what the square would
-explain besides, the data say so. A probe is such a law: it is scored like a candidate, and never an answer.
-One that explains much beside the answer, or more in its place, means that the answer has the wrong form.
+A cable whose damping grows with the square of its speed is well imitated by linear damping: the
+residual is small, and the fit looks right. Scoring the square directly reveals it. A probe is such
+a law: it is scored like a candidate, and never an answer. If one explains much in addition to the
+answer, or more in its place, the answer has the wrong form.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class TensionDamping(TensionEffect):
 
 
 class StiffnessDrift(TensionEffect):
-    """Cables that lose stiffness, or gain some, while a recording runs. The memory is the time."""
+    """Cables that lose stiffness, or gain some, during a recording. The memory is the time."""
 
     name = "stiffness_in_time"
     sizes = (Parameter("rate", "1/s", lambda s: 0.02 / s.time, low=-20.0),)
@@ -67,7 +67,7 @@ class StiffnessDrift(TensionEffect):
 
 
 class RateDependentGain(CommandEffect):
-    """Winches whose rate is no straight line of what they are told."""
+    """Winches with a nonlinear rate."""
 
     name = "gain_by_rate"
     stage = 2
@@ -89,7 +89,7 @@ PROBES: dict[str, Effect] = {
 
 
 def is_probe(effect: Effect) -> bool:
-    """Whether it is a question, by whatever sizes of parts, and not one of the library's effects."""
+    """True for a probe, with any sizes of parts, False for one of the library's effects."""
     return effect.name in PROBES
 
 
@@ -100,15 +100,15 @@ def probed(terms: Terms) -> Terms:
 
 @dataclass(frozen=True)
 class Misspecification:
-    """What probes explain that an answer does not.
+    """Explanation by probes that an answer lacks.
 
     Attributes:
-      name: of the law that explains the most beside it; "" for none.
+      name: of the law that explains the most in addition to it; "" for none.
       score: of that, like a candidate's.
-      share: of what both explain, what that explains beside the answer.
-      instead: the law that, fitted in the place of an effect of the answer, explains the most; "" if none
-        comes near.
-      gain: how much better a model with that is (difference of the criteria, BIC).
+      share: of it in the explanation by both.
+      instead: the law that, fitted in place of an effect of the answer, explains the most; "" if
+        none comes near.
+      gain: improvement of the model by that (difference of the criteria, BIC).
     """
 
     name: str = ""
@@ -118,7 +118,7 @@ class Misspecification:
     gain: float = -np.inf
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         gain = self.gain if self.instead else None
         return {
             "law": self.name,
@@ -139,12 +139,12 @@ def misspecification(
     instead: Sequence[Fit],
     criterion: Callable[[Fit], float],
 ) -> Misspecification:
-    """What laws explain that the last model of a search does not.
+    """Laws that explain more than the last model of a search.
 
     Args:
-      first, last: the models that the search began and ended with.
+      first, last: models of the search.
       probes: scores on top of the last one.
-      instead: models with a law in the place of an effect of the last one.
+      instead: models with a law in place of an effect of the last one.
       criterion: of a model, the less the better.
     """
     if not probes:

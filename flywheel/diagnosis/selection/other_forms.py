@@ -1,9 +1,9 @@
-"""Other forms of an effect that was found, before a second one is looked for.
+"""Other forms of an identified effect, before a second one is searched for.
 
-Friction that differs from cable to cable leaves much beside friction that is the same everywhere, and so does
-friction in proportion to stiffness. A search that looks on would name a second effect for it. So where an
-effect leaves more than noise, it is fitted by other laws of its family, and with a size for each part; what
-explains clearly more, for what it costs, is taken.
+Friction that differs between cables leaves a large residual if it is modelled as equal, and so does
+friction in proportion to stiffness. A search would name a second effect for it. If an effect leaves
+more than noise, it is therefore fitted by other laws of its family, and with a size for each part;
+a form that is clearly better, including its penalty, is used.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class _Form:
     Attributes:
       fit: of it.
       family: of the effect.
-      price: of its factors, to be added to its criterion; 0 without any.
+      price: penalty of its factors, to be added to its criterion; 0 without any.
     """
 
     fit: Fit
@@ -63,8 +63,8 @@ class _Form:
 def proposed_forms(search: Search, model: ScoredModel) -> list[Term]:
     """Other laws, and effects at one cable or winch alone, that promise clearly more than any candidate.
 
-    Effects at one part alone, which take simulations, are not asked about where the best candidate promises
-    to explain nearly all that is left.
+    Effects at one part alone, which need simulations, are not tested if the best candidate promises
+    to explain nearly the whole residual.
     """
     settings, best = search.settings.forms, model.scores[0]
     asked = {each.effect.family for each in search.library}
@@ -87,7 +87,7 @@ def in_other_forms(
       search: that added the effect.
       before: the model without it.
       model: the model with it.
-      rivals: further effects that may have been the one; they may be it if sizes differ from part to part.
+      rivals: further effects that may be the right one if sizes differ from part to part.
     """
     had = {family for family, _ in families(before.fit.terms)}
     new = {family for family, _ in families(model.fit.terms)}
@@ -97,15 +97,15 @@ def in_other_forms(
 
 
 def with_even_sizes(search: Search, model: ScoredModel) -> ScoredModel:
-    """A model of a robot as built in which sizes for each part are one, where that explains nearly as much.
+    """A model of a robot as built with sizes for each part set to one, if that explains nearly as much.
 
-    They were fitted before the numbers were, for which they may have made up.
+    They were fitted before the numbers, for which they may have compensated.
     """
     for term in model.fit.terms:
         if isinstance(term.effect, PerPart) and model.fit.kept is not None:
             even = tuple(at_same_size(t) if t is term else t for t in model.fit.terms)
             begun = search.fitter.with_terms(model.fit, as_said(even))
-            search.heartbeat(f"fitting {term.effect.name} of one size beside numbers as built")
+            search.heartbeat(f"fitting {term.effect.name} of one size with numbers as built")
             fit = search.settled(search.effects_first(begun))
             less, terms = search.score_all(fit), (*without(model.fit.terms, term), term)
             _, price = _explained(search.fitter, less, terms, term)
@@ -143,7 +143,7 @@ def _in_best_form(
 
 
 def _seen_beside(search: Search, model: ScoredModel) -> bool:
-    """Whether anything is seen beside what a model has."""
+    """True if an effect is visible on top of a model."""
     return max(each.score for each in (*model.scores, *model.probes)) >= search.threshold
 
 
@@ -153,7 +153,7 @@ def _of_family(fit: Fit, family: str) -> Term:
 
 
 def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[_Form]:
-    """The model with each other law of a family that explains something beside it, fitted."""
+    """The model with each other law of a family that explains something in addition, fitted."""
     found, term = [], _of_family(model.fit, family)
     for score in model.probes:
         effect = score.candidate.effect
@@ -166,9 +166,9 @@ def _by_other_laws(search: Search, model: ScoredModel, family: str) -> list[_For
 def _rivals_in_place(
     search: Search, model: ScoredModel, family: str, rivals: Sequence[Score]
 ) -> list[_Form]:
-    """The model with each rival that is seen beside an effect in its place, fitted.
+    """The model with each rival that is visible in addition to an effect in its place, fitted.
 
-    For a robot as built: what its numbers make up for was compared by sensitivities that were those of
+    For a robot as built: the compensation by its numbers was compared using sensitivities of
     another place.
     """
     if model.fit.kept is None:
@@ -182,8 +182,8 @@ def _rivals_in_place(
 
 
 def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate) -> list[_Form]:
-    """A fit with a candidate in the place of a term, fitted for as long as it may become better."""
-    what = f"{candidate.label} in the place of {term.effect.name}"
+    """A fit with a candidate in place of a term, fitted as long as it may become better."""
+    what = f"{candidate.label} in place of {term.effect.name}"
     search.heartbeat(f"fitting {what}")
 
     def fitted(candidate: Candidate) -> _Form:
@@ -194,7 +194,7 @@ def _fitted_in_place(search: Search, fit: Fit, term: Term, candidate: Candidate)
 
 
 def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Terms:
-    """Terms of a fit with a candidate in the place of one of them, of the sizes that change as much."""
+    """Terms of a fit with a candidate in place of one of them, of the sizes with the same change."""
     fitter = search.fitter
     rest = without(fit.terms, term)
     bare = fitter.with_terms(fit, rest)
@@ -209,7 +209,7 @@ def _exchanged(search: Search, fit: Fit, term: Term, candidate: Candidate) -> Te
 
 
 def _at_one_part(search: Search, found: _Form) -> _Form | None:
-    """The model with the effect at its largest part alone, fitted; None where others have much of it."""
+    """The model with the effect at its largest part alone, fitted; None if others have much of it."""
     fit, term = found.fit, found.term
     alone, share = at_largest_part(term)
     if share < search.settings.forms.alone:
@@ -221,7 +221,7 @@ def _at_one_part(search: Search, found: _Form) -> _Form | None:
 
 
 def promised_per_part(search: Search, model: ScoredModel, score: Score) -> float:
-    """What a candidate with a size for each part promises to explain, less its price [sigma^2]."""
+    """Promised explanation of a candidate with a size for each part, minus its price [sigma^2]."""
     even = score.candidate.term(score.sizes, score.shape)
     term = per_part_term(even, search.fitter.windows.robot, search.settings.forms.spread)
     if term is None:
@@ -233,7 +233,7 @@ def promised_per_part(search: Search, model: ScoredModel, score: Score) -> float
 def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
     """The model with a size of an effect for each part, fitted; None if that promises too little.
 
-    Numbers of a robot as built differ from part to part, too: it has to promise about as much as they do.
+    Numbers of a robot as built differ between parts, too: it must promise about as much as they do.
     """
     fit, fitter, spread = model.fit, search.fitter, search.settings.forms.spread
     term = _of_family(fit, family)
@@ -258,7 +258,7 @@ def _per_part(search: Search, model: ScoredModel, family: str) -> _Form | None:
 def _sized_by_part(
     fitter: Fitter, model: ScoredModel, term: Term, uneven: Term, spread: float
 ) -> Term:
-    """A term with the size at each part that the linearisation of a model asks for."""
+    """A term with the size at each part from the linearisation of a model."""
     size, *shapes = term.values
     count = len(parts_of(fitter.windows.robot, term.effect.part))
     present = np.ones(count) if term.place is None else np.eye(count)[term.place]
@@ -273,7 +273,7 @@ def _sized_by_part(
 
 
 def _explained(fitter: Fitter, model: ScoredModel, terms: Terms, term: Term) -> tuple[float, float]:
-    """What a term would explain beside the values that a model has, in its linearisation, and its price."""
+    """Explanation by a term in addition to a model's values, in its linearisation, and its price."""
     fit = model.fit
     begun = replace(fitter.with_terms(fit, terms), cache=fit.cache)
     free = sorted(fitter.free(terms), key=lambda f: terms[f.term] is term)
@@ -289,9 +289,9 @@ def _explained(fitter: Fitter, model: ScoredModel, terms: Terms, term: Term) -> 
 
 
 def _rival_per_part(search: Search, score: Score, found: _Form) -> _Form | None:
-    """The model with another effect in its place, fitted; None where that has not the same parts.
+    """The model with another effect in its place, fitted; None if that has other parts.
 
-    It begins with the same factors: where a cable rubs more, it does so by any law.
+    It starts with the same factors: a cable with more friction has more of it by any law.
     """
     fit, fitter, effect = found.fit, search.fitter, score.candidate.effect
     robot = fitter.windows.robot

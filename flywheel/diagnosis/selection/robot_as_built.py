@@ -1,4 +1,4 @@
-"""What all numbers of a robot, each a little off, promise to explain beside a model."""
+"""Promise of all numbers of a robot, each slightly off, on top of a model."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from flywheel.effects import Term
 
 @dataclass(frozen=True)
 class AsBuiltPromise:
-    """What the numbers promise.
+    """Promise of the numbers.
 
     Attributes:
-      begun: the model with them, at what the MJCF says.
-      explained: less what they cost, in its linearisation [sigma^2].
+      begun: the model with them, at the MJCF's values.
+      explained: minus their price, in its linearisation [sigma^2].
     """
 
     begun: Fit
@@ -26,11 +26,12 @@ class AsBuiltPromise:
 
 
 def promised_as_built(search: Search, model: ScoredModel) -> AsBuiltPromise | None:
-    """What the numbers promise; None where they are not asked about, or in the model, or nothing is left.
+    """Promise of the numbers; None if they are no candidates, or in the model, or nothing is left.
 
-    How well a robot was made is not known beforehand: of several shares of the deviations the one is taken
-    that makes the recordings the most likely (type II maximum likelihood). Numbers that may be farther off
-    than they are cost more than they explain, and single effects would be named in their place.
+    The tolerances of a robot are not known beforehand: of several fractions of the standard
+    deviations the one with the most likely recordings is used (type II maximum likelihood). With
+    too wide priors the numbers cost more than they explain, and single effects would be named
+    instead.
     """
     fitter, fit = search.fitter, model.fit
     if not search.as_built or fit.kept is not None or model.beyond_noise < search.threshold:
@@ -55,13 +56,13 @@ def promised_as_built(search: Search, model: ScoredModel) -> AsBuiltPromise | No
 
 
 def _explained(numbers: Projection, fit: Fit) -> float:
-    """What numbers of a robot explain of a fit's residual, less what they cost [sigma^2]."""
+    """Explanation of a fit's residual by numbers of a robot, minus their price [sigma^2]."""
     before, left = numbers.unknown(fit.residual[..., None]), numbers(fit.residual[..., None])
     return float((before**2).sum() - (left**2).sum()) - numbers.price
 
 
 def known_share(search: Search, fit: Fit) -> float:
-    """The share of the usual deviations that a fit has its numbers of a robot as built within."""
+    """The fraction of the usual standard deviations in a fit with numbers of a robot as built."""
     usual = search.as_built[0]
     taken = next(
         t for t in fit.terms if (t.effect.name, t.place) == (usual.effect.name, usual.place)
@@ -70,5 +71,5 @@ def known_share(search: Search, fit: Fit) -> float:
 
 
 def _known_to(term: Term, share: float) -> Term:
-    """A term whose values are known to a share of their deviations."""
+    """A term whose values have a fraction of their prior standard deviations."""
     return replace(term, known=tuple(share * known for known in term.known))

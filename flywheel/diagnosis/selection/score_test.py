@@ -1,11 +1,12 @@
-"""The projected score test: which effect explains what the fitted model cannot.
+"""The projected score test: which effect explains the residual of the fitted model.
 
-Everything that is unknown and of no interest (initial states, the winches' offsets, effects that are already
-in the model) is projected out of residuals and sensitivities alike. What is left of an effect's sensitivity,
-g, and of the residual, r, gives its size (g'r / g'g), its Lagrange-multiplier statistic ((g'r)^2 / g'g) and
-what the data could show at all, without a refit (Rao 1948), in the linearisation of the fit.
+All unknowns of no interest (initial states, the winches' offsets, effects in the model) are
+projected out of residuals and sensitivities alike. The rest of an effect's sensitivity, g, and of
+the residual, r, gives its size (g'r / g'g), its Lagrange-multiplier statistic ((g'r)^2 / g'g) and
+the smallest visible size, without a refit (Rao 1948), in the linearisation of the fit.
 
-Two effects are scored together, too: what explains nothing alone may do so beside another.
+Two effects are scored together, too: one that explains nothing alone may do so in addition to
+another.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ DEAD = 1e-6  # a sensitivity below this many sigmas means that the knob is not c
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a fitted value before any fit, around zero, and what it was fitted to.
+    """Prior of a fitted value, around zero, and its fitted value.
 
     Attributes:
-      value, deviation: in one unit; the deviation is infinite where nothing is known.
+      value, deviation: in one unit; the deviation is infinite without a prior.
     """
 
     value: float
@@ -40,14 +41,14 @@ class Prior:
 
 @dataclass(frozen=True)
 class Projection:
-    """Takes out of vectors what the nuisances can explain.
+    """Removes from vectors the part explained by nuisance parameters.
 
     Attributes:
       bases: (K, D + X, X) orthonormal, of the local parameters with their priors.
-      shared: (K, D + X, S) orthonormal over all windows together, of what windows share.
-      shares: (S,) of each that is taken out: all of it, or less where something is known of how large it is,
-        so that products of what is left are those of the inverse covariance.
-      weights: (K,) of the windows, at most 1; what one bad window says counts less.
+      shared: (K, D + X, S) orthonormal over all windows together, of the shared parameters.
+      shares: (S,) removed fraction of each: all of it, or less with a prior, so that products of
+        the rest are those of the inverse covariance.
+      weights: (K,) of the windows, at most 1; a bad window counts less.
     """
 
     bases: Floats
@@ -64,13 +65,13 @@ class Projection:
         weights: Floats,
         prior: Floats | None = None,
     ) -> Projection:
-        """Take out initial states, offsets, and (K, D, n) the values already in the model.
+        """Remove initial states, offsets, and (K, D, n) the values in the model.
 
         Args:
           fitter, jacobian: of the model.
           by_value: sensitivities to the values.
           weights: (K,) of the windows.
-          prior: (n,) standard deviations of the values, infinite where nothing is known; None for that.
+          prior: (n,) standard deviations of the values, infinite without a prior; None for that.
         """
         root = weights[:, None, None]
         bases = local_bases(jacobian.by_local * root, fitter.local_prior)
@@ -97,19 +98,19 @@ class Projection:
 
     @property
     def taken(self) -> float:
-        """How many degrees of freedom what windows share takes out of a residual that was fitted."""
+        """Degrees of freedom taken by shared parameters from a fitted residual."""
         return float((1.0 - (1.0 - self.shares) ** 2).sum())
 
     @property
     def price(self) -> float:
-        """Logarithm of how much less likely data are, beside a fit, for values that could have been others.
+        """Logarithm of the likelihood penalty, relative to a fit, for values with alternatives.
 
-        Of those of which something is known: what the Bayesian information criterion puts as log n.
+        For those with a prior: the counterpart of log n in the Bayesian information criterion.
         """
         return float(-2.0 * np.log(1.0 - self.shares[self.shares < 1.0]).sum())
 
     def with_priors_scaled(self, factor: float) -> Projection:
-        """The same where what is known of values is known to so many times the deviation."""
+        """The same with priors whose standard deviation is multiplied by a factor."""
         known = self.shares < 1.0
         variance = 1.0 / (1.0 - self.shares[known]) ** 2 - 1.0  # see `of`
         shares = self.shares.copy()
@@ -118,19 +119,19 @@ class Projection:
 
     @property
     def unknown(self) -> Projection:
-        """The same without what something is known of."""
+        """The same without the quantities that have a prior."""
         everything = self.shares == 1.0
         return replace(self, shared=self.shared[..., everything], shares=self.shares[everything])
 
     def __call__(self, vectors: Floats) -> Floats:
-        """(K (D + X), n) what is left of vectors (K, D, n)."""
+        """(K (D + X), n) rest of vectors (K, D, n)."""
         left = self.without_local(vectors)
         left = left.reshape(-1, left.shape[2])
         shared = self.shared.reshape(len(left), -1)
         return left - shared @ (self.shares[:, None] * (shared.T @ left))
 
     def without_local(self, vectors: Floats) -> Floats:
-        """(K, D + X, n) what the local parameters leave of vectors (K, D, n)."""
+        """(K, D + X, n) rest of vectors (K, D, n) after the local parameters."""
         return self._without_local(self._padded(vectors * self.weights[:, None, None]))
 
     def _padded(self, vectors: Floats) -> Floats:
@@ -143,18 +144,18 @@ class Projection:
 
 @dataclass(frozen=True)
 class Score:
-    """What the test says of one candidate.
+    """Result of the test for one candidate.
 
     Attributes:
-      candidate: which.
+      candidate: the candidate.
       shape: index of its best shape.
-      statistic: Lagrange-multiplier (LM) statistic: fall of the squared residuals in the linearisation
-        [sigma^2].
-      score: the statistic over the noise, of several sizes as that of one that is as unlikely (`chance`), to
-        compare with the test's threshold.
+      statistic: Lagrange-multiplier (LM) statistic: decrease of the squared residuals in the
+        linearisation [sigma^2].
+      score: the statistic over the noise, for several sizes that of one size of the same
+        significance (`chance`), to compare with the test's threshold.
       sizes: one-step estimates, in multiples of the typical sizes.
       errors: their standard deviations.
-      smallest: size that these data would have shown (95 %), in multiples of the typical one.
+      smallest: size visible in these data (95 %), in multiples of the typical one.
     """
 
     candidate: Candidate
@@ -166,7 +167,7 @@ class Score:
     smallest: float
 
     def proposes(self, term: Term) -> bool:
-        """Whether it is of the effect of a term, at its place."""
+        """True for the effect of a term, at its place."""
         candidate = self.candidate
         return candidate.effect.name == term.effect.name and candidate.place == term.place
 
@@ -176,19 +177,19 @@ class ScoreTest:
     """Residual and sensitivities after the projection.
 
     Attributes:
-      candidates: that were tested.
+      candidates: tested ones.
       residual: (N,).
       columns: (N, n) of every size of every shape of every candidate, in `unit_terms` order.
-      shorter: (n,) bool, those that are what a part of a typical size changes.
-      part: of a typical size that these are the secants of.
+      shorter: (n,) bool, True for changes by a part of a typical size.
+      part: of a typical size in these secants.
       slices: candidate -> shape -> its columns.
       noise: variance of the residual per degree of freedom.
       freedom: degrees of freedom of the residual.
-      projection: that was used.
-      whole: the same without what something is known of, in which every window counts in full.
-      left: (N,) residual after that: what one bad window says shows here.
+      projection: in use.
+      whole: the same without quantities that have a prior, with every window in full.
+      left: (N,) residual after that: it includes bad windows.
       left_freedom: its degrees of freedom.
-      threshold: score from which an effect counts as seen, see `Limits`.
+      threshold: score from which an effect counts as visible, see `Limits`.
     """
 
     candidates: tuple[Candidate, ...]
@@ -207,11 +208,11 @@ class ScoreTest:
 
     @property
     def left_noise(self) -> float:
-        """Variance of what is left per degree of freedom, where every window counts in full."""
+        """Variance of the residual per degree of freedom, with every window in full."""
         return float(self.left @ self.left) / max(self.left_freedom, 1.0)
 
     def beyond_noise(self, fitter: Fitter) -> float:
-        """Root mean square of what is left beyond noise [m]."""
+        """Root mean square of the residual beyond noise [m]."""
         windows = fitter.windows
         square = self.left_noise * windows.sigma**2 - windows.noise**2
         return float(np.sqrt(max(0.0, square)))
@@ -267,18 +268,18 @@ class ScoredModel:
 
     @property
     def beyond_noise(self) -> float:
-        """Squares that the model leaves beyond noise [sigma^2]; may be a little below zero."""
+        """Squares of the model's residual beyond noise [sigma^2]; may be slightly negative."""
         return (self.test.noise - 1.0) * self.test.freedom
 
     @property
     def left(self) -> float:
-        """The same by what the fit costs in fact, which may be more where it is stuck [sigma^2]."""
+        """The same from the actual cost of the fit, which may be more if it is stuck [sigma^2]."""
         return self.fit.cost - self.test.freedom
 
     def promises(self, share: float, by_chance: float) -> bool:
-        """Whether some candidate promises to explain a share of what is left beyond noise.
+        """True if some candidate promises to explain a fraction of the residual beyond noise.
 
-        And more than other initial states of a fit that is stuck may explain: a share `by_chance`.
+        And more than other initial states of a stuck fit may explain: a fraction `by_chance`.
         """
         best = max(score.statistic for score in self.scores)
         return best >= max(share * self.beyond_noise, by_chance * self.left)
@@ -287,8 +288,8 @@ class ScoredModel:
 def smallest_shown(gram: Floats, threshold: float, noise: float = 1.0) -> float:
     """Size that reaches the threshold in 95 of 100 recordings, from products (d, d) of sensitivities.
 
-    Noise adds to the root of what is explained, or takes away, one standard deviation: an effect that
-    would score exactly that much without noise is missed every second time. Of several sizes, in the
+    Noise changes the root of the explained squares by one standard deviation: an effect whose score
+    equals the threshold without noise is missed every second time. Of several sizes, in the
     combination that shows least. Infinite for none.
     """
     weakest, sizes = np.linalg.eigvalsh(gram)[0], len(gram)
@@ -299,7 +300,7 @@ def smallest_shown(gram: Floats, threshold: float, noise: float = 1.0) -> float:
 
 
 def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:
-    """Candidate -> shape -> its columns, where those of all unit terms stand side by side."""
+    """Candidate -> shape -> its columns, in the order of all unit terms."""
     slices, place = [], 0
     for candidate in library:
         size = len(candidate.typical)
@@ -310,7 +311,7 @@ def slices_of(library: Sequence[Candidate]) -> tuple[tuple[slice, ...], ...]:
 
 
 def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
-    """Sizes that explain the most, and how much; a size that cannot be negative is zero instead."""
+    """Sizes that explain the most, and their explanation; a size that cannot be negative is set to zero."""
     if np.linalg.eigvalsh(a)[0] < DEAD**2:
         return np.zeros(len(b)), 0.0
     sizes = np.linalg.solve(a, b)
@@ -321,7 +322,7 @@ def _solved(a: Floats, b: Floats, candidate: Candidate) -> tuple[Floats, float]:
 
 
 def secants(fitter: Fitter, fit: Fit, chosen: Sequence[Candidate], part: float = 1.0) -> Floats:
-    """(K, D, n) what that part of every typical size of every shape changes, per typical size."""
+    """(K, D, n) change by that part of every typical size of every shape, per typical size."""
     terms = [(*fit.terms, term) for c in chosen for term in c.unit_terms(part)]
     return fitter.columns(fit, terms) / part
 
@@ -336,7 +337,7 @@ def sensitivities(
 ) -> tuple[Floats, np.ndarray]:
     """(N, n) with every size of every shape, projected: of two secants the one that promises more.
 
-    And (n,) bool, where that is the shorter one.
+    And (n,) bool, True for the shorter one.
     """
     raw, slices = secants(fitter, fit, library), slices_of(library)
     change = np.sqrt(fitter.windows.mean_square(raw)).max(axis=0)
@@ -360,7 +361,7 @@ def sensitivities(
 
 
 def _promise(columns: Floats, residual: Floats, candidate: Candidate) -> float:
-    """How much of a residual (N,) sizes with these sensitivities (N, d) explain."""
+    """Part of a residual (N,) explained by sizes with these sensitivities (N, d)."""
     return _solved(columns.T @ columns, columns.T @ residual, candidate)[1]
 
 
@@ -379,11 +380,11 @@ def score_test(
     Args:
       fitter, fit: the model so far.
       library: candidates.
-      known: (K, D, n) sensitivities of sizes that were fitted, to be projected out.
-      jacobian: of the fit, where it is at hand.
-      settings: tuned numbers.
+      known: (K, D, n) sensitivities of fitted sizes, to be projected out.
+      jacobian: of the fit, if available.
+      settings: of the diagnosis.
       prior: of the last of the `known` sizes.
-      threshold: score from which an effect counts as seen.
+      threshold: score from which an effect counts as visible.
     """
     jacobian = jacobian or fitter.jacobian(fit)
     mean = fitter.mean_squares(fit)
@@ -431,7 +432,7 @@ def further_scores(
     library: Sequence[Candidate],
     settings: ScoreSettings = ScoreSettings(),
 ) -> list[Score]:
-    """Scores of other candidates on top of the fit that a test was made of, in order."""
+    """Scores of other candidates on top of the fit of a test, in order."""
     found = sensitivities(fitter, fit, library, test.projection, test.residual, settings)
     columns, shorter = found
     other = replace(
@@ -451,11 +452,11 @@ def promising_pairs(
 ) -> list[Terms]:
     """Pairs that promise to explain clearly more than the best candidate alone, the best first.
 
-    The second one has to add what counts as seen.
+    The second one must add a visible amount.
 
     Args:
       scores: of the test's candidates, best first.
-      settings: tuned numbers.
+      settings: of the diagnosis.
     """
     gram, right = test.columns.T @ test.columns, test.columns.T @ test.residual
     index = {score.candidate: i for i, score in enumerate(test.scores())}

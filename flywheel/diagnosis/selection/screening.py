@@ -1,8 +1,8 @@
 """Screening of candidates at the first estimates of all initial states.
 
-Initial states that are fitted under a wrong model make up for what it lacks. Where that is much, and where
-contacts make motions turn, what an effect changes around them may say nothing of what it would explain, not
-even its sign. First estimates come from the measurements alone: noisy, but not misled.
+Initial states fitted under a wrong model compensate for its error. If that is large, and if
+contacts make motions diverge, sensitivities around them may be unrelated to the explanation by an
+effect, even in sign. First estimates come from the measurements alone: noisy, but unbiased.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ def screened(
     known: Sequence[Score],
     settings: ScreeningSettings = ScreeningSettings(),
 ) -> list[Terms]:
-    """A further effect that explains most of what the model leaves at the first estimates; mostly none.
+    """A further effect that explains most of the model's residual at the first estimates; usually none.
 
-    It is only asked where a model is clearly wrong, and no score promises to explain much of it; and not
-    where a model begins with what was measured.
+    It is only tested if a model is clearly wrong, and no score promises to explain much of it; and
+    not if a model starts from the measurements.
 
     Args:
       fitter: of the model.
       model: so far.
-      library: what may be added.
-      known: what is fitted anyway.
-      settings: tuned numbers.
+      library: candidates.
+      known: fitted anyway.
+      settings: of the diagnosis.
     """
     promised = max(score.statistic for score in model.scores) > settings.promised * model.left
     wrong = fitter.starts_are_free and fitter.worthwhile(model.fit) > 0.0
@@ -56,7 +56,7 @@ def screened(
 def _best(
     fitter: Fitter, begun: Fit, candidate: Candidate, sizes: Sequence[float]
 ) -> tuple[float, Term]:
-    """What the windows' residuals cost with the best of its terms, without any fit."""
+    """Cost of the windows' residuals with the best of its terms, without any fit."""
     terms = list(dict.fromkeys(_terms(candidate, sizes)))  # bounded sizes are the same ones
     points = fitter.predictions(begun, [(*begun.terms, term) for term in terms])
     costs = np.array([(fitter.windows.residual(each) ** 2).sum() for each in points])
@@ -65,7 +65,7 @@ def _best(
 
 
 def _terms(candidate: Candidate, sizes: Sequence[float]) -> list[Term]:
-    """Each size alone, with each shape, as far as it can have it."""
+    """Each size alone, with each shape, as far as possible."""
     two_sided = np.tile(
         [not size.one_sided for size in candidate.effect.sizes], len(candidate.shapes)
     )

@@ -25,15 +25,15 @@ class Search:
 
     Attributes:
       fitter: of the windows; a later state may have one with shorter time steps.
-      library: what may be added.
-      threshold: score from which an effect counts as seen.
-      settings: tuned numbers.
+      library: candidates.
+      threshold: score from which an effect counts as visible.
+      settings: of the diagnosis.
       probes: laws that are scored like candidates, and never added.
-      as_built: numbers of the robot that may all be a little off, which are added where they explain more
-        than any effect; none where that is not asked.
-      tolerance: of what is left beyond noise, up to which nobody wants to know more [m].
-      seed: of what is random.
-      heartbeat: told what is being done; knows when it is to end, and what failed.
+      as_built: numbers of the robot that may all be slightly off, added if they explain more than
+        any effect; none if not requested.
+      tolerance: accepted residual beyond noise [m].
+      seed: of random numbers.
+      heartbeat: receives the steps; knows the time limit, and failures.
     """
 
     fitter: Fitter
@@ -47,7 +47,7 @@ class Search:
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
 
     def score_all(self, fit: Fit, jacobian: Jacobian | None = None) -> ScoredModel:
-        """Score all candidates and probes on top of a model, whose Jacobian may be at hand."""
+        """Score all candidates and probes on top of a model, whose Jacobian may be available."""
         fitter = self.fitter
         jacobian = jacobian or fitter.jacobian(fit)
         fit = replace(fit, cache=replace(fitter.cached(jacobian), kept=fit.kept))
@@ -70,13 +70,13 @@ class Search:
         return replace(model, test=test, scores=tuple(ranking), probes=tuple(scores[count:]))
 
     def tolerates(self, model: ScoredModel) -> bool:
-        """Whether what a model leaves is so little that nobody wants to know more."""
+        """True if the residual of a model is within the tolerance."""
         return self.tolerance > 0.0 and model.test.beyond_noise(self.fitter) <= self.tolerance
 
     def criterion(self, fit: Fit) -> float:
-        """Bayesian information criterion (BIC): cost, with what every fitted value costs.
+        """Bayesian information criterion (BIC): cost, with the penalty of every fitted value.
 
-        Values of which something is known cost what they are off by that.
+        Values with a prior cost their squared deviation from it.
         """
         values = sum(term.unknown for term in fit.terms)
         return fit.cost + values * float(np.log(self.fitter.windows.noisy.sum()))
@@ -84,16 +84,17 @@ class Search:
     def fit_until(
         self, fit: Fit, target: float = np.inf, max_rounds: float | None = None, slight: float = 0.0
     ) -> Fit:
-        """A fit, fitted on until it converges or its criterion clearly stays above the target.
+        """A fit, continued until it converges or its criterion clearly stays above the target.
 
-        A model that is clearly wrong is not fitted to the last digit, and one that still diverges after a
-        round not at all.
+        A model that is clearly wrong is not fitted to the last digit, and one that still diverges
+        after a round is abandoned.
 
         Args:
-          fit: where to begin.
-          target: criterion that is to be reached.
-          max_rounds: further rounds like the last one, within which it must be; None for the settings'.
-          slight: fall of the cost in a round, below which the rest is left for later [sigma^2].
+          fit: starting point.
+          target: criterion to be reached.
+          max_rounds: further rounds like the last one, within which it must be; None for the
+            settings'.
+          slight: decrease of the cost in a round, below which the rest is left for later [sigma^2].
         """
         stopping = self.fitter.settings.stopping
         free = self.fitter.free(fit.terms)
@@ -110,22 +111,22 @@ class Search:
         return fit
 
     def effects_first(self, fit: Fit) -> Fit:
-        """A fit of effects and initial states alone, whose numbers of a robot as built stay where they are.
+        """A fit of effects and initial states alone, with constant numbers of a robot as built.
 
-        So many numbers would make up for an effect that is not fitted yet, and hardly find back.
+        So many numbers would compensate for an effect that is not fitted yet, and hardly recover.
         """
         effects = [each for each in self.fitter.free(fit.terms) if fit.terms[each.term].asked]
         fit = self.fitter.fit(fit, effects, enough=self.fitter.worthwhile(fit))
         return replace(fit, converged=False)
 
     def settled(self, fit: Fit, target: float = np.inf) -> Fit:
-        """A fit whose kept sensitivities are those where it is, or beside it, where that ends lower.
+        """A fit whose kept sensitivities are those at its place, or near it if that ends lower.
 
-        What others leave would be seen as an effect.
+        A residual of other places would count as an effect.
 
         Args:
-          fit: where to begin.
-          target: criterion that is to be reached; one that clearly stays above it is left where it is.
+          fit: starting point.
+          target: criterion to be reached; a fit that clearly stays above it is abandoned.
         """
         if fit.kept is None:
             return fit
@@ -148,14 +149,15 @@ class Search:
         return fit
 
     def _after_a_round_anew(self, fit: Fit) -> Fit:
-        """A fit after another round, with all sensitivities computed anew."""
+        """A fit after another round, with all sensitivities recomputed."""
         return self.fitter.fit(self.fitter.kept_anew(fit), self.fitter.free(fit.terms), rounds=1)
 
     def warm_start(self, model: ScoredModel, terms: Terms) -> Fit:
         """A model with other terms, before anything else is fitted to them.
 
-        Its initial states are the model's, or as first estimated. What is not known exactly begins where it
-        is, or as it was said: what made up for a wrong model may be far off, and hardly finds back.
+        Its initial states are the model's, or as first estimated. Uncertain numbers start at their
+        present or their prior values: those that compensated for a wrong model may be far off, and
+        hardly recover.
         """
         terms = handed_over(terms)
         free = self.fitter.free(terms)
@@ -166,23 +168,25 @@ class Search:
         return min(begun, key=lambda fit: fit.cost)
 
     def unstuck(self, fit: Fit) -> Fit:
-        """A fit, fitted on where windows that are stuck begin better elsewhere."""
+        """A fit, continued with better starts of stuck windows."""
         elsewhere = unstuck(self.fitter, fit)
         return fit if elsewhere is fit else self.fit_until(elsewhere)
 
     def begun_without(self, fit: Fit, term: Term) -> Fit:
-        """A fit without a term, before anything is fitted: numbers of the same thing make up for it."""
+        """A fit without a term, before anything is fitted: numbers of the same quantity take over
+        its value.
+        """
         return self.fitter.with_terms(fit, self.within_bounds(handed_back(fit.terms, term)))
 
     def within_bounds(self, terms: Terms) -> Terms:
-        """Terms whose values that are known, if not exactly, are no farther off than is believed."""
+        """Terms with uncertain values limited to the allowed deviations."""
         for value in self.fitter.free(terms):
             if value.prior < np.inf:
                 terms = value.moved(terms, 0.0)
         return terms
 
     def without_term(self, fit: Fit, term: Term) -> Fit:
-        """A fit without a term, fitted anew."""
+        """A fit without a term, fitted again."""
         return self.fit_until(self.begun_without(fit, term))
 
     def dropped(self, fit: Fit, term: Term, others: Sequence[Fit] = ()) -> Fit:
@@ -191,7 +195,7 @@ class Search:
         Args:
           fit: with the term.
           term: to be left out.
-          others: further models; one of them may know better initial states.
+          others: further models; one of them may have better initial states.
         """
         less = self.begun_without(fit, term)
         for other in others:
@@ -201,14 +205,14 @@ class Search:
         return self.fit_until(less, self.criterion(fit) + self.least_explained(term))
 
     def pruned(self, fit: Fit, others: Sequence[Fit] = ()) -> Fit:
-        """The model without the terms that it does nearly as well without.
+        """The model without its unnecessary terms.
 
-        That may be all of them: initial states that found a better place on the way are no evidence for an
-        effect. What a term explains, fitted, must be as much as the score asks for.
+        That may be all of them: better initial states found on the way are no evidence for an
+        effect. The explanation by a fitted term must reach the threshold of the score.
 
         Args:
           fit: with all terms.
-          others: further models; one of them may be what is left.
+          others: further models; one of them may be the remaining one.
         """
         while terms := asked(fit.terms):
             shorter = [self.dropped(fit, term, others) for term in terms]
@@ -220,11 +224,11 @@ class Search:
         return fit
 
     def share(self, fit: Fit, less: Fit, term: Term) -> float:
-        """What a term of a fit explains beside one without it, over what counts as seen."""
+        """Explanation by a term of a fit relative to one without it, over the visible amount."""
         return (less.cost - fit.cost) / self.least_explained(term)
 
     def least_explained(self, term: Term) -> float:
-        """What a term has to explain to be seen [sigma^2]."""
+        """Smallest visible explanation by a term [sigma^2]."""
         return self.threshold * chance(len(term.effect.sizes), self.threshold)
 
     def combined(self, fit: Fit, other: Fit, target: float = np.inf) -> Fit:

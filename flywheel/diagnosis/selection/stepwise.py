@@ -1,4 +1,4 @@
-"""Stepwise selection of effects: forward by score, with joint refits, pairs, and a look back."""
+"""Stepwise selection of effects: forward by score, with joint refits, pairs, and backward elimination."""
 
 from __future__ import annotations
 
@@ -33,15 +33,16 @@ SAME = 1e-9  # relative difference of the costs of two models that predict the s
 def stepwise(search: Search, first: ScoredModel) -> tuple[Search, list[ScoredModel]]:
     """Add effects until none explains any more.
 
-    Where nothing is found that a model lacks, and it may lack nothing, it is asked again in time steps that
-    are shorter than a fit needs: what contacts in coarse steps do may hide a small effect.
+    If nothing is found, and the model may be complete, the search is repeated in time steps shorter
+    than a fit needs: coarse steps at contacts may hide a small effect.
 
     Args:
       search: its state at the beginning.
-      first: the model as it was.
+      first: the initial model.
 
     Returns:
-      Its state at the end, and the model as it was, with one effect more, and so on; the last is the answer.
+      Its state at the end, and the initial model, with one effect more, and so on; the last is the
+      answer.
     """
     search, models = _forward(search, first)
     with suppress(Interrupted):
@@ -73,7 +74,7 @@ def _in_shortest_steps(
 
 
 def in_time_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
-    """A fit in time steps that will do for it, fitted on if they are others."""
+    """A fit in sufficiently short time steps, continued if they differ."""
     finer, fit = _in_shorter_steps(search, fit)
     return (finer, fit) if finer is search else (finer, finer.unstuck(finer.fit_until(fit)))
 
@@ -85,7 +86,7 @@ def _without_numbers(terms: Terms, numbers: Terms) -> Terms:
 
 
 def deduplicated(fits: Sequence[Fit]) -> list[Fit]:
-    """Fits without those that cost the same to the last digit as one before; diverging ones all differ."""
+    """Fits without those whose cost equals a previous one to the last digit; diverging ones all differ."""
     found: list[Fit] = []
     for fit in fits:
         twins = [math.isclose(fit.cost, each.cost, rel_tol=SAME) for each in found]
@@ -97,12 +98,12 @@ def deduplicated(fits: Sequence[Fit]) -> list[Fit]:
 def _forward(
     search: Search, begun: ScoredModel, before: ScoredModel | None = None
 ) -> tuple[Search, list[ScoredModel]]:
-    """The forward steps of `stepwise`, in the time steps that the fitter has or that an effect asks for.
+    """The forward steps of `stepwise`, in the time steps of the fitter or those required by an effect.
 
     Args:
       search: its state.
-      begun: the model that they begin with.
-      before: the model as it was, if that is another one.
+      begun: the first model.
+      before: the initial model, if that is another one.
     """
     models = [begun] if before is None else [before, begun]
     with suppress(Interrupted):
@@ -118,14 +119,14 @@ def _forward(
 
 
 def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[ScoredModel], bool]:
-    """A forward step: the search, its models with one more, and whether there is another step."""
+    """A forward step: the search, its models with one more, and True if there is another step."""
     settings, models = search.settings, list(models)
     first, last = models[0], models[-1]
     if search.tolerates(last):
         return search, models, False
     room = len(asked(first.fit.terms)) + settings.max_effects - len(asked(last.fit.terms))
     if built := _as_built(search, last):
-        search.heartbeat("asking for a robot whose numbers are all a little off")
+        search.heartbeat("testing a robot whose numbers are all slightly off")
         # Not fitted yet: what these numbers would make up for is what an effect is told by.
         models.append(last := built)
     least = settings.least_share if room > 1 else settings.least_share_of_last
@@ -154,10 +155,11 @@ def _step(search: Search, models: Sequence[ScoredModel]) -> tuple[Search, list[S
 def _as_given(
     search: Search, models: Sequence[ScoredModel]
 ) -> tuple[Search, list[ScoredModel]] | None:
-    """The search with the robot as its MJCF has it, where effects alone do as well; None where they do not.
+    """The search with the robot of the MJCF, if effects alone are as good; None if they are not.
 
-    Numbers of a robot that are all a little off can make up for an effect, too. So what was found beside
-    them is fitted without them, and more effects are added for as long as they promise to make good for it.
+    Numbers of a robot that are all slightly off can compensate for an effect, too. The effects
+    found together with them are therefore fitted without them, and more effects are added as long
+    as they promise to compensate.
     """
     first, last = models[0], models[-1]
     alone = replace(search, as_built=())
@@ -181,10 +183,10 @@ def _as_given(
 
 
 def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: ScoredModel) -> bool:
-    """Whether the numbers of the `last` model say what effects `alone` do not.
+    """True if the numbers of the `last` model explain more than effects `alone`.
 
-    They do where one of several effects is such a number, and no farther off than is usual, or where they
-    explain more beyond those effects than so many numbers that are right explain of noise.
+    They do if one of several effects is such a number within its usual tolerance, or if they
+    explain more beyond those effects than so many right numbers would of noise.
     """
     found, off = added(alone), search.settings.usually_off
     if len(found) > 1 and any(usual(term, search.as_built, off) for term in found):
@@ -195,9 +197,10 @@ def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: Scor
 
 
 def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
-    """The model of a robot whose numbers are all a little off; None if that explains less than an effect.
+    """The model of a robot whose numbers are all slightly off; None if that explains less than an
+    effect.
 
-    Nor where the model has these numbers already, or they are not worth what they cost.
+    Nor if the model has these numbers already, or they are not worth their price.
     """
     promise = promised_as_built(search, model)
     more, best = search.settings.pairs.more, max(score.statistic for score in model.scores)
@@ -211,7 +214,7 @@ def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
 
 
 def _with_other_values(search: Search, first: ScoredModel) -> Fit | None:
-    """The model as it was with other values of the effects that it had; None if they were right."""
+    """The initial model with other values of its effects; None if they were right."""
     if not asked(first.fit.terms):
         return None
     fit = search.fit_until(replace(first.fit, converged=False))  # with its values held so far
@@ -219,14 +222,14 @@ def _with_other_values(search: Search, first: ScoredModel) -> Fit | None:
 
 
 def _has_other_values(search: Search, first: ScoredModel, fit: Fit) -> bool:
-    """Whether a fit explains enough to say that what the model had has other values."""
+    """True if a fit explains enough to justify other values of the model's effects."""
     had = asked(first.fit.terms)
     least = sum(search.least_explained(term) for term in had)
     return bool(had) and first.fit.cost - fit.cost > least
 
 
 def _next(search: Search, model: ScoredModel, room: int) -> tuple[Search, Fit | None]:
-    """The model with another effect, or two if there is `room`, fitted; None if none is seen."""
+    """The model with another effect, or two if there is `room`, fitted; None if none is visible."""
     if model.scores[0].score < search.threshold:
         return search, None
     fitter, settings, short = search.fitter, search.settings, search.shortlist(model)
@@ -273,7 +276,7 @@ def _after_a_round(search: Search, fit: Fit) -> Fit:
 
 
 def _with_sensitivities_of_best(search: Search, fits: Sequence[Fit]) -> list[Fit]:
-    """Fits that keep what numbers of the robot change where the best of them is, and not where all began."""
+    """Fits that keep the sensitivities to numbers of the robot at the best of them, not at their start."""
     kept = search.fitter.kept_anew(min(fits, key=search.criterion)).kept
     return [
         replace(fit, cache=replace(search.fitter.renewed(fit), kept=kept), converged=False)
@@ -284,14 +287,14 @@ def _with_sensitivities_of_best(search: Search, fits: Sequence[Fit]) -> list[Fit
 def _fitted_in_turn(
     search: Search, begun: Sequence[Fit], max_rounds: float | None = None
 ) -> tuple[Search, list[Fit]]:
-    """Several models, each fitted on for as long as it may become the best; the best one first.
+    """Several models, each fitted as long as it may become the best; the best one first.
 
-    Initial states that had to make up for a wrong model find back slowly: after a few rounds the wrong one
-    of two may be ahead. Of models that are one by several names, one is fitted.
+    Initial states that had to compensate for a wrong model recover slowly: after a few rounds the
+    wrong one of two may be ahead. Of models that are one by several names, one is fitted.
 
     Args:
       search: its state.
-      begun: the one that promised the most first. If it is not ahead, windows of it may be stuck, and begin
+      begun: the most promising one first. If it is not ahead, windows of it may be stuck, and start
         elsewhere before anything else.
       max_rounds: see `Search.fit_until`.
     """
@@ -314,7 +317,9 @@ def _fitted_in_turn(
 def _in_steps_of_the_first(
     search: Search, first: Fit, others: Sequence[Fit]
 ) -> tuple[Search, list[Fit]]:
-    """Models in time steps that will do for the first: cliffs of coarse ones may decide otherwise."""
+    """Models in sufficiently short time steps for the first: discontinuities of coarse ones may
+    decide otherwise.
+    """
     finer, first = _in_shorter_steps(search, first)
     if finer is search:
         return search, [first, *others]
@@ -323,9 +328,9 @@ def _in_steps_of_the_first(
 
 
 def _in_shorter_steps(search: Search, fit: Fit) -> tuple[Search, Fit]:
-    """A fit in time steps that will do for it, which are those of all fits from here on.
+    """A fit in sufficiently short time steps, which are those of all fits from here on.
 
-    Without the effect that it has now, nobody could see what shorter steps make better.
+    Without its present effect, the benefit of shorter steps would be invisible.
     """
     fitter, fit = shorter_steps(search.fitter, fit, search.fitter.free(fit.terms))
     return (search if fitter is search.fitter else replace(search, fitter=fitter)), fit

@@ -1,4 +1,4 @@
-"""Numbers of the MJCF that may be wrong where an effect seems to be missing; they are never an answer."""
+"""Numbers of the MJCF that may be wrong instead of a missing effect; they are never an answer."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ STIFFNESS, DAMPING = "cable_stiffness", "cable_damping"
 
 @dataclass(frozen=True)
 class SuspectParameter:
-    """A number of the MJCF which, if it were another, would explain nearly as much as an effect.
+    """A number of the MJCF whose change would explain nearly as much as an effect.
 
     Attributes:
       name: of the number.
-      off: by how much it would have to be more, as a share.
+      off: required change, as a fraction.
       score: like a candidate's.
-      instead: what was added where it was asked for; "" where it explains something beside the answer.
+      instead: added effect in whose place it was tested; "" if it explains something in addition to
+        the answer.
       more: it promises more than that explained.
       explained: share of the error beyond noise that it explained in a fit of its own; None without one.
       damping: of the cables, that was fitted beside it [N s/m].
@@ -43,7 +44,7 @@ class SuspectParameter:
     at_bound: bool = False
 
     def summary(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """In JSON form."""
         return {
             "name": self.name,
             "off": self.off,
@@ -59,11 +60,11 @@ class SuspectParameter:
 def suspect_parameters(
     search: Search, models: Sequence[ScoredModel], unexplained: bool
 ) -> tuple[SuspectParameter, ...]:
-    """Numbers that nobody said to be unsure of, the one that scores highest first.
+    """Numbers not given as uncertain, highest score first.
 
     Args:
-      search, models: that led to the answer.
-      unexplained: the answer leaves something, which a number beside it may explain.
+      search, models: of the answer.
+      unexplained: the answer has a residual, which a number may explain in addition.
     """
     found: dict[str, SuspectParameter] = {}
     for model, after in zip(models, [*models[1:], None], strict=True):
@@ -141,14 +142,14 @@ def _fitted_alone(search: Search, model: ScoredModel, score: Score) -> Fit:
 
 
 def _added(search: Search, model: ScoredModel, after: ScoredModel) -> str:
-    """What a model has more than the one before, or else what it has."""
+    """Additions of a model to the previous one, or else its effects."""
     robot = search.fitter.windows.robot
     terms = added([model, after]) or asked(after.fit.terms)
     return " with ".join(term.label(robot) for term in terms)
 
 
 def _scores(search: Search, model: ScoredModel) -> list[Score]:
-    """Scores of all numbers that the model does not have, and that are not asked about anyway."""
+    """Scores of all numbers that are neither in the model nor candidates anyway."""
     fitter, had = search.fitter, {term.effect.name for term in model.fit.terms}
     had |= {candidate.effect.name for candidate in search.library}
     library = {

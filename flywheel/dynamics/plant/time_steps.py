@@ -24,7 +24,7 @@ EXPLICIT = {"Euler": 2.0, "RK4": 2.785}
 
 @dataclass(frozen=True)
 class StepError:
-    """How far off motions in some steps end.
+    """Errors at the end of motions in some steps.
 
     Attributes:
       integrator: by the MJCF's word for it.
@@ -114,7 +114,7 @@ def energy(plant: Plant, states: State) -> Floats:
 
 @dataclass(frozen=True)
 class CableDamping:
-    """How fast the cables of a robot can take motion away, all of them taut.
+    """Damping rates of a robot by its cables, all of them taut.
 
     Attributes:
       rate: of decay of the fastest motion [1/s].

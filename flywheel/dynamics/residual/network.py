@@ -227,7 +227,7 @@ def _of_bodies(layout: Layout, knots: Knots, velocity: Tensor, past: bool) -> Te
 
 
 Drives = tuple[tuple[Tensor, ...], tuple[Tensor, ...], tuple[Tensor, ...]]
-"""What features bring into the messages of cables, points and bodies at each knot."""
+"""Contribution of features to the messages of cables, points and bodies at each knot."""
 
 
 class ResidualNetwork(nn.Module):

@@ -46,7 +46,7 @@ def read_config(
     win. `${a.b}` stands for the single value at that key.
 
     Args:
-      schema: what the result must be.
+      schema: type of the result.
       path: of the YAML file.
       overrides: "a.b=value", the value in YAML; later ones win.
       beside: keys whose values are files, or lists of files, named relative to the file that they stand in.

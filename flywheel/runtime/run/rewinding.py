@@ -67,11 +67,7 @@ def _check(folder: RunFolder, iteration: int, end: int, faults: Iterable[Fault])
         if not fault.idle and (fault.since is None or fault.since < iteration):
             raise RunError(
                 f"Nothing was set aside: a file that would stay is damaged. {fault.kind}: {fault} "
-                + (
-                    "Put a copy of it back."
-                    if fault.since is None
-                    else f"Go back to {fault.since}."
-                )
+                + ("Restore a copy of it." if fault.since is None else f"Go back to {fault.since}.")
             )
 
 

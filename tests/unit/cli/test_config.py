@@ -73,7 +73,7 @@ def test_a_copy_is_put_where_it_is_wanted_and_never_over_a_file(elsewhere: Path)
     for file in ("gaits.yaml", "there/smoke.yaml", "new/own.yaml"):
         assert (elsewhere / file).exists()
     (elsewhere / "gaits.yaml").write_text("kept")
-    assert "not written over" in ask("config", "copy", "paper/gaits", code=2)
+    assert "not overwritten" in ask("config", "copy", "paper/gaits", code=2)
     assert (elsewhere / "gaits.yaml").read_text() == "kept"
 
 

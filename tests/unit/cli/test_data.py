@@ -59,7 +59,7 @@ def test_verify_names_what_is_wrong_and_what_to_do(run, name, how):
     kind = {"cut": "altered", "emptied": "altered", "removed": "missing"}.get(how, "unreadable")
     assert f"{kind} {name}: " in said
     assert "1 fault;" in said
-    assert "Put a copy of it back" in said or "data rewind" in said
+    assert "Restore a copy of it" in said or "data rewind" in said
     for command in (["data", "show", run], ["summary", run], ["evaluate", run]):
         done = CliRunner().invoke(app, [str(word) for word in command])
         assert done.exit_code in (0, 1, 2) and "Traceback" not in done.output
@@ -83,7 +83,7 @@ def test_the_store_of_a_run_is_looked_at_by_itself_too(run):
 def test_the_end_of_a_run_is_gone_back_before_by_its_number(run):
     assert "has the iterations 0 to 2, and 3 for its end" in ask("data", "rewind", run, 9, code=1)
     said = ask("data", "rewind", run, 3)
-    assert "set aside: result.json" in said and "goes on from iteration 3" in said
+    assert "set aside: result.json" in said and "continues from iteration 3" in said
     assert not (run / "result.json").exists()
     assert len(list((run / "aside").rglob("result.json"))) == 1
 

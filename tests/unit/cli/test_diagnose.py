@@ -76,6 +76,6 @@ def test_when_the_minutes_are_over_it_gives_the_best_answer_so_far(
 def test_what_is_tolerated_is_said_in_millimetres() -> None:
     done = CliRunner().invoke(app, [*COMMAND, "--tolerance", "500mm"])
     assert done.exit_code == 0, done.output
-    assert "which is tolerated" in done.output
+    assert "which is within the tolerance" in done.output
     wrong = CliRunner().invoke(app, [*COMMAND, "--tolerance", "2miles"])
     assert wrong.exit_code == 2

@@ -80,7 +80,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("EPERM", USAGE, "no permission"),
         ("ENOTDIR", USAGE, "a file stands where a folder is needed"),
         ("EISDIR", USAGE, "a file is needed"),
-        ("EEXIST", USAGE, "something of this name already"),
+        ("EEXIST", USAGE, "something of this name exists already"),
         ("ENOENT", USAGE, "no such file"),
         ("ENAMETOOLONG", USAGE, "too long"),
         ("ELOOP", USAGE, "circle"),
@@ -101,7 +101,7 @@ def test_what_the_system_refuses_is_a_sentence_with_the_path(
 @pytest.mark.parametrize(
     ("error", "code", "words"),
     [
-        (MemoryError(), FAILED, "more memory than there is"),
+        (MemoryError(), FAILED, "more memory than is available"),
         (RuntimeError("DefaultCPUAllocator: can't allocate memory"), FAILED, "more memory"),
         (RecursionError(), USAGE, "nested too deeply"),
         (SystemExit(signal.SIGTERM), 130, "interrupted"),

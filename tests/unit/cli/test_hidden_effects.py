@@ -32,7 +32,7 @@ def test_a_law_of_ones_own_can_be_hidden_where_its_file_is_given(tmp_path):
     )
     path = str(plant.write(tmp_path, ROBOT))
     assert hidden_effects((path,), ROBOT, library) == (effect,)
-    with pytest.raises(ConfigError, match="law file my_laws.py .* was not given"):
+    with pytest.raises(ConfigError, match="law file my_laws.py .* is missing"):
         hidden_effects((path,), ROBOT)
 
 

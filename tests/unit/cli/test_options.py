@@ -74,7 +74,7 @@ def test_numbers_within_texts_have_bounds_too(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["nan", "inf", "1e300", "", "x"])
 def test_hidden_effects_have_sizes_that_can_be(text: str) -> None:
-    with pytest.raises(ConfigError, match="how many times the typical size.* must be a number"):
+    with pytest.raises(ConfigError, match="multiple of the typical size.* must be a number"):
         hidden_effects((f"torque_speed:{text}",), PRISM)
 
 

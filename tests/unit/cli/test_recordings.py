@@ -57,8 +57,8 @@ def test_logs_come_into_a_new_store_with_a_report(logs: list[Path], tmp_path: Pa
     first, second = sorted(store.committed())
     assert f"collect.recordings=[{first},{second}]" in printed
     assert all(s.split == "test" for s in (*store.episodes(first), *store.episodes(second)))
-    assert "there already" in ask("import", logs[0], *known)
-    assert "for ever" in ask("import", logs[0], *known, "--split", "train", code=2)
+    assert "stored already" in ask("import", logs[0], *known)
+    assert "keeps its split" in ask("import", logs[0], *known, "--split", "train", code=2)
     shown = ask("show", place)
     assert first in shown and f"collect.recordings=[{first},{second}]" in shown
     as_json = json.loads(ask("show", place, "--json"))
@@ -66,7 +66,7 @@ def test_logs_come_into_a_new_store_with_a_report(logs: list[Path], tmp_path: Pa
     out = tmp_path / "out.csv"
     assert "101 rows" in ask("export", place, first, out, "--robot", "prism3")
     assert out.read_bytes() == logs[0].read_bytes()
-    assert "not written over" in ask("export", place, first, out, "--robot", "prism3", code=2)
+    assert "not overwritten" in ask("export", place, first, out, "--robot", "prism3", code=2)
 
 
 def test_a_report_for_scripts_is_json(logs: list[Path], tmp_path: Path) -> None:
@@ -101,14 +101,14 @@ def test_a_map_for_all_logs_and_the_run_s_own_robot(logs: list[Path], tmp_path: 
     RunFolder(run).begin(RunConfig(model="prism3"), resume=False)
     (tmp_path / "map.yaml").write_text("repair: []\nconditions: new cables\n")
     printed = ask("import", logs[1], "--store", run, "--map", tmp_path / "map.yaml")
-    assert "as the map says" in " ".join(printed.split())
+    assert "as requested by the map" in " ".join(printed.split())
     assert "new cables" in ask("show", run)
     assert len(TrajectoryStore(run / "store").committed()) == 1
 
 
 def test_a_store_does_not_say_whose_episodes_it_holds(logs: list[Path], tmp_path: Path) -> None:
     said = ask("import", logs[0], "--store", tmp_path / "store", code=2)
-    assert "say with --robot" in said
+    assert "with --robot" in said
 
 
 def test_a_store_without_a_recording_says_so(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_a_name_is_printed_as_it_is(name: str, logs: list[Path], tmp_path: Path)
     log.write_bytes(logs[1].read_bytes())
     known = ("--robot", "prism3", "--store", place)
     said = ask("import", log, *known)
-    assert said.startswith(f"{name}: 101 rows") and f"What was done to {name}" in said
+    assert said.startswith(f"{name}: 101 rows") and f"Changes to {name}" in said
     assert f"Recordings in {place}" in ask("show", place)
     (segment,) = TrajectoryStore(place).committed()
     out = tmp_path / "[red]out.csv"

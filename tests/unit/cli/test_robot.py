@@ -119,7 +119,7 @@ def test_a_time_step_that_does_not_divide_has_its_own_control_step(tmp_path: Pat
     assert "Give them --dt 0.009" in checked(tmp_path, step)
     assert "network.dt=0.012" in checked(tmp_path, step, more="--dt 0.012")
     said = checked(tmp_path, step, more="--dt 0.01", code=2)
-    assert "no multiple of the timestep of swing, 0.003 s; 0.009 or 0.012 s is" in said
+    assert "not a multiple of the timestep of swing, 0.003 s; 0.009 or 0.012 s is" in said
     checked(tmp_path, step, more="--dt nan", code=2)
 
 

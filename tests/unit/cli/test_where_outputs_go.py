@@ -61,5 +61,5 @@ def test_a_place_where_nothing_can_be_is_refused_at_once(command, place, here):
 def test_what_is_read_is_not_written_over(command, here):
     done = CliRunner().invoke(app, shlex.split(command.replace("OUT", "./log.csv")))
     assert done.exit_code == 2
-    assert "would be written over log.csv, which is to be read" in done.stderr
+    assert "would overwrite log.csv, which is an input" in done.stderr
     assert (here / "log.csv").read_text() == "no log"

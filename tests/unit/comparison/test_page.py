@@ -52,7 +52,7 @@ def test_the_page_needs_no_other_file_and_says_what_was_found(
     assert str(model.outcome) in page
     assert sentence(found, model).endswith(".")
     still = dataclasses.replace(found, persistence=np.zeros_like(found.persistence))
-    assert "if nothing moved" in sentence(still, model)
+    assert "prediction without motion" in sentence(still, model)
 
 
 def test_the_command_writes_what_it_found_and_ends_with_the_last_models_verdict(

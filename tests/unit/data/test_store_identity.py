@@ -96,7 +96,7 @@ def test_a_lost_identity_is_not_guessed_where_what_lies_there_is_of_two_stores(
     shutil.copytree(other / "segments/e1", filled / "segments/e1")
     (filled / "store.json").unlink()
     assert ("missing", "store.json") in found(filled)
-    with pytest.raises(DataError, match="of the stores .* and "):
+    with pytest.raises(DataError, match="belong to the stores .* and "):
         TrajectoryStore(filled).commit("e2", [make_episode("e2")])
 
 

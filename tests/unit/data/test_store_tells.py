@@ -70,7 +70,7 @@ def test_every_refusal_of_a_damaged_segment_names_its_episodes_and_what_is_wrong
     told = rf"{file.name} was altered\. Episodes: one-0, one-1"
     with pytest.raises(DataError, match=told):
         store.read_segment("one")
-    with pytest.raises(DataError, match=f"sound segments only.*{told}"):
+    with pytest.raises(DataError, match=f"undamaged segments only.*{told}"):
         store.seal("t", ["one", "two"])
     with pytest.raises(DataError, match=f"set it aside first.*{told}"):
         store.commit("one", [make_episode(f"one-{part}", seed=part) for part in (0, 1)])
@@ -173,5 +173,5 @@ def test_segments_of_the_parent_are_not_read_again_but_new_ones_are(store, tmp_p
     grown = store.seal("t", ["one", "two", "three"], parent="s")
     assert [damage.segment for damage in store.verify(grown)] == ["one"]
     largest_file(tmp_path, "three").write_bytes(b"")
-    with pytest.raises(DataError, match="sound segments only.*three-0"):
+    with pytest.raises(DataError, match="undamaged segments only.*three-0"):
         store.seal("u", ["two", "three"], parent="s")

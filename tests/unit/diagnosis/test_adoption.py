@@ -76,9 +76,9 @@ def test_the_plant_gets_the_value_that_fits_its_own_time_step(tmp_path: Path) ->
         (
             answer("OUTSIDE_LIBRARY", [GAIN], after=0.0111),
             None,
-            "which answer.* 33% of .* from 50%",
+            "choose the answer.* 33% of .* from 50%",
         ),
-        (answer("OUTSIDE_LIBRARY", [GAIN], [FRICTION]), None, "say which answer"),
+        (answer("OUTSIDE_LIBRARY", [GAIN], [FRICTION]), None, "choose the answer"),
         (answer("PARTIAL", [GAIN], [FRICTION]), None, "1: winch_gain; 2: cable_friction"),
         (
             {
@@ -257,7 +257,7 @@ def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
         (("verdict",), [1], "verdict: .*valid string; got \\[1\\]"),
         (("answer_set", 0, 0), 3, r"answer_set.0.0: .*got 3"),
         (("answer_set", 0, 0, "effect"), None, r"answer_set.0.0.effect: .*got None"),
-        (("answer_set", 0, 0, "parameters"), GONE, r"answer_set.0.0.parameters: must be given"),
+        (("answer_set", 0, 0, "parameters"), GONE, r"answer_set.0.0.parameters: is required"),
         (("answer_set", 0, 0, "parameters", "share", "value"), True, "share.value: must be a number .*True"),
         (("answer_set", 0, 0, "parameters", "share", "value"), math.inf, "share.value: must be a number"),
         (("answer_set", 0, 0, "parameters", "share", "low"), "x", "share.low: .*valid number; got 'x'"),

@@ -72,7 +72,7 @@ def test_no_effect_is_named_where_numbers_are_off_by_less_than_is_usual(robot: R
     assert found.as_built is not None
     assert found.as_built.share == 0.25
     assert found.as_built.root_mean_square < 0.25
-    assert "may be off by 0.25 of that deviation" in as_built(found)
+    assert "most likely with 0.25 of that standard deviation" in as_built(found)
     assert json.loads(json.dumps(found.summary()))["as_built"]["share"] == 0.25
 
 
@@ -85,7 +85,7 @@ def test_its_numbers_are_on_the_page_and_in_json_and_not_adopted(built: Diagnosi
     assert sum(len(each["parameters"]) for each in said["numbers"]) == numbers.count
     assert sentence(built).startswith("No effect is missing: numbers of the MJCF")
     assert numbers.farthest[0].label in as_built(built)
-    assert [rung.label for rung in built.evidence.ladder] == ["as it was", "+ numbers as built"]
+    assert [rung.label for rung in built.evidence.ladder] == ["initial model", "+ numbers as built"]
     assert numbers.farthest[-1].location in diagnosis_page(built, {})
     with pytest.raises(DataError, match="there is no effect to adopt"):
         adoptable(built.summary())

@@ -189,6 +189,6 @@ def test_a_person_is_told_what_to_do() -> None:
     beside: Any = SimpleNamespace(
         suspects=(SuspectParameter("body_mass", -0.003, 30.0, "", more=False),)
     )
-    assert "0.3% less of body_mass would explain some of what is left" in suspects(beside)
+    assert "0.3% less of body_mass would explain some of the residual" in suspects(beside)
     assert suspects(beside).endswith("--unsure body_mass=1%.")
     assert suspects(SimpleNamespace(suspects=())) == ""  # type: ignore[arg-type]

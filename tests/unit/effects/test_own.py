@@ -63,10 +63,10 @@ def test_a_cogging_winch_follows_its_formula(tmp_path: Path) -> None:
         ("def (:\n", r"my_laws\.py is not Python: invalid syntax in line 1"),
         (
             "x = 1\n\ny = x / 0\n",
-            "raises ZeroDivisionError in line 3 while it is imported: division",
+            "raises ZeroDivisionError in line 3 on import: division",
         ),
         ("import nothing_like_it\n", "raises ModuleNotFoundError in line 1 .*nothing_like_it"),
-        ("raise SystemExit(0)\n", "raises SystemExit in line 1 while it is imported: 0"),
+        ("raise SystemExit(0)\n", "raises SystemExit in line 1 on import: 0"),
         ("x = 1\n", "my_laws.py defines no effect: a class of ModelEffect"),
         ("from flywheel.effects import TensionEffect\n", "defines no effect"),
         (changed('"rub"', '"capstan"'), "defines an effect 'capstan', a name that is taken"),
@@ -74,14 +74,20 @@ def test_a_cogging_winch_follows_its_formula(tmp_path: Path) -> None:
             changed('"rub"', '"gain_by_rate"'),
             "defines an effect 'gain_by_rate', a name that is taken",
         ),
-        (changed('"rub"', '"my rub"'), "law Rub of my_laws.py has the name 'my rub': a name is of"),
-        (changed('"rub"', "7"), "has the name 7: a name is of letters"),
+        (
+            changed('"rub"', '"my rub"'),
+            "law Rub of my_laws.py has the name 'my rub': a name consists of",
+        ),
+        (changed('"rub"', "7"), "has the name 7: a name consists of letters"),
         (changed('    name = "rub"\n', ""), "law Rub of my_laws.py has no `name`"),
         (
             changed("def tension", "def tensions"),
             "has no method `tension`, which a TensionEffect needs",
         ),
-        (changed("sizes = (", "sizes = ").replace("weight),)", "weight)"), "no tuple of Parameter"),
+        (
+            changed("sizes = (", "sizes = ").replace("weight),)", "weight)"),
+            "not a tuple of Parameter",
+        ),
         (changed("sizes = (", "shapes = ("), "has no sizes"),
         (changed('"N", ', '"", '), "a parameter 'force' without a unit"),
         (changed("weight)", "weight, high=None)"), "'force' without bounds: low 0.0 and high None"),
@@ -98,8 +104,8 @@ def test_a_cogging_winch_follows_its_formula(tmp_path: Path) -> None:
         (changed("0.01 * s.weight", "-s.weight"), "whose typical value is -9.8.*, not a positive"),
         (changed("0.01 * s.weight", "s.wait"), "whose typical value raises AttributeError"),
         (changed("lambda s: 0.01 * s.weight", "1.0"), "whose typical value raises TypeError"),
-        (changed('    source = "made up"\n', ""), "does not say its `source`"),
-        (changed('"made up"', "1968"), "does not say its `source` as text"),
+        (changed('    source = "made up"\n', ""), "does not declare its `source`"),
+        (changed('"made up"', "1968"), "does not declare its `source` as text"),
         (
             changed('name = "rub"', 'name, where = "rub", "point"'),
             "a TensionEffect is at 'robot' or 'cable'",
@@ -218,14 +224,14 @@ def test_a_plant_is_used_with_the_law_file_that_it_was_adopted_with_only(tmp_pat
     (term,) = plant.terms(robot, with_laws([LawFile.read(path.parent / "my_laws.py")]))
     assert isinstance(term, Term) and term.named["sine"] == 0.4
     with pytest.raises(
-        ConfigError, match=r"prism3-1 has .* my_laws.py \(sha256 .*was not given: add --eff"
+        ConfigError, match=r"prism3-1 has .* my_laws.py \(sha256 .*is missing: add --eff"
     ):
         plant.terms(robot, NAMED)
     other = LawFile.read(own_laws.law_file(tmp_path, own_laws.COGGING + "\n"))
-    with pytest.raises(ConfigError, match="my_laws.py that was given is another one"):
+    with pytest.raises(ConfigError, match="the given my_laws.py differs"):
         plant.terms(robot, with_laws([other]))
     silent = plant.model_copy(update={"effects_from": ()})
-    with pytest.raises(ConfigError, match="has an effect cogging, but does not say"):
+    with pytest.raises(ConfigError, match="has an effect cogging, but does not name the file"):
         silent.terms(robot, with_laws([file]))
 
 

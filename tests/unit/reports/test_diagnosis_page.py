@@ -68,8 +68,8 @@ def test_it_says_what_was_believed_and_decided_with_the_settings_it_was_made_wit
     usual = replace(found, calibration=calibration, misspecification=law, other_form=True)
     other = replace(usual, settings=changed(Settings(), changes))
     assert other.summary()["settings"] == changes
-    assert "than is believed (3 of" in held_back(usual)
-    assert "than is believed (2 of" in held_back(other)
+    assert "than is allowed (3 of" in held_back(usual)
+    assert "than is allowed (2 of" in held_back(other)
     assert other_form(usual) != other_form(other)
 
 
@@ -98,13 +98,13 @@ def test_another_form_is_said_where_nothing_else_is_left(found: Diagnosis, tmp_p
     law = Misspecification("gain_by_rate", 3.0, 0.01, instead="damping_by_speed_squared", gain=77.0)
     other = replace(found, verdict=Verdict.OUTSIDE_LIBRARY, misspecification=law, other_form=True)
     page = write_diagnosis(other, tmp_path / "page.html", {}).read_text()
-    assert "What no effect explains" in page
-    assert "damping_by_speed_squared, which is none of them, explains more" in page
+    assert "The unexplained error" in page
+    assert "damping_by_speed_squared, which is outside the library, explains more" in page
     assert "Most of it is in recording" not in page
     assert PROBES["damping_by_speed_squared"].shown_by in page
     beside = replace(other, misspecification=replace(law, gain=4.0, share=0.3))
     page = write_diagnosis(beside, tmp_path / "page.html", {}).read_text()
-    assert "gain_by_rate, which is none of them, explains 30% besides" in page
+    assert "gain_by_rate, which is outside the library, explains 30% of the remaining error" in page
 
 
 def test_it_says_what_the_answer_is_worth_where_it_was_not_fitted(found: Diagnosis) -> None:
@@ -138,5 +138,5 @@ def test_what_is_tolerated_is_not_looked_for(found: Diagnosis) -> None:
         said[share] = diagnose(Plant(robot), [log], (), library, tuned)
     assert said[1.5].verdict is Verdict.NOISE_ONLY
     assert not any(said[1.5].answers)
-    assert "tolerated" in sentence(said[1.5])
+    assert "within the tolerance" in sentence(said[1.5])
     assert said[0.5].verdict is Verdict.EFFECT

@@ -27,7 +27,7 @@ def test_numbers_that_are_not_finite_are_read_back_as_they_were(tmp_path):
 
 
 def test_a_missing_or_damaged_file_is_named(tmp_path):
-    with pytest.raises(DataError, match="begun"):
+    with pytest.raises(DataError, match="started"):
         RunResult.load(tmp_path)
     (tmp_path / "result.json").write_text('{"name": "half')
     with pytest.raises(DataError, match=r"result\.json"):

@@ -42,7 +42,7 @@ def test_every_model_has_a_row_in_every_iteration(run: RunResult) -> None:
     assert [(row.iteration, row.model) for row in rows] == [
         (str(number), model)
         for number in range(3)
-        for model in ("MJCF as given", "MJCF with found effects", "network")
+        for model in ("MJCF as given", "MJCF with identified effects", "network")
     ]
     assert rows[0].success == "" and "/8" in rows[1].success
     assert float(rows[1].short) > float(rows[4].short) > float(rows[7].short)
@@ -55,7 +55,7 @@ def test_robot_time_is_counted_until_the_error_is_near_its_least(run: RunResult)
     assert run.minutes_to_best("plant", within=10.0) == 1.0
     assert run.minutes_to_best("nobody") is None
     words = robot_time(run)
-    assert "MJCF with found effects: 7.0 minutes until" in words[0] and "of 7.0" in words[0]
+    assert "MJCF with identified effects: 7.0 minutes until" in words[0] and "of 7.0" in words[0]
 
 
 def test_the_page_tells_of_the_robot_and_of_each_diagnosis(run: RunResult, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_a_number_that_one_run_lacks_is_not_averaged_over_the_others(runs):
 def test_unfinished_runs_and_runs_of_one_seed_are_refused(runs):
     with pytest.raises(DataError, match="has not ended"):
         summarise([runs[0], fake_run(3, 1, finished=False)])
-    with pytest.raises(DataError, match="seed of its own, got 0, 0"):
+    with pytest.raises(DataError, match="different seed, got 0, 0"):
         summarise([runs[0], runs[0]])
     with pytest.raises(DataError, match="no run"):
         summarise([])

@@ -107,10 +107,10 @@ def test_one_at_a_time_may_drive(serve: Serve) -> None:
 @pytest.mark.parametrize(
     ("lines", "answer"),
     [
-        (b'{"type": "observe"}\n', "The first message is hello"),
-        (b'{"type": "hello", "format": 9}\n', "speaks format 9"),
-        (b'{"type": "hello"}\nnonsense\n', "no message here"),
-        (b'{"type": "hello"}\n{"type": "observe"}\n', "has to be reset"),
+        (b'{"type": "observe"}\n', "The first message must be hello"),
+        (b'{"type": "hello", "format": 9}\n', "uses format 9"),
+        (b'{"type": "hello"}\nnonsense\n', "an invalid message"),
+        (b'{"type": "hello"}\n{"type": "observe"}\n', "must be reset"),
         (
             b'{"type": "hello"}\n{"type": "reset"}\n{"type":"send","controls":[1],"valid_until":1}\n',
             "6",
@@ -208,7 +208,7 @@ def test_a_link_of_one_s_own_is_found_by_its_name(prism3: Robot) -> None:
         (f"{__name__}:Nothing", {}, "has no Nothing"),
         (f"{__name__}:OwnRobot", {"speed": "1"}, "cannot be made from a robot and"),
         ("json:JSONDecoder", {}, "cannot be made"),
-        ("builtins:repr", {}, "is no RobotLink"),
+        ("builtins:repr", {}, "is not a RobotLink"),
     ],
 )
 def test_a_way_that_leads_nowhere_is_refused(

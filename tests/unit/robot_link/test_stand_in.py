@@ -111,9 +111,9 @@ def test_it_stops_when_told_and_cuts_off_what_is_beyond_its_limits(prism3: Robot
         ({"hidden": ("weak_cable@nowhere",)}, "nowhere"),
         (
             {"hidden": ("payload:heavy",)},
-            "how many times the typical size, from 0 to 1000, got 'heavy'",
+            "a multiple of the typical size, from 0 to 1000, got 'heavy'",
         ),
-        ({"hidden": ("torque_speed@cable_0",)}, "has no place of its own: leave out @cable_0"),
+        ({"hidden": ("torque_speed@cable_0",)}, "has no place: leave out @cable_0"),
         ({"latency": 0.015}, "must be a multiple of the control period, 0.01 s"),
         ({"rate": 70.0}, "must be the control rate, 100 Hz, or a whole part of it"),
     ],
@@ -125,7 +125,7 @@ def test_what_cannot_be_is_refused(prism3: Robot, changes: dict[str, object], me
 
 def test_wrong_commands_are_refused(prism3: Robot) -> None:
     stand_in = StandIn(prism3, EXACT)
-    with pytest.raises(LinkError, match="has to be reset"):
+    with pytest.raises(LinkError, match="must be reset"):
         stand_in.observe()
     stand_in.reset()
     for wrong in (np.zeros(5), np.full(6, np.nan)):

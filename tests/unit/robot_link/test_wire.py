@@ -67,7 +67,7 @@ def test_a_command_is_read_back_to_the_bit() -> None:
     sent = command_of(np.array([0.1, -1 / 3]), 1.25)
     assert request_of(sent.line()) == sent
     for controls, until in (([np.nan], 1.0), ([[1.0]], 1.0), ([1.0], np.inf)):
-        with pytest.raises(LinkError, match="A command is finite numbers"):
+        with pytest.raises(LinkError, match="A command consists of finite numbers"):
             command_of(np.array(controls), until)
 
 
@@ -88,7 +88,7 @@ def test_a_command_is_read_back_to_the_bit() -> None:
     ],
 )
 def test_what_is_no_message_is_refused_in_words(line: bytes) -> None:
-    with pytest.raises(LinkError, match="The driver sent what is no message here"):
+    with pytest.raises(LinkError, match="The driver sent an invalid message"):
         request_of(line)
 
 

@@ -48,7 +48,7 @@ def option(text: str) -> tuple[str, str]:
         ([(' act="1"/>', ' act="1" qvel="1e9 0 0 0 0 0"/>')], "has qvel 1e+09 m/s"),
         ([('gainprm="500"', 'gainprm="inf"')], "actuator 'reel' has gainprm inf"),
         ([('ctrlrange="-1 1"', 'ctrlrange="-inf inf"')], "actuator 'reel' has ctrlrange -inf"),
-        ([('ctrlrange="-1 1"', 'ctrlrange="0.5 1"')], "'reel' must be able to stand still"),
+        ([('ctrlrange="-1 1"', 'ctrlrange="0.5 1"')], "'reel' must be able to hold"),
         ([('actrange="0.5 2"', 'actrange="-2 2"')], "'reel' must have no actrange below 0"),
         (
             [
@@ -60,7 +60,7 @@ def option(text: str) -> tuple[str, str]:
         ([HINGE, ('qpos="0 0 2 1 0 0 0"', 'qpos="5"')], "joint 'pin' at 5, allowed -0.17"),
         ([("<worldbody>", '<worldbody><camera pos="inf 0 0"/>')], "camera number 0 (counted from"),
         ([("<sensor>", '<custom><numeric name="n" data="inf"/></custom><sensor>')], "has data inf"),
-        ([(BEGIN, f'{BEGIN}<option><flag sensor="disable"/></option>')], "switches off what it"),
+        ([(BEGIN, f'{BEGIN}<option><flag sensor="disable"/></option>')], "switches off a"),
         (
             [("<framepos", '<framepos nsample="9" delay=".01" interp="linear"')],
             "has a state beyond positions",
@@ -89,7 +89,7 @@ def test_bodies_within_each_other_are_refused() -> None:
     )
     bodies = edited(("<worldbody>", f"<worldbody>{balls}"))
     poses = " 0 0 9 1 0 0 0" * 110
-    with pytest.raises(RobotError, match="5,995 contacts, allowed are 5,000"):
+    with pytest.raises(RobotError, match="5,995 contacts, at most 5,000 are allowed"):
         read_robot(
             bodies.replace('<key qpos="', f'<key qpos="{poses} ').replace(
                 "<body pos", '<body name="b" pos'

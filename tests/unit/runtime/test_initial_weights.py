@@ -61,7 +61,7 @@ def test_a_copy_that_was_changed_is_refused(weights: Path, tmp_path: Path) -> No
         path = folder.path / name
         sound = path.read_bytes()
         path.write_bytes(sound[:-1])
-        with pytest.raises(DataError, match=f"{name}.*Put a copy of it back"):
+        with pytest.raises(DataError, match=f"{name}.*Restore a copy of it"):
             folder.begin(config, resume=True)
         path.write_bytes(sound)
 

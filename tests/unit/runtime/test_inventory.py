@@ -158,7 +158,7 @@ def test_whatever_is_done_to_a_file_is_found_and_not_gone_on_from(finished, what
         return
     assert any(named(victim.relative_to(finished), fault) for fault in found), found
     assert bool(said) == (what not in NOT_RELIED_ON | {"array"}), said
-    assert not said or "rewind" in said or "Put a copy of it back" in said
+    assert not said or "rewind" in said or "Restore a copy of it" in said
 
 
 def named(path: Path, fault: Fault) -> bool:
@@ -325,6 +325,6 @@ def test_one_does_not_go_back_to_what_is_not_sound_itself(finished, tmp_path):
             rewind(folder, store, 1)
         assert contents(finished) == before
     robot = finished / "robot.xml"
-    with kept(robot), pytest.raises(RunError, match="robot.xml.*Put a copy of it back"):
+    with kept(robot), pytest.raises(RunError, match="robot.xml.*Restore a copy of it"):
         flip(robot)
         rewind(folder, store, 0)

@@ -131,7 +131,7 @@ def test_an_adopted_plant_wants_its_law_file_in_the_configuration(tmp_path: Path
         effects_from=(file.reference,),
     )
     path = plant.write(tmp_path / "plants", robot, [file])
-    with pytest.raises(ValidationError, match="my_laws.py .* was not given: add --effects-from"):
+    with pytest.raises(ValidationError, match="my_laws.py .* is missing: add --effects-from"):
         RunConfig.model_validate({"effects": str(path)})
     config = RunConfig.model_validate(
         {"effects": str(path), "effects_from": [str(tmp_path / "my_laws.py")]}
@@ -154,7 +154,7 @@ def test_a_run_keeps_its_law_file_and_goes_on_without_the_original(tmp_path: Pat
     assert look.strangers() == [] and look.faults() == []
     kept.write_text(own_laws.COGGING + "\n")
     assert [(fault.kind, fault.where) for fault in look.faults()] == [("altered", "my_laws.py")]
-    with pytest.raises(DataError, match="my_laws.py was altered since the run was begun"):
+    with pytest.raises(DataError, match="my_laws.py was altered since the start of the run"):
         folder.config()
     own_laws.law_file(tmp_path, own_laws.COGGING + "# changed\n")
     kept.write_text(own_laws.COGGING)

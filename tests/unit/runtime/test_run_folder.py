@@ -86,7 +86,7 @@ def test_what_a_run_was_begun_with_may_not_change(folder, name):
     sound = path.read_bytes()
     for content in (b"", sound[:-10], sound + b"\n", b"\xff\xfe\x00", b"[]", b"{}", b"null"):
         path.write_bytes(content)
-        with pytest.raises(DataError, match=f"{name}.*Put a copy of it back"):
+        with pytest.raises(DataError, match=f"{name}.*Restore a copy of it"):
             folder.begin(RunConfig(), resume=True)
     path.unlink()
     with pytest.raises(FlywheelError, match=name):

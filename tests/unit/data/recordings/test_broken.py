@@ -142,7 +142,7 @@ def exchange(sheet: Sheet, one: str, two: str, begin: int, end: int | None = Non
 REFUSED = [
     (forget_header, "has no header: its first line is 0.0, .* time, ctrl.<actuator>"),
     (one_row, "has 1 rows under its header; a recording needs at least 2"),
-    (different_duplicate, "line 9: the time 0.06 s stands in two rows that say different things"),
+    (different_duplicate, "line 9: the time 0.06 s is in two different rows"),
     (backward, "line 10: time runs backward, from 0.08 to 0.07 s, 1 time in all"),
     (irregular, "irregular time stamps: only .* samples .* grid of 0.01 s.*jitter"),
     (seconds_as_milliseconds, r"rows are 10 s apart, .* write units: \{time: ms\}"),

@@ -29,7 +29,7 @@ def script(prism: Robot) -> np.ndarray:
 def test_a_script_comes_back_to_the_bit(prism: Robot, script: np.ndarray, tmp_path: Path) -> None:
     path = write_commands(script, 0.01, tmp_path / "a.csv", prism)
     assert np.array_equal(read_commands(path, prism), script)
-    with pytest.raises(DataError, match="not written over"):
+    with pytest.raises(DataError, match="not overwritten"):
         write_commands(script, 0.01, path, prism)
 
 
@@ -60,7 +60,7 @@ def test_what_is_no_script_of_the_robot_is_refused(
     rest = lines[6].split(",", 2)[2]
     for content, message in {
         (lines[0].replace("winch_35", "winch_36"), *lines[1:]): "Did you mean 'ctrl.winch_35'",
-        (*lines[:20], *lines[30:]): "b.csv: a gap: nothing is commanded from 0.18 to 0.29 s",
+        (*lines[:20], *lines[30:]): "b.csv: a gap: there are no commands from 0.18 to 0.29 s",
         (*lines[:6], f"0.05,7,{rest}", *lines[7:]): "7 m/s, allowed are -0.645 to 0.645 m/s",
         (
             *lines[:6],

@@ -78,7 +78,7 @@ def test_an_episode_survives_the_way_out_and_in(name: str, tmp_path: Path) -> No
     )
     assert write_recording(one, tmp_path / "e.csv", robot) == ()
     same(read_recording(tmp_path / "e.csv", robot).episodes[0].trajectory, one.trajectory)
-    with pytest.raises(DataError, match="not written over"):
+    with pytest.raises(DataError, match="not overwritten"):
         write_recording(one, tmp_path / "e.csv", robot)
     full = dataclasses.replace(
         one, trajectory=dataclasses.replace(one.trajectory, states=track.states)
@@ -236,7 +236,7 @@ def test_commands_may_be_angles_of_a_drum(sheet: Callable[..., Sheet]) -> None:
         (f"conditions: {'x' * 1001}", "at most 1000 characters"),
         (f"ignore: [{'x' * 201}]", "at most 200 characters; got 'xxx"),
         ("\n".join(f"k{i}: 1" for i in range(1000)), "and 992 more."),
-        ("a: &a [*a]", "holds itself"),
+        ("a: &a [*a]", "contains itself"),
         (BOMB, "more than 1,000,000 values"),
         ("[1, 2]", "valid dictionary"),
         ("a: [", "log.yaml is not YAML"),
@@ -286,9 +286,9 @@ def test_a_recording_is_stored_once_whatever_its_file_is_called(
     assert new and name == f"recording-monday-2nd-{read.report.digest[:16]}"
     copy = read_recording(log.save("copy.csv"), log.robot)
     assert store_recording(store, copy) == (name, False)
-    with pytest.raises(DataError, match="in the split test; .* train was asked for"):
+    with pytest.raises(DataError, match="in the split test; .* train was requested"):
         store_recording(store, read_recording(log.save(), log.robot, split="train"))
-    with pytest.raises(DataError, match="read in another way"):
+    with pytest.raises(DataError, match="read with other settings"):
         store_recording(store, read_recording(log.save(), log.robot, dt=0.02))
     assert list(stored_recordings(store)) == [name]
     same(store.read(name).trajectory, read.episodes[0].trajectory)

@@ -107,7 +107,7 @@ def test_a_robot_that_is_elsewhere_in_every_row_is_refused(sheet: Callable[..., 
 
 @pytest.mark.parametrize(
     ("seen", "message"),
-    [(0, "no marker was ever measured"), (3, "only 1.49% .* are there; at least 2% are needed")],
+    [(0, "no marker was ever measured"), (3, "only 1.49% .* are present; at least 2% are needed")],
 )
 def test_a_log_that_hardly_measures_anything_is_refused(
     seen: int, message: str, sheet: Callable[..., Sheet]
