@@ -252,7 +252,7 @@ def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
     [
         (("format",), FORMAT + 1, f"has format {FORMAT + 1}; this version reads {FORMAT}"),
         (("format",), FORMAT - 1, f"has format {FORMAT - 1}; this version reads {FORMAT}"),
-        (("format",), GONE, "format: must be given"),
+        (("format",), GONE, "format: is required"),
         (("format",), True, "format: must be a whole number"),
         (("verdict",), [1], "verdict: .*valid string; got \\[1\\]"),
         (("answer_set", 0, 0), 3, r"answer_set.0.0: .*got 3"),

@@ -146,8 +146,8 @@ REFUSED = [
     (backward, "line 10: time runs backward, from 0.08 to 0.07 s, 1 time in all"),
     (irregular, "irregular time stamps: only .* samples .* grid of 0.01 s.*jitter"),
     (seconds_as_milliseconds, r"rows are 10 s apart, .* write units: \{time: ms\}"),
-    (no_number, "line 5, column 'ctrl.winch_02': 'n/a' is no number"),
-    (decimal_comma, "'0,3' is no number.*with a point"),
+    (no_number, "line 5, column 'ctrl.winch_02': 'n/a' is not a number"),
+    (decimal_comma, "'0,3' is not a number.*with a point"),
     (short_line, "line 5 has 24 cells, the header has 25 columns"),
     (command_missing, "line 5: the command in 'ctrl.winch_35' is missing, in 1 place in all"),
     (command_infinite, "line 5: the command in 'ctrl.winch_35' is inf"),
@@ -166,7 +166,7 @@ REFUSED = [
     (same_column_twice, "columns of the same name: 's3.x'"),
     (no_time, "has no column 'time'.*or give dt"),
     (other_rods, "s0 to s1 is 2.(4|39).* m instead of 2.95 m.*another robot"),
-    (exchanged_from_the_start, "Exchanging s0 with s2 or s1 with s3 would make them right"),
+    (exchanged_from_the_start, "Swapping s0 with s2 or s1 with s3 would make them right"),
     (y_up, r"below the ground.*axes: \{x: x, y: -z, z: y\}"),
 ]
 
