@@ -30,7 +30,7 @@ def test_each_number_is_listed_with_what_its_docstring_says() -> None:
     said = {path: setting.what for path, setting in numbers(Settings()).items()}
     assert all(said.values())
     assert said["windows.remnant"] == (
-        "share of that length below which what a recording holds gives no window if others do."
+        "fraction of that length below which a recording gives no window if others do."
     )
     assert said["checks.discrepancy.step"].startswith("of a finite difference of an output")
 

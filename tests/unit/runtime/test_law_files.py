@@ -113,7 +113,7 @@ def test_a_law_that_cannot_be_used_is_refused_before_a_run_begins(tmp_path: Path
     with pytest.raises(UnknownNameError, match="no effect 'coging'"):
         wrong = {**TINY, **named, "diagnose": {"effects": ["coging"]}}
         check_suits(RunConfig.model_validate(wrong), robot)
-    with pytest.raises(DataError, match="cogging is no single number"):
+    with pytest.raises(DataError, match="cogging is not a single number"):
         wrong = {**TINY, **named, "diagnose": {"unsure": {"cogging": 0.1}}}
         check_suits(RunConfig.model_validate(wrong), robot)
     own_laws.law_file(tmp_path, own_laws.COGGING.replace("rate * (1.0", "rate * (1.1"))
