@@ -123,8 +123,9 @@ def test_fitted_starts_are_judged_by_the_settings_that_are_given(swing: Robot) -
     plant = Plant(swing, DT)
     windows = with_first_lengths(ForecastWindows.cut(swing, [log], 0.8, 0), plant)
     windows = dataclasses.replace(windows, sigma=windows.sigma / 3.0)
+    squares = np.ones_like(windows.measured)
     usual, tolerant = (
-        fitted_starts(plant, windows, 0, settings)
+        fitted_starts(plant, windows, squares, 0, settings)
         for settings in (Settings(), changed(Settings(), {"limits.tolerance": 1.0}))
     )
     assert (usual.only_noise, tolerant.only_noise) == (False, True)
