@@ -113,7 +113,7 @@ def test_the_page_and_the_json_say_so(robot: Robot, seed: int) -> None:
     assert law.errors.augmented <= 1.01 * law.errors.baseline, seed  # there is nothing to learn
     assert summary["discrepancy_model"]["error"]["unit"] == "m"
     assert {"recording", "from", "to", "cable", "point", "unit"} == set(summary["unexplained"])
-    assert "learned" in diagnosis_page(found, {})
+    assert "A law of the cables, fitted to the recordings" in diagnosis_page(found, {})
     assert "none of the library" in sentence(found) or "something else" in sentence(found)
 
 

@@ -77,8 +77,9 @@ def test_it_says_where_a_bound_stopped_a_fit(found: Diagnosis) -> None:
     assert at_bounds(found) == ""
     (effect,) = found.answers[0]
     stopped = replace(found, answers=((replace(effect, at_bound=effect.values),),))
-    value = f"{effect.values[0].in_plant:.4g}"
-    assert at_bounds(stopped).startswith(f"share of winch_gain is at its bound, {value}. ")
+    (value,) = effect.values
+    told = f"share of winch_gain is at its bound, {value.in_plant:.4g} (its interval reaches to "
+    assert at_bounds(stopped).startswith(told)
     assert at_bounds(stopped) in diagnosis_page(stopped, {})
 
 

@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 from flywheel.cli.main import app
 from flywheel.errors import ConfigError, LinkError, RunError
 from flywheel.results import RunResult
-from flywheel.runtime.config.robot_config import RobotConfig
-from flywheel.runtime.config.run_config import RunConfig, config_digest, load_config
+from flywheel.runtime.config.run_config import RunConfig, config_digest
 from flywheel.runtime.workers import robot_worker
 from flywheel.runtime.workers.episode_plan import first_recordings
 from tests.unit.runtime.tiny_run import TINY, Bench
@@ -163,10 +162,3 @@ def test_a_robot_without_a_recording_for_tests_is_refused() -> None:
     config = RunConfig.model_validate({"robot": {"first": 1}})
     with pytest.raises(ConfigError, match="no test recording of the robot. Raise robot.first"):
         first_recordings(config)
-
-
-def test_an_mjcf_under_its_old_name_is_still_read(tmp_path: Path) -> None:
-    path = tmp_path / "old.yaml"
-    path.write_text("robot: icosa6\n")
-    assert load_config(path).model == "icosa6" and load_config(path).robot is None
-    assert isinstance(load_config(path, ["model=prism3", "robot={first: 4}"]).robot, RobotConfig)
