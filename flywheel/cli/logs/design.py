@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console, table
+from flywheel.cli.exits import INTERRUPTED
 from flywheel.cli.logs.diagnose import SetOption, about_settings, changes_of
 from flywheel.cli.options import (
     TYPICAL_SIZES,
@@ -71,6 +72,8 @@ def design(
 ) -> None:
     """Write the commands that best distinguish effects between which a diagnosis could not decide.
 
+    Ctrl-C or SIGTERM writes the best commands so far.
+
     [bold]Example[/bold]
 
     flywheel design cable_friction capstan --robot prism3 --out to_tell.csv
@@ -82,6 +85,7 @@ def design(
     from flywheel.diagnosis.settings import Settings, changed
     from flywheel.reports.experiment_page import write_design
     from flywheel.runtime.config.demand import check_predictions
+    from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress
 
     predictions = candidates * (1 + len(rivals))  # of each script, and with each rival
@@ -93,10 +97,12 @@ def design(
     tuned = changed(Settings(), changes_of(settings or []))
     sigma = length_of(noise, plant.robot)
     designer = Designer(plant, named, sigma, size, settings=tuned)
-    with console_progress().stage("try scripts", 2 * candidates) as stage:
-        found = designer.design(
-            seconds, candidates, seed, lambda n, best: stage.update(n, f"best {best:.1f} sigma")
-        )
+    with StopRequest() as stop, console_progress().stage("try scripts", 2 * candidates) as stage:
+
+        def told(tried: int, best: float) -> None:
+            stage.update(tried, f"best {best:.1f} sigma")
+
+        found = designer.design(seconds, candidates, seed, told, stop)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_commands(found.controls, dt, out, plant.robot)
     _show(shown, found)
@@ -107,6 +113,9 @@ def design(
         winches = [winch.name for winch in plant.robot.winches]
         shown.say(f"Page: {write_design(found, page, about, winches)}")
     shown.keep_json(json, {**found.summary(), **library.provenance})
+    if stop():
+        shown.say("interrupted: these are the best commands so far", style="yellow")
+        raise typer.Exit(INTERRUPTED)
 
 
 def _check_outputs(

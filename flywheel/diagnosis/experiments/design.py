@@ -207,6 +207,7 @@ class Designer:
         count: int = 64,
         seed: int = 0,
         told: Told = lambda tried, best: None,
+        stop: Callable[[], bool] = lambda: False,
     ) -> Design:
         """The best of many scripts, and of variations of the best of them.
 
@@ -216,6 +217,7 @@ class Designer:
           seed: of all random numbers.
           told: called after the first scripts and after each round, with the number tried and the
             best separation so far [sigma].
+          stop: asked before each round of variations; True ends the search with the best script so far.
 
         Raises:
           DataError: nothing to try, or no plain script is safe.
@@ -235,6 +237,8 @@ class Designer:
         tried, history = drawn, [drawn.best]
         told(tried.count, tried.best)
         for width in WIDTHS:
+            if stop():
+                break
             tried += self._varied(tried, width, max(1, count // len(WIDTHS)), rng)
             history.append(tried.best)
             told(tried.count, tried.best)
