@@ -21,7 +21,7 @@ import tempfile
 import threading
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -203,6 +203,21 @@ def _kept(report: str) -> Path | None:
             Path(name).unlink()
         return None
     return Path(name)
+
+
+def end_if_stopped(stop: Callable[[], bool], result: str) -> None:
+    """End a command whose result is the best one so far, if it was stopped.
+
+    Args:
+      stop: the wish to stop.
+      result: in words.
+
+    Raises:
+      typer.Exit: it was stopped; with `INTERRUPTED`.
+    """
+    if stop():
+        _say(f"interrupted: {result}")
+        raise typer.Exit(INTERRUPTED)
 
 
 def _say(message: str) -> None:

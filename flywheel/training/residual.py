@@ -165,6 +165,7 @@ def train_residual(
     config: ResidualConfig = ResidualConfig(),
     training: ResidualTraining = ResidualTraining(),
     say: Say = lambda done, note: None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> ResidualResult:
     """Train the correction of a plant. Equal arguments give equal weights, bit by bit, on one machine.
 
@@ -174,6 +175,7 @@ def train_residual(
       config: of the network.
       training: its settings.
       say: receives the progress.
+      stop: asked after each step; True ends the training with the best weights so far.
 
     Raises:
       DataError: recordings do not fit the plant, or are too short to train and to hold out.
@@ -190,7 +192,7 @@ def train_residual(
         torch.manual_seed(training.seed)
         network = ResidualNetwork(plant.robot, config)
         fitting = _Fitting(network, train, held_out, training)
-        fitting.run(_part(say, 0.25, 1.0))
+        fitting.run(_part(say, 0.25, 1.0), stop)
     errors = fitting.errors(fitting.best, held_out)
     share = chosen_share(errors, training)
     return ResidualResult(
@@ -389,8 +391,8 @@ class _Fitting:
         self._order: list[int] = []
         self._rng = generator(training.seed, 0, _ORDER)
 
-    def run(self, say: Say) -> None:
-        """Train until the budget is spent, or nothing improves."""
+    def run(self, say: Say, stop: Callable[[], bool]) -> None:
+        """Train until the budget is spent, nothing improves, or it is stopped."""
         training, network = self._training, self._network
         optimiser = torch.optim.AdamW(network.parameters(), weight_decay=training.weight_decay)
         best, since = math.inf, 0
@@ -405,7 +407,8 @@ class _Fitting:
             nn.utils.clip_grad_norm_(network.parameters(), training.clip)
             optimiser.step()
             self._average()
-            if self.step % training.validate_every and self.step < training.steps:
+            last = self.step == training.steps or stop()
+            if self.step % training.validate_every and not last:
                 continue
             errors = self.errors(self._mean, self._held_out).mean(axis=0)
             self.curve.append((self.step, value, float(errors[-1])))
@@ -416,7 +419,7 @@ class _Fitting:
                 self.best = copy.deepcopy(self._mean)
             gain = 1.0 - best / float(errors[0])
             say(self.step / training.steps, f"step {self.step}, {gain:.0%} of the error removed")
-            if since >= training.patience:
+            if last or since >= training.patience:
                 return
 
     def _rate(self) -> float:

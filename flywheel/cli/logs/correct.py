@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console, table
+from flywheel.cli.exits import end_if_stopped
 from flywheel.cli.options import DtOption, JsonOption, PlantOption, ThreadsOption, number, within
 from flywheel.quantities import HORIZON_SECONDS, SEED, Bounds
 
@@ -54,7 +55,7 @@ def correct(
 
     The plant predicts; the network learns the residual, in minutes from minutes of logs. A fifth of
     the logs is held out, and determines the applied fraction of the correction: none if it does not
-    help.
+    help. Ctrl-C or SIGTERM writes the best correction so far.
 
     [bold]Example[/bold]
 
@@ -66,6 +67,7 @@ def correct(
     from flywheel.dynamics.residual import ResidualWeights
     from flywheel.errors import ConfigError
     from flywheel.outputs import check_outputs
+    from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress
     from flywheel.training.residual import train_residual
 
@@ -77,17 +79,19 @@ def correct(
     config, training = settings_of(settings or [], horizon, seed)
     plant, shown = RestartedPlant.from_measurements(open_plant(robot, dt, threads)), console()
     tracks = [each.trajectory for each in read_logs(recordings, plant.robot, dt, shown)]
-    total = float(training.steps)
-    with console_progress().stage("correct", total) as stage:
-        found = train_residual(
-            plant, tracks, config, training, lambda done, note: stage.update(total * done, note)
-        )
+    with StopRequest() as stop, console_progress().stage("correct", training.steps) as stage:
+
+        def told(done: float, note: str) -> None:
+            stage.update(training.steps * done, note)
+
+        found = train_residual(plant, tracks, config, training, told, stop)
     seconds = sum(t.steps for t in tracks) * dt
     digest = ResidualWeights.of(found.model).write(
         out, {**found.notes(), "recordings": [p.name for p in recordings], "seconds": seconds}
     )
     _show(shown, found, out, robot, seconds, recordings)
     shown.keep_json(json, {**found.notes(), "share": found.model.share, "digest": digest})
+    end_if_stopped(stop, "this is the best correction so far")
 
 
 def settings_of(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.exits import INTERRUPTED
+from flywheel.cli.exits import end_if_stopped
 from flywheel.cli.logs.diagnose import SetOption, about_settings, changes_of
 from flywheel.cli.options import (
     TYPICAL_SIZES,
@@ -27,6 +28,7 @@ from flywheel.quantities import HORIZON_SECONDS, SAMPLES, SEED
 
 if TYPE_CHECKING:
     from flywheel.diagnosis.experiments.design import Design
+    from flywheel.runtime.pool.progress import Stage
 
 Rivals = Annotated[
     list[str],
@@ -95,27 +97,25 @@ def design(
     plant = open_plant(robot, dt, threads, library)
     named = [Rival.named(name, plant.robot, library.known) for name in rivals]
     tuned = changed(Settings(), changes_of(settings or []))
-    sigma = length_of(noise, plant.robot)
-    designer = Designer(plant, named, sigma, size, settings=tuned)
+    designer = Designer(plant, named, length_of(noise, plant.robot), size, settings=tuned)
     with StopRequest() as stop, console_progress().stage("try scripts", 2 * candidates) as stage:
-
-        def told(tried: int, best: float) -> None:
-            stage.update(tried, f"best {best:.1f} sigma")
-
+        told = partial(_tell, stage)
         found = designer.design(seconds, candidates, seed, told, stop)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_commands(found.controls, dt, out, plant.robot)
     _show(shown, found)
     shown.say(f"Commands: {out}")
     if page is not None:
-        about = {"commands": out.name, "seed": str(seed), **about_plant(plant), **library.about}
-        about |= about_settings(tuned)
+        about = {"commands": out.name, "seed": str(seed), **about_plant(plant)}
+        about |= library.about | about_settings(tuned)
         winches = [winch.name for winch in plant.robot.winches]
         shown.say(f"Page: {write_design(found, page, about, winches)}")
     shown.keep_json(json, {**found.summary(), **library.provenance})
-    if stop():
-        shown.say("interrupted: these are the best commands so far", style="yellow")
-        raise typer.Exit(INTERRUPTED)
+    end_if_stopped(stop, "these are the best commands so far")
+
+
+def _tell(stage: Stage, tried: int, best: float) -> None:
+    stage.update(tried, f"best {best:.1f} sigma")
 
 
 def _check_outputs(

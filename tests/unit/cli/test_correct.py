@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from flywheel.dynamics.residual import ResidualDynamics
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import Episode, Provenance, Trajectory
 from flywheel.robots import load_robot
+from flywheel.training.residual import _Fitting
 
 PRISM = load_robot("prism3")
 FEW = ("--horizon", "0.3", "--set", "steps=2", "--set", "network.width=8", "--set", "spacing=0.4")
@@ -39,6 +42,25 @@ def logs(tmp_path):
 
 def correct(*arguments):
     return CliRunner().invoke(app, ["correct", *map(str, arguments)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_sigterm_give_the_best_correction_so_far(logs, tmp_path, monkeypatch, number):
+    next_batch = _Fitting._next_batch
+
+    def pressed(self):
+        os.kill(os.getpid(), number)
+        return next_batch(self)
+
+    monkeypatch.setattr(_Fitting, "_next_batch", pressed)
+    out, answer = tmp_path / "m.npz", tmp_path / "a.json"
+    many = ("--set", "steps=1000000")
+    got = correct(*logs, "--robot", "prism3", "--out", out, "--json", answer, *FEW, *many)
+    assert got.exit_code == 130, got.output
+    assert "the best correction so far" in got.output
+    assert json.loads(answer.read_text())["best_step"] == 1
+    assert open_trained(str(out), PRISM).weights.digest
 
 
 @pytest.mark.slow
