@@ -28,7 +28,7 @@ from flywheel.validation import validated
 SETTINGS = (RunConfig, RandomConfig, AdoptedPlant, ResidualConfig, ResidualTraining, CorrectedPlant)
 NOT_ALLOWED = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**30, 10**400, True, "5", [1])
 # Evidence, which is shown, and compared at most.
-SHOWN_ONLY = ("Fitted.low", "Fitted.high", "HeldOut.", "Suspect.explained")
+SHOWN_ONLY = ("Fitted.low", "Fitted.high", "HeldOut.")
 
 
 @dataclass(frozen=True)

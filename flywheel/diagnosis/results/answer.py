@@ -99,7 +99,7 @@ class Suspect(_Part):
     """A number of the MJCF that may be wrong; `explained` where it explains more than the answer."""
 
     name: Name
-    explained: StrictFloat | None = None
+    explained: Annotated[StrictFloat, Bounds(0, 1e9)] | None = None
 
 
 class Answer(_Part):

@@ -112,20 +112,18 @@ def far_off_parameters(
             and best.cost < last.fit.cost - search.threshold
         ):
             typical = score.candidate.typical[0]
-            ended = not NEAR * size.low * typical < off < NEAR * size.high * typical
-            instead = _added(search, begun, last) if len(models) > 1 else ""
-            damping = sum(each.values[0] for each in best.terms[len(fit.terms) + 1 :])
-            own = (
-                score.candidate.effect.name,
-                off,
-                score.score,
-                instead,
-                True,
-                share,
-                damping,
-                ended,
+            found.append(
+                SuspectParameter(
+                    name=score.candidate.effect.name,
+                    off=off,
+                    score=score.score,
+                    instead=_added(search, begun, last) if len(models) > 1 else "",
+                    more=True,
+                    explained=share,
+                    damping=sum(each.values[0] for each in best.terms[len(fit.terms) + 1 :]),
+                    at_bound=not NEAR * size.low * typical < off < NEAR * size.high * typical,
+                )
             )
-            found.append(SuspectParameter(*own))
     return tuple(sorted(found, key=lambda each: -(each.explained or 0.0)))
 
 
