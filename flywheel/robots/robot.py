@@ -14,7 +14,8 @@ import numpy as np
 
 from flywheel.errors import RobotError
 from flywheel.records import Episode, Floats, State
-from flywheel.robots.parts import Body, Cable, TrackedPoint, Winch
+from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
+from flywheel.rotations import rotate
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,11 @@ class Robot:
     def offsets_of(self, body: Body) -> Floats:
         """(n, 3) places of a body's n tracked points in its frame [m]."""
         return np.array([self.points[i].offset for i in body.points])
+
+    def cable_lengths(self, poses: Floats) -> Floats:
+        """(B, C) lengths of the cables between bodies at poses (B, bodies, 7) [m]."""
+        ends = [[_place(poses, end) for end in cable.ends] for cable in self.cables]
+        return np.stack([np.linalg.norm(a - b, axis=-1) for a, b in ends], axis=1)
 
     def com_weights(self, body: Body) -> Floats:
         """(n,) weights with sum 1 of a body's tracked points, whose combination is nearest its CoM."""
@@ -242,3 +248,11 @@ class Robot:
                 after = np.where(np.isfinite(known), known, after)
             positions.append(after)
         return np.stack(positions, axis=-2)
+
+
+def _place(poses: Floats, end: Attachment) -> Floats:
+    """(B, 3) of a cable's end [m]."""
+    if end.body < 0:
+        return np.broadcast_to(end.offset, (len(poses), 3))
+    pose = poses[:, end.body]
+    return np.asarray(pose[:, :3] + rotate(pose[:, 3:], end.offset))

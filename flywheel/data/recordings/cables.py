@@ -330,26 +330,13 @@ def _limits(
         shift = kept[list(winch.cables)] - kept[winch.cables[0]]
         lowest[list(winch.cables)] = winch.rest_range[0] + shift
         highest[list(winch.cables)] = winch.rest_range[1] + shift
-    at_keyframe = _lengths(robot, robot.keyframe.qpos.reshape(1, -1, FREE))[0]
+    at_keyframe = robot.cable_lengths(robot.keyframe.qpos.reshape(1, -1, FREE))[0]
     stiff = np.array([cable.stiffness for cable in robot.cables])
     weight = GRAVITY * sum(body.mass for body in robot.bodies)
     pull = PULLED * np.maximum(weight, stiff * (at_keyframe - kept)) / stiff
     # A winch may pay out another length than it is told or measures.
     gain = np.where(relative, 0.0, GAIN * np.median(np.abs(rest - kept), axis=0))
     return pull, pull + MISPLACED * at_keyframe + gain, lowest, highest
-
-
-def _lengths(robot: Robot, poses: Floats) -> Floats:
-    """(n, C) lengths of the cables between bodies at poses (n, bodies, 7) [m]."""
-
-    def place(end: Attachment) -> Floats:
-        if end.body < 0:
-            return np.broadcast_to(end.offset, (len(poses), 3))
-        pose = poses[:, end.body]
-        return np.asarray(pose[:, :3] + rotate(pose[:, 3:], end.offset))
-
-    ends = [[place(end) for end in cable.ends] for cable in robot.cables]
-    return np.stack([distance(a, b) for a, b in ends], axis=1)
 
 
 def _on_line(robot: Robot, end: Attachment) -> tuple[Floats | None, float]:

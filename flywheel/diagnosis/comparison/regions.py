@@ -11,7 +11,6 @@ import numpy as np
 
 from flywheel.diagnosis.comparison.forecast_windows import ForecastWindows
 from flywheel.dynamics.plant import Plant, RestartedPlant
-from flywheel.dynamics.plant.poses import cable_lengths
 from flywheel.dynamics.plant.roll import rest_lengths
 from flywheel.records import Floats, Observation, Past
 from flywheel.robots import Attachment, Robot
@@ -111,6 +110,6 @@ def cable_tensions(robot: Robot, points: Floats, winch: Floats, dt: float) -> Fl
     past = Past(Observation(flat, wound), np.zeros((len(flat), 0, wound.shape[-1])), wound)
     state = RestartedPlant(Plant(robot, dt), roll="relaxed").estimate(past)
     poses = state.qpos.reshape(len(state.qpos), -1, 7)
-    stretch = cable_lengths(robot, poses) - rest_lengths(robot, wound[:, 0])
+    stretch = robot.cable_lengths(poses) - rest_lengths(robot, wound[:, 0])
     stiffness = np.array([cable.stiffness for cable in robot.cables])
     return (stiffness * np.maximum(stretch, 0.0)).reshape(*lead, -1)

@@ -1,4 +1,4 @@
-"""Poses of bodies from their tracked points, and lengths of cables from poses."""
+"""Poses of bodies from their tracked points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from flywheel.dynamics.plant.roll import line_of
 from flywheel.records import Floats
-from flywheel.robots import Attachment, Body, Robot
+from flywheel.robots import Body, Robot
 from flywheel.rotations import kabsch, multiply, rotate, shortest
 
 FREE_POSITIONS = 7
@@ -29,20 +29,6 @@ def at_points(robot: Robot, turns: Floats, points: Floats) -> Floats:
         seen_center = points[:, list(body.points)].mean(axis=1)
         each.append(seen_center - rotate(turns[:, index], center))
     return np.concatenate([np.stack(each, axis=1), turns], axis=2)
-
-
-def cable_lengths(robot: Robot, poses: Floats) -> Floats:
-    """(B, C) lengths of the cables between bodies at poses (B, bodies, 7) [m]."""
-    ends = [[_place(poses, end) for end in cable.ends] for cable in robot.cables]
-    return np.stack([np.linalg.norm(a - b, axis=-1) for a, b in ends], axis=1)
-
-
-def _place(poses: Floats, end: Attachment) -> Floats:
-    """(B, 3) of a cable's end [m]."""
-    if end.body < 0:
-        return np.broadcast_to(end.offset, (len(poses), 3))
-    pose = poses[:, end.body]
-    return np.asarray(pose[:, :3] + rotate(pose[:, 3:], end.offset))
 
 
 def _turn(robot: Robot, index: int, body: Body, points: Floats) -> Floats:

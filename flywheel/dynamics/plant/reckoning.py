@@ -12,7 +12,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from flywheel.dynamics.plant.laws import Group, grouped
-from flywheel.dynamics.plant.poses import cable_lengths, seen_poses
+from flywheel.dynamics.plant.poses import seen_poses
 from flywheel.dynamics.plant.roll import relaxed, rest_lengths, unseen_axes
 from flywheel.effects import CommandEffect, Terms, WinchEffect, Winches
 from flywheel.records import Floats, Trajectory
@@ -152,7 +152,7 @@ class Reckoning:
             unseen_axes(self.robot),
             ROUNDS,
         )
-        lengths, every = cable_lengths(self.robot, poses), np.arange(steps)
+        lengths, every = self.robot.cable_lengths(poses), np.arange(steps)
         lengths[:, self._touching(unseen)] = 0.0
         return np.stack([np.interp(every, at, length) for length in lengths.T], axis=1)
 

@@ -8,7 +8,6 @@ import pytest
 from flywheel.diagnosis.comparison import Bins, Comparison
 from flywheel.diagnosis.comparison.regions import cable_tensions, spans
 from flywheel.dynamics.plant import Plant
-from flywheel.dynamics.plant.poses import cable_lengths
 from flywheel.robots import Robot
 
 pytestmark = pytest.mark.slow
@@ -60,7 +59,7 @@ def test_an_error_of_one_end_cap_is_found_at_that_end_cap_and_its_cables(
 def test_lengths_and_tensions_of_cables_are_those_of_the_simulation(robot: Robot) -> None:
     plant = Plant(robot)
     settled = plant.settle(2.0)
-    lengths = cable_lengths(robot, settled.qpos.reshape(len(settled.qpos), -1, 7))
+    lengths = robot.cable_lengths(settled.qpos.reshape(len(settled.qpos), -1, 7))
     points = plant.observe(settled).points[None]
     tensions = cable_tensions(robot, points, plant.winch(settled)[None], plant.dt)[0]
     rest = np.array([cable.rest_length for cable in robot.cables])
