@@ -1,7 +1,5 @@
 """Angles between vectors, to check rotations by."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -107,6 +107,14 @@ def default_signals() -> None:
         signal.signal(signal.SIGHUP, lambda number, frame: None)
 
 
+@pytest.fixture(scope="session")
+def robot() -> object:
+    """Three bars and nine cables: the robot of most tests. Some folders and files have another."""
+    from flywheel.robots import load_robot
+
+    return load_robot("prism3")
+
+
 @dataclass(frozen=True)
 class Stranger:
     """Someone who has only read the README, in a folder of their own.

@@ -4,8 +4,6 @@ pytest --draws fresh    # hunts; the number that it shows brings the same draws 
 pytest --draws 12345
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import zlib

@@ -1,7 +1,5 @@
 """A disk without room for more, without a disk: the kernel lets no file grow beyond a size."""
 
-from __future__ import annotations
-
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Law files for tests."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

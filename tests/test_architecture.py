@@ -1,7 +1,5 @@
 """The house stays as drawn: who may import whom, which door leads where, and how long a file is."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator, Mapping

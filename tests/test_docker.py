@@ -1,7 +1,5 @@
 """The containers' scripts work without containers, and the compose file says what it should."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

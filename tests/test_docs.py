@@ -5,8 +5,6 @@
 Lines of `bash` that are nothing but a `flywheel` command run in this process, which has imported everything.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The README is true: its commands run (at smoke size), and it is short."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -3,8 +3,6 @@
 Resumes whatever is in the folder, publishes nothing, and tells with its exit code how it ended.
 """
 
-from __future__ import annotations
-
 import sys
 
 from flywheel.errors import FlywheelError

@@ -1,7 +1,5 @@
 """Starting drivers, finding their workers, killing them, and reading off what a run came to."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

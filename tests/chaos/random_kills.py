@@ -6,8 +6,6 @@ Each run is killed several times, resumed, and has to end with the digests, erro
 run that was left in peace.
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 import subprocess

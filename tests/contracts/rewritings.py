@@ -5,8 +5,6 @@ returns it. `WRITTEN` only says it in other words; `ORDERED` puts it into anothe
 frames and bodies.
 """
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """The graph network keeps the contract of every dynamics model, on every shipped robot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """A corrected plant keeps the contract of every dynamics model, on every shipped robot."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A plant with effects keeps the promises of a plant."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every effect of the library keeps these promises, on every shipped robot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What the truth simulator can hide, beside what the library can name."""
 
-from __future__ import annotations
-
 from flywheel.diagnosis.selection.misspecification import PROBES
 from flywheel.effects import EFFECTS
 from flywheel.truth_simulator import HIDDEN, OUTSIDE

@@ -1,7 +1,5 @@
 """One robot written down in two ways is one robot: the same numbers, to the last digit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
@@ -173,7 +171,7 @@ class Order:
     activations: np.ndarray
 
     @classmethod
-    def of(cls, robot: Robot, again: Robot) -> Order:
+    def of(cls, robot: Robot, again: Robot) -> "Order":
         def where(kind: str) -> np.ndarray:
             names = [each.name for each in getattr(again, kind)]
             return np.array([names.index(each.name) for each in getattr(robot, kind)])

@@ -1,7 +1,5 @@
 """What holds for every shipped robot."""
 
-from __future__ import annotations
-
 import pickle
 
 import mujoco

@@ -1,7 +1,5 @@
 """Every number of every setting is bounded: none takes infinity, NaN, or what no machine could do."""
 
-from __future__ import annotations
-
 import importlib
 import math
 import re
@@ -45,7 +43,7 @@ class Number:
     sizes: tuple[int, ...] = ()
     bounded: bool = False
 
-    def within(self, part: str, size: int = 0) -> Number:
+    def within(self, part: str, size: int = 0) -> "Number":
         """The same number, seen from outside."""
         return Number((part, *self.path), (size, *self.sizes), self.bounded)
 

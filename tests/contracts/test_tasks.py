@@ -1,7 +1,5 @@
 """What holds for every task, on every robot that stands on the ground."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -7,8 +7,6 @@ Exits with 1 if an input led to a traceback, a hang, a crash, too much memory or
 `--keep` writes each of these inputs and what was said.
 """
 
-from __future__ import annotations
-
 import argparse
 import secrets
 import sys

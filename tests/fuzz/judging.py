@@ -4,8 +4,6 @@ That process is forked from a clean one that has imported everything: a fork of 
 threads that zarr and torch have started here, and wait for them for ever.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import random

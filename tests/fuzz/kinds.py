@@ -4,8 +4,6 @@ A kind draws spoilt inputs from good ones, and says what became of one: None whe
 message where it was refused on purpose. Anything else that is raised is a fault.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

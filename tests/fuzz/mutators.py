@@ -4,8 +4,6 @@ Every mutator takes an input and a source of chance, and returns a spoilt one. T
 the input is for.
 """
 
-from __future__ import annotations
-
 import copy
 import random
 from collections.abc import Callable, Iterator

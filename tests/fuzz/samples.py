@@ -1,7 +1,5 @@
 """Good inputs, to be spoilt."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 Others, and more: `python -m tests.fuzz --seed fresh`.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

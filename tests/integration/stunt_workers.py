@@ -1,7 +1,5 @@
 """Workers that do little but can be asked to misbehave, and ways to find their processes."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

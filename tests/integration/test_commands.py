@@ -1,7 +1,5 @@
 """The commands that look at a run, on a run."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

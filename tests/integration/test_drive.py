@@ -1,7 +1,5 @@
 """A robot in one process and its driver in another: to the end, and with either of them killed."""
 
-from __future__ import annotations
-
 import csv
 import signal
 import subprocess

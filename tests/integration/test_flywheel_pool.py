@@ -1,7 +1,5 @@
 """The pool on a real Ray, with real processes that are really killed."""
 
-from __future__ import annotations
-
 import ctypes
 import signal
 import threading

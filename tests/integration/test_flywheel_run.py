@@ -1,7 +1,5 @@
 """The whole flywheel at smoke size, left in peace and tormented: the outcome is the same."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """A law of one's own on its way: from a file to a diagnosis, a plant, a comparison, and a run."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

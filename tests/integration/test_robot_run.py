@@ -1,7 +1,5 @@
 """A run on a robot that is not its model, on local Ray: found, driven, and in MLflow under fixed names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -5,8 +5,6 @@
 A process of its own, because a process has one Ray.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import threading

@@ -3,8 +3,6 @@
 Each fault is one change of one line: another operator, a number one off, a statement left out.
 """
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys

@@ -4,8 +4,6 @@ What is not computed is left as it is: annotations, decorators, docstrings, the 
 `assert` and `strict=`, which are checks of the source on itself.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Which changes of which sources are tested, by which tests."""
 
-from __future__ import annotations
-
 import hashlib
 import tomllib
 from collections.abc import Iterable, Sequence

@@ -3,8 +3,6 @@
 What takes long to import is imported once; each trial is forked from there and imports only the tree.
 """
 
-from __future__ import annotations
-
 import compileall
 import contextlib
 import importlib
@@ -68,7 +66,7 @@ class Bench:
     def __init__(self, root: Path = ROOT) -> None:
         self._root = root
 
-    def __enter__(self) -> Bench:
+    def __enter__(self) -> "Bench":
         self._folder = Path(tempfile.mkdtemp(prefix="mutants-"))
         self.tree = self._folder / "tree"
         self.tree.mkdir()

@@ -1,7 +1,5 @@
 """Robots small enough that their motion has a closed form."""
 
-from __future__ import annotations
-
 from flywheel.robots import Robot, read_robot
 
 MASS, STIFFNESS, HEIGHT, REST = 2.0, 500.0, 3.0, 1.0

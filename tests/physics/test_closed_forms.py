@@ -1,7 +1,5 @@
 """The plant against formulas."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

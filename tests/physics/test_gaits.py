@@ -1,7 +1,5 @@
 """The published gaits move prism3 as published: within 15 %."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

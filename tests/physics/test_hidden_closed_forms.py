@@ -1,7 +1,5 @@
 """The truth simulator and its effects against formulas."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import mujoco

@@ -4,8 +4,6 @@ Whoever tries a diagnosis first does this: change the file, or the commands, run
 Nothing here comes from the plant, its effects, or the simulator that hides them.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The benchmark that counts how often a diagnosis is right, on a real Ray."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

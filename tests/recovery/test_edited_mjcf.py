@@ -1,7 +1,5 @@
 """What somebody changed in an MJCF, or in its commands, is found in logs of plain MuJoCo."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """Effects hidden by another simulator are found. The whole examination is in docs/results."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

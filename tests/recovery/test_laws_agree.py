@@ -1,7 +1,5 @@
 """The library's laws and those of another simulator agree where they are used at their limits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The command that counts mutants makes those it says, and notices which are noticed."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

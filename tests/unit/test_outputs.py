@@ -1,7 +1,5 @@
 """Where something is to be written is tried beforehand, and files are whole or not there."""
 
-from __future__ import annotations
-
 import errno
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What one launches: `python pipelines/NAME.py`."""
 
-from __future__ import annotations
-
 import runpy
 import subprocess
 import sys

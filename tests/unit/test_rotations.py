@@ -1,7 +1,5 @@
 """Rotations against SciPy's, on fresh random inputs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

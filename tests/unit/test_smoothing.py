@@ -1,7 +1,5 @@
 """Three ways to find position and velocity; `local_regression` is tested with the windows it serves."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

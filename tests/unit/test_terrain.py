@@ -1,7 +1,5 @@
 """Ground that is not flat, as a surface and as what a robot stands on."""
 
-from __future__ import annotations
-
 import pickle
 
 import mujoco
@@ -22,11 +20,6 @@ from tests.physics.small_robots import hanging
 @pytest.fixture
 def seed() -> int:
     return draws.seed()
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 def rough(rng: np.random.Generator, shape: tuple[int, int] = (9, 13)) -> Terrain:

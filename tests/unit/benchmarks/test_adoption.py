@@ -1,7 +1,5 @@
 """The whole loop with a network, as small as it gets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

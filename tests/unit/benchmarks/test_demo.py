@@ -1,7 +1,5 @@
 """Stories are counted by how they end."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Results of one model are never taken for those of another."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

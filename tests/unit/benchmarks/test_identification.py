@@ -1,7 +1,5 @@
 """`mujoco.sysid` gets all numbers of an MJCF, and gives back what was planted in them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

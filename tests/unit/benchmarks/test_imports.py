@@ -1,7 +1,5 @@
 """A small slice of the count of spoilt logs: none is silent, and no clean one gives an alarm."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks import imports

@@ -1,7 +1,5 @@
 """A real robot's log: here one that was made up, whose gains and clock are known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

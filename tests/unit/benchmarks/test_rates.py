@@ -1,7 +1,5 @@
 """Right and wrong answers are told apart, and counted."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The benchmark of the corrected plant, as small as it gets."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What the benchmark on a robot asks of a run, and how its tables read."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`python -m benchmarks.speed` measures in turns, says what it measured on, and refuses nonsense."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What `python -m benchmarks.speed` says about the network."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Time steps of the shipped robots: motions and tables."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

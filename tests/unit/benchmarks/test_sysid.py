@@ -1,7 +1,5 @@
 """The study puts sysid and the diagnosis on the same recordings and measures both alike."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The tables of the pages are those that the results make, and results survive as CSV."""
 
-from __future__ import annotations
-
 import math
 import runpy
 import sys

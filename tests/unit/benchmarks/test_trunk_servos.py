@@ -1,7 +1,5 @@
 """Servo motors: here ones that were made up, whose delay and gains are known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

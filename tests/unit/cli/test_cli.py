@@ -1,7 +1,5 @@
 """The `flywheel` command: instant help that teaches, clean messages, and exit codes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Configurations that come with flywheel: known by name from any folder, and copied to be changed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

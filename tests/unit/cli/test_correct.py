@@ -1,7 +1,5 @@
 """`flywheel correct`: logs in, a model out that other commands take."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

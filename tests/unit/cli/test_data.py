@@ -1,7 +1,5 @@
 """`flywheel data`: every fault named with its kind and what to do, and an exit code that says so."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`flywheel demo`: the whole story, short, and what is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import re

@@ -1,7 +1,5 @@
 """What `flywheel diagnose` does beside diagnosing: it can be stopped, and told what matters."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

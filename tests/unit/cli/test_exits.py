@@ -1,7 +1,5 @@
 """Every end of a command: one message, the right exit code, and no traceback on the terminal."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from flywheel.cli.driving.hidden_effects import hidden_effects

@@ -1,7 +1,5 @@
 """Numbers on the command line: none is taken that no command could do."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import get_args, get_type_hints
 

@@ -1,7 +1,5 @@
 """`flywheel recordings`: reports for people and scripts, and exit codes."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -178,7 +176,7 @@ class Shown:
         self.seen.append((done, note))
 
     @contextmanager
-    def stage(self, title: str, total: float) -> Iterator[Shown]:
+    def stage(self, title: str, total: float) -> "Iterator[Shown]":
         self.seen.append((total, title))
         yield self
 

@@ -1,7 +1,5 @@
 """`flywheel robot check` says what it reads, and how to run it; it fails where a robot cannot be used."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

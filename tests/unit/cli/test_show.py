@@ -1,7 +1,5 @@
 """What commands print: names from outside are shown as they are."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

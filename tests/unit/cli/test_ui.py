@@ -1,7 +1,5 @@
 """`flywheel ui`: the server ends with it, and what cannot be served is said at once."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

@@ -1,7 +1,5 @@
 """A place that cannot be written is refused before anything is computed."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

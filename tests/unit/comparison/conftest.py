@@ -1,22 +1,15 @@
 """Short recordings of a robot that is, or is not, what its plant says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from flywheel.diagnosis.comparison import Comparison, Subject, compare
 from flywheel.dynamics.plant import Plant, RestartedPlant
 from flywheel.records import Trajectory
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
 from tests import draws
-
-
-@pytest.fixture(scope="session")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """Where an error is: parts that add up to the whole, to the bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

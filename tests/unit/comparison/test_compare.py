@@ -1,7 +1,5 @@
 """Verdicts on models whose worth is known."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

@@ -1,7 +1,5 @@
 """Logs that begin in motion, of a robot that is its MJCF exactly and whose winches are not measured."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fits of initial states that do not converge, and what is made of them."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Recordings are tiled by windows that can be predicted."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

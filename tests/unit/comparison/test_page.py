@@ -1,7 +1,5 @@
 """What `flywheel compare` prints and writes."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flywheel.records import Observation, Past, Rollout
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from flywheel.tasks import Task, TaskConfig, sample_task
 
 DT = 0.1
@@ -28,11 +28,6 @@ class Gantry:
         points = past.observations.points[:, -1][:, None] + np.zeros((*moved.shape[:2], 1, 1))
         points[..., :2] += moved[:, :, None]
         return Rollout(points, winch)
-
-
-@pytest.fixture(scope="session")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """Driving through a link: in lockstep and in real time, to the goal or to whatever ends it."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 
@@ -26,11 +24,6 @@ from flywheel.robots import Robot, load_robot
 from flywheel.tasks import Task
 
 PERIOD = 0.01
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 class Planner:

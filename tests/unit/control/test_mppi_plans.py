@@ -1,7 +1,5 @@
 """Which plans MPPI tries. Winches that are told positions show a plan in their commands at its knots."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Where episodes begin is rigid motion: centres, distances and turns say so."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 

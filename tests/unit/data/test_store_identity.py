@@ -1,7 +1,5 @@
 """What is sealed in a store knows its own name and whose it is; looking at it never ends in an error."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """What a store says of damage: which episodes, what is wrong, and of nothing twice."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

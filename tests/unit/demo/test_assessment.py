@@ -1,7 +1,5 @@
 """What is said of a diagnosis once it is known what was hidden."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A short recording of a robot whose plant is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -13,17 +11,12 @@ from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
 from flywheel.effects import Terms
 from flywheel.records import Observation, Trajectory
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from tests import draws
 
 SECONDS = 0.8
 # For searches that are about something else than pairs of effects, or robots whose numbers are all off.
 QUICK = changed(Settings(), {"selection.pairs.more": 1e6})
-
-
-@pytest.fixture(scope="session")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture(scope="session")

@@ -3,8 +3,6 @@
 The way from logs to a plant that explains them is gone in docs/diagnosis.md, which tests run.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import math

@@ -1,7 +1,5 @@
 """Other models that explain the data as well, and answers that turn out shorter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from importlib import import_module
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """A robot whose numbers are all a little off is told from one that lacks an effect."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from types import SimpleNamespace

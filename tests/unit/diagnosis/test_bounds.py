@@ -1,7 +1,5 @@
 """Values and steps within bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Designed scripts can be played, and are what they are said to be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

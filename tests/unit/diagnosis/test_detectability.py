@@ -1,7 +1,5 @@
 """What is still detectable around other initial states."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

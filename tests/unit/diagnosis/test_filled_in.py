@@ -1,7 +1,5 @@
 """What was filled in holds the model, and says nothing of how far it is off."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Winches that would have to have begun elsewhere, as the winch of a cut cable would."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

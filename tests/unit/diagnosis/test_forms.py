@@ -1,7 +1,5 @@
 """An effect of another form is named as what it is, and no second effect is named for the difference."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

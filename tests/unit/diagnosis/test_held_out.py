@@ -1,7 +1,5 @@
 """Recordings on which answers are only judged."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What effects are worth on windows that they were not fitted to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

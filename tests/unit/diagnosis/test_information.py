@@ -1,7 +1,5 @@
 """What is said of experiments before they are made is plain geometry of sensitivities."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Where windows begin is estimated from samples around, and not made up where there are few."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

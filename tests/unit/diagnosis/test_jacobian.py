@@ -1,7 +1,5 @@
 """Jacobians by finite differences, precise ones and rough ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

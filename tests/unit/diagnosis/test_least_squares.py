@@ -1,7 +1,5 @@
 """Fits by nonlinear least squares, and the score test around them."""
 
-from __future__ import annotations
-
 from dataclasses import astuple, replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """An answer of the wrong form: a law that the library does not have shows beside it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

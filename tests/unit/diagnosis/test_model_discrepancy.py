@@ -1,7 +1,5 @@
 """What no model explains, as a scale of error beside noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A model other than the plant under test: here one that has errors of its own, as networks do."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

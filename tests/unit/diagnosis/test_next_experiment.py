@@ -1,7 +1,5 @@
 """Which experiment a verdict asks for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What the MJCF says only so well is fitted, and not taken for an effect."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

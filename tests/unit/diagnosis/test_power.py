@@ -1,7 +1,5 @@
 """What `power` promises before an experiment is what `diagnose` says after it."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

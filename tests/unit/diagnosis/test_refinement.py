@@ -1,7 +1,5 @@
 """Steps as short as the contacts of a window ask for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco
@@ -145,11 +143,11 @@ class Costs:
 
     settings = FittingSettings()
 
-    def __init__(self, *costs: float, shorter: Costs | None = None) -> None:
+    def __init__(self, *costs: float, shorter: "Costs | None" = None) -> None:
         self.left, self.shorter = list(costs), shorter
         self.time_steps = np.array([1.0 if shorter is None else 2.0])
 
-    def finer(self, *_: object) -> Costs | None:
+    def finer(self, *_: object) -> "Costs | None":
         return self.shorter
 
     def with_terms(self, fit: Fit, _: object) -> Fit:

@@ -1,7 +1,5 @@
 """The score test is least squares: a model that is linear in all its parameters says so exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What is seen from first estimates, where fitted initial states were led astray."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

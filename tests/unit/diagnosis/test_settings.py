@@ -1,7 +1,5 @@
 """The tuned numbers of a diagnosis, as a user sees and changes them."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where models with further effects begin, and how long they are fitted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which numbers of an MJCF are suspected where an effect seems to be missing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """How sure values are that were fitted."""
 
-from __future__ import annotations
-
 from flywheel.diagnosis.checks.uncertainty import uncertainty
 from flywheel.diagnosis.fitting.model import fitted, fitter_of
 from flywheel.diagnosis.fitting.windows import Windows

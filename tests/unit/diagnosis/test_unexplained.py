@@ -1,7 +1,5 @@
 """What no effect of the library explains: where it acts, and a learned law in its place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

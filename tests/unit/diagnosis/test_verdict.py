@@ -1,7 +1,5 @@
 """What follows from what is left and from how sure values are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast

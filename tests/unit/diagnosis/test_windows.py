@@ -1,7 +1,5 @@
 """Recordings are cut without losing or inventing anything, and their noise is found from them alone."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

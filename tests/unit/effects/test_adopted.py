@@ -1,7 +1,5 @@
 """Effects written down, and plants that have them."""
 
-from __future__ import annotations
-
 import math
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Effects on the numbers that a robot was built with, one by one and together."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The document has every effect of the library, as the library has it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

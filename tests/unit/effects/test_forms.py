@@ -1,7 +1,5 @@
 """Other laws of an effect, and sizes that differ from part to part."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,22 +1,15 @@
 """Laws of effects against closed forms."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from flywheel.effects import EFFECTS, Cables, CommandEffect, TensionEffect, WinchEffect, Winches
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from tests import draws
 
 DT = 0.01
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture

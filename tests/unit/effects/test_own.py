@@ -1,7 +1,5 @@
 """Law files: what is read, what is refused, and how effects of them get to other processes."""
 
-from __future__ import annotations
-
 import copy
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Windows of a robot whose bodies fly apart rigidly: easy to make, and exact in closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Cables end where they are attached: seen where a body's pose is, computed where a roll is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

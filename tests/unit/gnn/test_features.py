@@ -1,7 +1,5 @@
 """What the network is shown: which nodes and edges there are, and what they feel."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fast forward pass computes what the readable one does."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import pytest

@@ -1,7 +1,5 @@
 """The ground below the network's nodes."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

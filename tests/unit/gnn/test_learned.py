@@ -1,7 +1,5 @@
 """The network as a dynamics model: numbers in, numbers out, blocks and threads in between."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

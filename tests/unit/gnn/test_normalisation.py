@@ -1,7 +1,5 @@
 """Scales measured on data."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

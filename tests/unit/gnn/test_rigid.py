@@ -1,7 +1,5 @@
 """Poses from points, and back."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

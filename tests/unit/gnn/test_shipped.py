@@ -1,7 +1,5 @@
 """The networks that come with Flywheel are what their cards say."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks.networks import CONFIGS, DRAWN, PLANTS, Measurement, drawn_plants

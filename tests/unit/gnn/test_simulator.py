@@ -1,7 +1,5 @@
 """Integration, rigidity and what a prediction may depend on."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Weights on disk: to the bit, named by their content, refused where they do not belong."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Promises of effects: ours keep them, and a law that breaks one is told which."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

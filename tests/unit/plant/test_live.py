@@ -1,7 +1,5 @@
 """The live view shows what it is told, with a window that only notes what it is shown."""
 
-from __future__ import annotations
-
 import contextlib
 import types
 
@@ -11,7 +9,7 @@ import pytest
 from flywheel.dynamics.plant import LiveView, Plant, Scenery, live
 from flywheel.errors import ConfigError
 from flywheel.records import State
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 
 DT = 0.01
 
@@ -38,11 +36,6 @@ class Window:
 
     def close(self) -> None:
         self.closed = True
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +10,6 @@ from flywheel.errors import ModelError
 from flywheel.records import State
 from flywheel.robots import Box, Robot, load_robot, read_robot
 from tests.physics.small_robots import hanging
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Winches that nobody measures are where what is known of them says."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plants in other time steps: the same robot to the last bit, but for its <option>."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

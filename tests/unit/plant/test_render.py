@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -13,11 +11,6 @@ from flywheel.robots import Box, Robot, load_robot
 from tests.full_disk import files_end_at
 
 SMALL = Shot(size=(160, 96))
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture(scope="module")

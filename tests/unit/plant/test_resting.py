@@ -1,7 +1,5 @@
 """Whether a robot comes to rest, and where."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

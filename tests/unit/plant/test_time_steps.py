@@ -1,7 +1,5 @@
 """Time-step errors beside their closed forms, and the limit from which on explicit damping feeds motion."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

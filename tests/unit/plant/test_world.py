@@ -1,7 +1,5 @@
 """What is added to a robot's MJCF touches as its ground does, whatever else the MJCF says."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A made-up run with plausible numbers, for looking at pages and charts. Measured nowhere."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page of a diagnosis needs nothing but itself, and says what was found."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from dataclasses import replace

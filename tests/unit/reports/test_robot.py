@@ -1,7 +1,5 @@
 """What a run came to on its robot is on the page, in MLflow's names, and in one sentence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

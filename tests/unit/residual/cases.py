@@ -1,7 +1,5 @@
 """Plants, pasts and corrections for the tests of the corrected plant."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 

@@ -1,7 +1,5 @@
 """The corrected plant: untrained it is the plant, errors obey mechanics, wrong files are refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 

@@ -1,7 +1,5 @@
 """A robot, and servers that end with their test."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import threading

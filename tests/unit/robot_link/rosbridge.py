@@ -1,7 +1,5 @@
 """A rosbridge with a stand-in behind it, in a thread: enough of its protocol for one robot."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

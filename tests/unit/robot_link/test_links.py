@@ -1,7 +1,5 @@
 """The same robot, reached in different ways."""
 
-from __future__ import annotations
-
 import json
 import socket
 import time

@@ -1,7 +1,5 @@
 """A robot behind ROS is driven by rosbridge like any other."""
 
-from __future__ import annotations
-
 import socket
 import time
 from collections.abc import Iterator

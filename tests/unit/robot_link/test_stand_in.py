@@ -1,7 +1,5 @@
 """A stand-in shows what its sensors give, and obeys within its limits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

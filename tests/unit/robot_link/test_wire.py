@@ -1,7 +1,5 @@
 """What goes over the wire arrives to the bit, or is refused in words."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

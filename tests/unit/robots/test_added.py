@@ -1,7 +1,5 @@
 """Elements that code adds: MuJoCo's own defaults, whatever the MJCF says in its <default>."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

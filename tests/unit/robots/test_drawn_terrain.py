@@ -1,7 +1,5 @@
 """Ground that is drawn at random."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from pydantic import ValidationError

@@ -1,7 +1,5 @@
 """Which plane is the ground, however many there are and wherever they stand in the MJCF."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import mujoco

@@ -1,7 +1,5 @@
 """Every number that is read off an MJCF is finite, and in its range."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """An MJCF is one text, and asks for no more than a robot can need."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What an MJCF must not be, and the message that says so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

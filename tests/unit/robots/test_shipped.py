@@ -1,7 +1,5 @@
 """Numbers that the shipped robots must have."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Which actuators are a winch, and where it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A backend without processes: what each attempt at a job does is written down beforehand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any

@@ -1,7 +1,5 @@
 """Workers inside this process, one after the other: the loop without a cluster."""
 
-from __future__ import annotations
-
 from itertools import count
 from typing import Any
 

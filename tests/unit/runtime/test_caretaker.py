@@ -1,7 +1,5 @@
 """However a process ends, what it started ends too, and its temporary folder goes."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

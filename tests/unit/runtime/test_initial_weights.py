@@ -1,7 +1,5 @@
 """Weights that a run begins with: checked before anything starts, kept in its folder, trained on."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

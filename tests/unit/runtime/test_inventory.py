@@ -1,7 +1,5 @@
 """Whatever is done to a file of a run is found, and a run does not go on from what it rests on."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import shutil

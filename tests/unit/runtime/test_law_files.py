@@ -1,7 +1,5 @@
 """Law files of a run: named in its configuration, kept in its folder, run by its workers."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The loop on the real plant, store, network and planner, with workers in this process."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """A run finds out what its plant lacks, adds it, and learns anew from what the better plant says."""
 
-from __future__ import annotations
-
 import importlib
 import math
 from functools import partial

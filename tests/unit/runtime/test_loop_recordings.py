@@ -1,7 +1,5 @@
 """Recordings of a robot take part in every turn of the flywheel, however full of holes they are."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A run on a robot that is not its model: nobody knows what it is, and all it gives are measurements."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

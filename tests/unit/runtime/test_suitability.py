@@ -1,7 +1,5 @@
 """A run that its robot cannot do is refused before it begins, with what would make it run."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The smallest run there can be, with workers in this process: the loop without a cluster."""
 
-from __future__ import annotations
-
 from flywheel.data import TrajectoryStore
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.loop import finish

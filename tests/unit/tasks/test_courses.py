@@ -1,7 +1,5 @@
 """Obstacle courses, from MJCF to task, and tours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

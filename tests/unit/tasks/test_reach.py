@@ -6,15 +6,10 @@ from pydantic import ValidationError
 
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError, UnknownNameError
-from flywheel.robots import Box, Robot, load_robot
+from flywheel.robots import Box, Robot
 from flywheel.tasks import TaskConfig, sample_task
 from flywheel.tasks.costs import Broadside, Collision, FinalDistance, MeanDistance, gap
 from tests import draws
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,9 @@ from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.errors import DataError
 from flywheel.records import Observation, Past
 from flywheel.results import GateDecision
-from flywheel.robots import load_robot
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.tracking.pyfunc_model import PyfuncDynamics, read_model, write_model
 from tests import draws
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("prism3")
 
 
 @pytest.fixture

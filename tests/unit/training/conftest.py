@@ -3,14 +3,8 @@ import pytest
 
 from flywheel.dynamics.gnn import NetworkConfig
 from flywheel.dynamics.plant import Plant
-from flywheel.robots import load_robot
 from flywheel.training import Schedule, Stage, TrainingConfig
 from tests.unit.training.memory_cache import MemoryCache
-
-
-@pytest.fixture(scope="session")
-def robot():
-    return load_robot("prism3")
 
 
 def _cache(robot, seed: int, episodes: int, steps: int) -> MemoryCache:

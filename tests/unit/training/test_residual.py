@@ -1,7 +1,5 @@
 """Training of a plant's correction: it helps on what it has not seen, repeats, and refuses what cannot be."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A robot as it was built: all its numbers are a little off, and each of them matters."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

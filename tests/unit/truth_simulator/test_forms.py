@@ -1,7 +1,5 @@
 """Laws that the library does not have: they move the robot, and stay out of the library."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

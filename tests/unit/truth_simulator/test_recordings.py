@@ -1,7 +1,5 @@
 """Scripts, measurements, files and the list of cases."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections import Counter

@@ -1,7 +1,5 @@
 """The truth simulator beside the plant, and its effects on whole robots."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

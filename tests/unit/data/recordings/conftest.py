@@ -1,7 +1,5 @@
 """A made-up log of a real robot, to be broken in every way."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Every way in which a log can be broken is named, or masked and reported."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cables are witnesses: of the frame of a log, and of what its markers are called."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Command scripts are written and read back as they were; what is none is refused."""
 
-from __future__ import annotations
-
 import errno
 from pathlib import Path
 

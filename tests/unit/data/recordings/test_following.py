@@ -1,7 +1,5 @@
 """Many rows are decided at once as they would be one after the other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Commands that were measured are told by their noise; commands that were given are not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Logs become episodes, and episodes logs, without a number changed on the way."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Samples that only repeat the one before them are no measurements, unless they may well be equal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 from flywheel.data.recordings import read_recording
 from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.repeats import mask_repeats
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from tests.unit.data.recordings.conftest import SEED, Sheet
 
 ROWS = 1500
@@ -23,11 +21,6 @@ def positions(sheet: Sheet, name: str) -> np.ndarray:
 def move(sheet: Sheet, name: str, to: np.ndarray) -> None:
     for axis, values in zip("xyz", to.T, strict=True):
         sheet.put(f"{name}.{axis}", values)
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("prism3")
 
 
 def at_times(points: np.ndarray, robot: Robot) -> Log:

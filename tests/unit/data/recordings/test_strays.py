@@ -1,7 +1,5 @@
 """Wrong samples that neither leap far nor stretch a rod are found by their surroundings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Any file is either a table of numbers or refused, in the memory of the numbers that are wanted."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Numbers that no robot can have are refused or masked, whatever they would do to arithmetic."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
