@@ -44,7 +44,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Choose what is drawn, before any test is imported."""
+    """Choose what is drawn, before any test is imported.
+
+    Processes of the suite share what one of them has compiled, also where Python is not to keep it.
+    """
+    if hasattr(config, "workerinput"):
+        sys.dont_write_bytecode = False
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if config.option.draws == "fresh":
         config.option.draws = str(secrets.randbits(32))  # xdist hands it to its processes
     draws.choose(int(config.option.draws))

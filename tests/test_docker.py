@@ -61,9 +61,7 @@ def test_every_service_runs_a_script_that_is_there(compose: dict) -> None:
     assert {ROOT / name for name in named} == set(SCRIPTS)
 
 
-def test_every_service_that_stays_is_watched_and_every_wait_is_for_a_watched_one(
-    compose: dict,
-) -> None:
+def test_every_service_that_stays_is_watched_and_every_wait_is_for_a_watched_one(compose):
     services = compose["services"]
     watched = {name for name, service in services.items() if "healthcheck" in service}
     assert watched == services.keys() - {"driver"}
@@ -135,9 +133,7 @@ def test_the_driver_joins_the_cluster_and_resumes_in_the_shared_folder(tmp_path:
     ]
 
 
-def test_mlflow_listens_to_the_network_only_where_it_is_told_to(
-    compose: dict, tmp_path: Path
-) -> None:
+def test_mlflow_listens_to_the_network_only_where_it_is_told_to(compose, tmp_path):
     fake = tmp_path / "mlflow"
     fake.write_text('#!/usr/bin/env bash\necho "$@"\n')
     fake.chmod(0o755)
@@ -212,9 +208,7 @@ print(ray.cluster_resources()["CPU"])
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_the_mlflow_server_starts_is_seen_to_be_alive_and_refuses_other_names(
-    started: list, tmp_path: Path
-) -> None:
+def test_the_mlflow_server_starts_is_seen_to_be_alive_and_refuses_other_names(started, tmp_path):
     port = free_port()
     settings = {"MLFLOW_PORT": str(port), "MLFLOW_FOLDER": str(tmp_path / "mlflow")}
     started.append(

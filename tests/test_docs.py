@@ -38,9 +38,7 @@ HASH = re.compile(r"`(?=[0-9a-f]*[0-9])(?=[0-9a-f]*[a-f])[0-9a-f]{7,40}`")
     [pytest.param(p, marks=[pytest.mark.nightly] if p.stem in LONG else []) for p in DOCUMENTS],
     ids=lambda p: p.stem,
 )
-def test_the_code_in_a_document_runs(
-    document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_code_in_a_document_runs(document, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     (tmp_path / "configs").symlink_to(ROOT / "configs")

@@ -51,9 +51,7 @@ def test_the_site_begins_with_the_readme_s_first_command() -> None:
 
 @pytest.mark.ray
 @pytest.mark.slow
-def test_the_first_command_runs_and_shows_what_came_of_it(
-    first_run: tuple[str, str], stranger: Stranger
-) -> None:
+def test_the_first_command_runs_and_shows_what_came_of_it(first_run, stranger):
     printed, progress = first_run
     assert (stranger.folder / "runs" / "smoke_robot" / "result.json").exists()
     for shown in ("i0000-mppi", "runs/smoke_robot/report.html", "flywheel ui runs/smoke_robot"):

@@ -49,9 +49,7 @@ def simulated(augmented: AugmentedPlant, start: State, controls: np.ndarray, ter
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_an_effect_of_size_zero_changes_nothing_to_the_bit(
-    name: str, augmented: AugmentedPlant
-) -> None:
+def test_an_effect_of_size_zero_changes_nothing_to_the_bit(name, augmented):
     rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 1)
     want = augmented.plant.simulate(start, controls).observations.points
@@ -61,9 +59,7 @@ def test_an_effect_of_size_zero_changes_nothing_to_the_bit(
 
 
 @pytest.mark.parametrize("name", NAMED)
-def test_an_effect_changes_what_it_is_part_of_and_not_its_neighbours(
-    name: str, augmented: AugmentedPlant
-) -> None:
+def test_an_effect_changes_what_it_is_part_of_and_not_its_neighbours(name, augmented):
     rng = np.random.default_rng(seed := draws.seed())
     start, controls = driven(augmented, rng, 3)
     effect = NAMED[name]

@@ -42,9 +42,7 @@ def test_the_same_chance_draws_the_same_task(drawn: tuple[Task, np.ndarray, int]
     assert not np.array_equal(other.goal, task.goal)
 
 
-def test_it_is_not_done_at_the_start_and_done_at_the_goal(
-    drawn: tuple[Task, np.ndarray, int],
-) -> None:
+def test_it_is_not_done_at_the_start_and_done_at_the_goal(drawn):
     task, start, seed = drawn
     assert not task.reached(start), seed
     assert task.reached(start + np.append(task.goal - task.place(start), 0.0)), seed
@@ -59,9 +57,7 @@ def test_costs_are_finite_anywhere(drawn: tuple[Task, np.ndarray, int]) -> None:
         assert np.isfinite(costs).all(), seed
 
 
-def test_a_cost_does_not_depend_on_the_rest_of_the_batch(
-    drawn: tuple[Task, np.ndarray, int],
-) -> None:
+def test_a_cost_does_not_depend_on_the_rest_of_the_batch(drawn):
     task, start, seed = drawn
     points = motions(task, start, seed)
     together = task.cost(points)
@@ -76,9 +72,7 @@ def test_a_cost_is_the_sum_of_its_terms(drawn: tuple[Task, np.ndarray, int]) -> 
     np.testing.assert_allclose(sum(parts), task.cost(points), err_msg=str(seed))
 
 
-def test_it_costs_less_to_be_at_the_goal_than_at_the_start(
-    drawn: tuple[Task, np.ndarray, int],
-) -> None:
+def test_it_costs_less_to_be_at_the_goal_than_at_the_start(drawn):
     task, start, seed = drawn
     there = motions(task, start, seed)[:1]
     stay = np.broadcast_to(start, there.shape)

@@ -106,9 +106,7 @@ def test_a_run_is_not_begun_twice_in_one_folder(stranger: Stranger) -> None:
     assert "--resume" in said
 
 
-def test_a_finished_run_is_resumed_at_no_cost_and_not_with_another_configuration(
-    stranger: Stranger,
-) -> None:
+def test_a_finished_run_is_resumed_at_no_cost_and_not_with_another_configuration(stranger):
     before = result(stranger)
     stranger.ask(f"flywheel run {CONFIG} --resume")
     assert result(stranger) == before

@@ -78,9 +78,7 @@ def rows(folder: Path) -> list[list[str]]:
         return list(csv.reader(lines))
 
 
-def test_a_drive_in_real_time_leaves_a_whole_log(
-    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
-) -> None:
+def test_a_drive_in_real_time_leaves_a_whole_log(server, tmp_path):
     _, address, said = server
     with driver(address, tmp_path / "logs", 2.0) as driving:
         out, _ = driving.communicate(timeout=240)
@@ -89,9 +87,7 @@ def test_a_drive_in_real_time_leaves_a_whole_log(
     assert "the robot holds still" in said.read_text()
 
 
-def test_a_drive_that_is_asked_to_end_leaves_a_whole_log(
-    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
-) -> None:
+def test_a_drive_that_is_asked_to_end_leaves_a_whole_log(server, tmp_path):
     _, address, said = server
     before = said.read_text().count("drives")
     with driver(address, tmp_path / "logs", 100.0) as driving:
@@ -105,9 +101,7 @@ def test_a_drive_that_is_asked_to_end_leaves_a_whole_log(
 
 
 @pytest.mark.nightly
-def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(
-    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
-) -> None:
+def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(server, tmp_path):
     _, address, said = server
     before = said.read_text().count("drives")
     with driver(address, tmp_path / "logs", 100.0) as driving:
@@ -121,9 +115,7 @@ def test_a_killed_driver_leaves_a_robot_that_holds_still_and_takes_the_next(
 
 
 @pytest.mark.nightly
-def test_a_lost_robot_ends_the_drive_with_a_whole_log(
-    server: tuple[subprocess.Popen[str], str, Path], tmp_path: Path
-) -> None:
+def test_a_lost_robot_ends_the_drive_with_a_whole_log(server, tmp_path):
     process, address, _ = server
     with driver(address, tmp_path / "logs", 100.0) as driving:
         on_its_way(tmp_path / "logs")

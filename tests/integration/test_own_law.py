@@ -41,9 +41,7 @@ def said(*words: str, code: int) -> str:
 
 
 @pytest.mark.slow
-def test_from_a_file_to_a_plant_that_predicts_better(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_from_a_file_to_a_plant_that_predicts_better(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(comparison_video, "film_window", None)  # a page without videos
     robot = load_robot("prism3")
@@ -75,9 +73,7 @@ def test_from_a_file_to_a_plant_that_predicts_better(
     assert cogs["error"]["rms"] < 0.95 * given["error"]["rms"]
 
 
-def test_a_law_file_is_checked_by_listing_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_law_file_is_checked_by_listing_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     own_laws.law_file(tmp_path)
     listed = said("list", "effects", *OWN, code=0)

@@ -50,9 +50,7 @@ def test_each_iteration_has_a_video_of_the_robot_as_it_was_measured(folder: Path
     assert "as measured, MPPI on model" in (folder / "report.html").read_text()
 
 
-def test_what_the_robot_measured_are_recordings_that_the_next_network_learns_from(
-    folder: Path,
-) -> None:
+def test_what_the_robot_measured_are_recordings_that_the_next_network_learns_from(folder):
     store = TrajectoryStore(folder / "store")
     ids = [name for name in store.committed() if "-robot-" in name]
     assert len(ids) == 3 + 2 * 2

@@ -44,9 +44,7 @@ def test_a_slack_cable_lets_it_fall_freely() -> None:
     ("scales", "factor"),
     [({}, 1.0), ({"mass": 1.3}, 1.3), ({"cable_stiffness": 2.0}, 0.5), ({"friction": 0.3}, 1.0)],
 )
-def test_a_hanging_mass_stretches_its_cable_by_its_weight(
-    scales: dict[str, float], factor: float
-) -> None:
+def test_a_hanging_mass_stretches_its_cable_by_its_weight(scales, factor):
     trajectory = run(hanging(damping=40.0), 8.0, **scales)
     length = HEIGHT - height(trajectory)[-1]
     assert length - REST == pytest.approx(factor * MASS * G / STIFFNESS, rel=1e-6)

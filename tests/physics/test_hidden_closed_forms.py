@@ -57,9 +57,7 @@ def test_a_slack_cable_lets_it_fall_freely() -> None:
         ((Creep(0.3, 0.1),), MASS * G / STIFFNESS),  # carries nothing at rest
     ],
 )
-def test_a_hanging_mass_stretches_its_cable(
-    effects: tuple[HiddenEffect, ...], stretch: float
-) -> None:
+def test_a_hanging_mass_stretches_its_cable(effects, stretch):
     motion = run(hanging(damping=40.0), 8.0, *effects)
     assert HEIGHT - motion.points[-1, 0, 2] - REST == pytest.approx(stretch, rel=1e-5)
 

@@ -15,9 +15,7 @@ LONGEST = 40  # lines: they only launch what stands elsewhere
 
 
 @pytest.mark.parametrize("file", sorted(PIPELINES.glob("*.py")), ids=lambda path: path.stem)
-def test_a_pipeline_is_short_and_says_what_it_takes(
-    file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_pipeline_is_short_and_says_what_it_takes(file, monkeypatch, capsys):
     assert len(file.read_text().splitlines()) <= LONGEST
     monkeypatch.setattr(sys, "argv", [file.name, "--help"])
     with pytest.raises(SystemExit) as ended:

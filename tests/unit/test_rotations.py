@@ -56,9 +56,7 @@ def test_the_shortest_rotation_turns_by_the_angle_between(rng: np.random.Generat
 
 
 @pytest.mark.parametrize("flat", [False, True])
-def test_kabsch_finds_the_rotation_of_points_even_in_a_plane(
-    flat: bool, rng: np.random.Generator
-) -> None:
+def test_kabsch_finds_the_rotation_of_points_even_in_a_plane(flat, rng):
     q, _ = quaternions(rng)
     points = rng.normal(size=(200, 4, 3)) * [1.0, 1.0, 0.0 if flat else 1.0]
     points -= points.mean(axis=1, keepdims=True)

@@ -1,7 +1,6 @@
 """The whole loop with a network, as small as it gets."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,9 +24,7 @@ TINY = (
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_a_network_is_trained_diagnosed_and_trained_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_network_is_trained_diagnosed_and_trained_on(tmp_path, monkeypatch):
     monkeypatch.setattr(adoption, "FURTHER", 1)
     monkeypatch.setattr(adoption, "SECONDS", 1.2)
     ((seed, case),) = wanted(["winch_gain"], [0])

@@ -1,7 +1,6 @@
 """Stories are counted by how they end."""
 
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -51,9 +50,7 @@ def test_a_story_that_fails_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told.hidden.startswith("payload@s")
 
 
-def test_stories_that_are_there_are_not_told_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_stories_that_are_there_are_not_told_again(tmp_path, monkeypatch, capsys):
     asked: list[tuple[str, int]] = []
 
     def told(robot: object, effect: str, seed: int, *more: object) -> DemoResult:

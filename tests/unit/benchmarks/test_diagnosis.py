@@ -44,12 +44,7 @@ def test_another_network_in_the_same_file_is_another_model(tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("folder", ["", "results"])
-def test_results_that_are_there_are_shown_and_not_made_again(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    folder: str,
-) -> None:
+def test_results_that_are_there_are_shown_and_not_made_again(tmp_path, capsys, monkeypatch, folder):
     monkeypatch.chdir(tmp_path)  # most folders are named from where one is
     there = tmp_path / folder
     there.mkdir(exist_ok=True)

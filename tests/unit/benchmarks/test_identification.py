@@ -95,9 +95,7 @@ def test_numbers_are_fitted_down_to_the_noise(pair: tuple[Plant, Plant], seed: i
 
 
 @NEEDED
-def test_a_start_that_is_moved_back_leaves_what_is_known_of_it(
-    pair: tuple[Plant, Plant], seed: int
-) -> None:
+def test_a_start_that_is_moved_back_leaves_what_is_known_of_it(pair, seed):
     """Of two pieces in one batch, each with a start of its own."""
     plant, _ = pair
     rng, spread = np.random.default_rng(seed), np.repeat([0.01, 0.05], 18)

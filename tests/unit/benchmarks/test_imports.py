@@ -18,9 +18,7 @@ def test_no_fault_of_a_log_is_silent_and_no_clean_log_gives_an_alarm(kind: str, 
         assert outcome not in ("SILENT", "FALSE ALARM"), f"{number}: {words}"
 
 
-def test_what_is_silent_is_counted(
-    few: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_silent_is_counted(few, monkeypatch, capsys):
     monkeypatch.setattr("flywheel.data.recordings.reading.mask_repeats", lambda log, robot: [])
     assert imports.main(["--logs", "1", "--kinds", "frozen"]) == 1
     told = capsys.readouterr().out

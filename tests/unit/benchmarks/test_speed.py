@@ -1,7 +1,6 @@
 """`python -m benchmarks.speed` measures in turns, says what it measured on, and refuses nonsense."""
 
 import json
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -16,9 +15,7 @@ run = CliRunner().invoke
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BENCHES)
-def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bench_gives_finite_numbers_in_the_table_and_in_json(name, tmp_path, monkeypatch):
     monkeypatch.setattr(benches, "PLANS", (8,))
     monkeypatch.setattr(benches, "PLAN_SECONDS", 0.5)
     monkeypatch.setattr(network, "_LEAST_ROUNDS", 1)

@@ -39,9 +39,7 @@ def test_a_table_has_rows_as_long_as_its_head(name: str) -> None:
     assert {row.count("|") for row in rows} == {head.count("|")}
 
 
-def test_runs_on_a_robot_that_were_collected_before_stay(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_on_a_robot_that_were_collected_before_stay(tmp_path, monkeypatch):
     """Those of the folder take the place of their own rows."""
 
     def study(of_set: str, e_pos: float) -> SimpleNamespace:
@@ -62,9 +60,7 @@ def test_runs_on_a_robot_that_were_collected_before_stay(
     ]
 
 
-def test_stories_that_were_collected_before_stay(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stories_that_were_collected_before_stay(tmp_path, monkeypatch):
     """Those of the folder take the place of their own rows."""
 
     def story(seed: int, outcome: str) -> DemoResult:
@@ -126,9 +122,7 @@ def test_a_case_is_one_row() -> None:
 
 
 @pytest.mark.parametrize("file", ["diagnosis/__main__.py", "tables.py"])
-def test_a_benchmark_says_what_it_takes(
-    file: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_benchmark_says_what_it_takes(file, monkeypatch, capsys):
     """Those that stand in pipelines/ too are asked there."""
     monkeypatch.setattr(sys, "argv", [file, "--help"])
     with pytest.raises(SystemExit) as ended:

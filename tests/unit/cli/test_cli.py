@@ -146,9 +146,7 @@ def test_a_list_names_what_is_there(kind: str, monkeypatch: pytest.MonkeyPatch) 
     assert expected.get(kind, "") in done.output
 
 
-def test_a_missing_configuration_is_bad_input_and_the_known_ones_are_listed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_configuration_is_bad_input_and_the_known_ones_are_listed(monkeypatch):
     monkeypatch.chdir(ROOT)
     done = run(app, ["run", "configs/prism4.yaml"])
     assert done.exit_code == 2

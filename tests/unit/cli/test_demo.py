@@ -4,7 +4,6 @@ import dataclasses
 import functools
 import re
 import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -83,9 +82,7 @@ def test_the_command_tells_it_and_reveals_at_the_end(told: tuple[Demonstration, 
 
 
 @pytest.mark.slow
-def test_the_page_tells_the_same_and_needs_no_other_file(
-    told: tuple[Demonstration, str, str],
-) -> None:
+def test_the_page_tells_the_same_and_needs_no_other_file(told):
     story, _, page = told
     assert re.findall(r'(?:src|href)="(?!data:)([^"]*)"', page) == []
     assert page.count('src="data:image/svg+xml') == 5
@@ -96,9 +93,7 @@ def test_the_page_tells_the_same_and_needs_no_other_file(
 
 
 @pytest.mark.slow
-def test_a_story_without_an_end_or_a_video_is_told_as_well(
-    told: tuple[Demonstration, str, str], tmp_path: Path
-) -> None:
+def test_a_story_without_an_end_or_a_video_is_told_as_well(told, tmp_path):
     story = told[0]
     unclear = dataclasses.replace(story.diagnosis, verdict=Verdict.AMBIGUOUS)
     adopted, why = adopted_effects(unclear)
@@ -113,9 +108,7 @@ def test_a_story_without_an_end_or_a_video_is_told_as_well(
 
 
 @pytest.mark.slow
-def test_an_answer_that_does_not_carry_over_is_not_adopted(
-    told: tuple[Demonstration, str, str],
-) -> None:
+def test_an_answer_that_does_not_carry_over_is_not_adopted(told):
     found = told[0].diagnosis
     assert found.held_out is not None
     worse = dataclasses.replace(found.held_out, augmented=2 * found.held_out.baseline)
@@ -125,9 +118,7 @@ def test_an_answer_that_does_not_carry_over_is_not_adopted(
 
 @pytest.mark.slow
 @pytest.mark.renders
-def test_the_film_shows_both_models_beside_each_other(
-    told: tuple[Demonstration, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_film_shows_both_models_beside_each_other(told, tmp_path, monkeypatch):
     shapes: list[tuple[int, ...]] = []
 
     def noted(frames, path, size, fps):
@@ -141,9 +132,7 @@ def test_the_film_shows_both_models_beside_each_other(
 
 
 @pytest.mark.slow
-def test_the_window_that_is_filmed_is_the_worst_and_differences_have_room(
-    told: tuple[Demonstration, str, str],
-) -> None:
+def test_the_window_that_is_filmed_is_the_worst_and_differences_have_room(told):
     shown, evidence = worst_window(told[0]), told[0].diagnosis.evidence
     before, after = shown.predicted
     off = [np.linalg.norm(shown.measured - points, axis=-1).max() for points in shown.predicted]
@@ -168,9 +157,7 @@ def test_the_window_that_is_filmed_is_the_worst_and_differences_have_room(
         ("", "There is no hidden effect ''"),
     ],
 )
-def test_what_cannot_be_hidden_is_refused_at_once(
-    effect: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_cannot_be_hidden_is_refused_at_once(effect, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["demo", "--effect", effect])
     assert done.exit_code == 2, done.output
@@ -178,9 +165,7 @@ def test_what_cannot_be_hidden_is_refused_at_once(
     assert done.stdout == "" and list(tmp_path.iterdir()) == []
 
 
-def test_an_effect_that_makes_no_difference_to_the_robot_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_effect_that_makes_no_difference_to_the_robot_is_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["demo", "--robot", "platform4", "--effect", "ground_friction"])
     assert done.exit_code == 2 and "has no influence on platform4" in done.stderr
@@ -199,9 +184,7 @@ def test_every_seed_draws_an_effect_that_the_robot_can_have(name: str) -> None:
     assert len(placed) > 1
 
 
-def test_the_page_is_opened_where_that_is_asked_for(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_page_is_opened_where_that_is_asked_for(monkeypatch, tmp_path):
     from flywheel.cli import demo
 
     opened: list[str] = []

@@ -17,9 +17,7 @@ COMMAND = "design winch_gain slope --robot platform4 --seconds 0.3 --candidates 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_and_sigterm_give_the_best_commands_so_far(
-    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_and_sigterm_give_the_best_commands_so_far(number, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     tried = Designer._tried
 

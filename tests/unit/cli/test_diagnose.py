@@ -30,9 +30,7 @@ def monday(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_and_sigterm_give_the_best_answer_so_far(
-    number: signal.Signals, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_and_sigterm_give_the_best_answer_so_far(number, monkeypatch):
     said = Heartbeat.__call__
 
     def pressed_at_the_first_fit(self: Heartbeat, note: str) -> None:
@@ -50,9 +48,7 @@ def test_ctrl_c_and_sigterm_give_the_best_answer_so_far(
     assert answer["ranking"][0]["effect"] == "winch_gain"
 
 
-def test_when_the_minutes_are_over_it_gives_the_best_answer_so_far(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_when_the_minutes_are_over_it_gives_the_best_answer_so_far(monkeypatch):
     said = Heartbeat.__call__
 
     def over_at_the_first_fit(self: Heartbeat, note: str) -> None:

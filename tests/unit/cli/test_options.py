@@ -83,9 +83,7 @@ def test_hidden_effects_have_sizes_that_can_be(text: str) -> None:
         "design capstan creep --robot prism3 --candidates 10000 --seconds 600",
     ],
 )
-def test_numbers_that_are_too_large_together_are_refused_with_what_they_would_take(
-    words: str,
-) -> None:
+def test_numbers_that_are_too_large_together_are_refused_with_what_they_would_take(words):
     result = CliRunner().invoke(app, words.split())
     assert result.exit_code == 2
     assert "at most 16 GB are allowed" in result.output

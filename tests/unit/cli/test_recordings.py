@@ -148,9 +148,7 @@ def test_logs_that_do_not_fit_in_memory_together_are_read_again_to_be_stored(
     assert stores[0] == stores[1] and len(stores[0]) == 2
 
 
-def test_a_log_that_changed_before_it_was_stored_is_refused(
-    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_that_changed_before_it_was_stored_is_refused(logs, tmp_path, monkeypatch):
     log = tmp_path / "log.csv"
     log.write_bytes(logs[0].read_bytes())
 
@@ -181,9 +179,7 @@ class Shown:
         yield self
 
 
-def test_a_bar_shows_how_much_of_a_log_is_read(
-    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bar_shows_how_much_of_a_log_is_read(logs, tmp_path, monkeypatch):
     shown = Shown()
     monkeypatch.setattr(recordings, "_progress", lambda: shown)
     ask("import", logs[0], "--robot", "prism3", "--store", tmp_path / "store")
@@ -191,9 +187,7 @@ def test_a_bar_shows_how_much_of_a_log_is_read(
     assert shown.seen[-1] == (1.0, "now checked")
 
 
-def test_nothing_but_the_result_is_written_where_there_is_no_terminal(
-    logs: list[Path], tmp_path: Path
-) -> None:
+def test_nothing_but_the_result_is_written_where_there_is_no_terminal(logs, tmp_path):
     asked = ("import", str(logs[0]), "--robot", "prism3", "--store", str(tmp_path / "s"), "--json")
     done = CliRunner().invoke(app, ["recordings", *asked])
     assert done.stderr == "" and json.loads(done.stdout)
@@ -217,9 +211,7 @@ def test_every_command_refuses_what_is_no_control_step(command: str, dt: str) ->
 
 
 @pytest.mark.slow
-def test_a_recording_is_stored_without_the_engine_of_the_network(
-    logs: list[Path], tmp_path: Path
-) -> None:
+def test_a_recording_is_stored_without_the_engine_of_the_network(logs, tmp_path):
     code = (
         "import sys\n"
         "from flywheel.cli.main import app\n"

@@ -76,9 +76,7 @@ def test_a_shipped_robot_is_read_and_settles_and_the_command_printed_can_be_run(
     ],
     ids=["as in the docs", "hinged", "another time step", "one tracked point"],
 )
-def test_the_command_it_prints_can_be_run(
-    config: str, edits: tuple[tuple[str, str], ...], tmp_path: Path
-) -> None:
+def test_the_command_it_prints_can_be_run(config, edits, tmp_path):
     overrides = suggested(checked(tmp_path, *edits))
     settings = load_config(ROOT / "configs" / f"{config}.yaml", overrides)
     check_suits(settings, load_robot(settings.model))
@@ -130,9 +128,7 @@ def test_a_time_step_that_does_not_divide_has_its_own_control_step(tmp_path: Pat
         ("0", "There is no gravity", 0),
     ],
 )
-def test_gravity_that_is_not_the_earths_is_said(
-    tmp_path: Path, gravity: str, word: str, code: int
-) -> None:
+def test_gravity_that_is_not_the_earths_is_said(tmp_path, gravity, word, code):
     option = ('timestep="0.005"', f'timestep="0.005" gravity="0 0 {gravity}"')
     assert word in checked(tmp_path, option, code=code).replace("\n", " ")
 
@@ -269,9 +265,7 @@ OWN = step_error("implicitfast", 0.005, 0.012)
         ([step_error("implicitfast", 0.0025, 0.003)], ""),
     ],
 )
-def test_other_steps_are_advised_where_they_are_nearer_or_fewer(
-    others: list[StepError], advised: str
-) -> None:
+def test_other_steps_are_advised_where_they_are_nearer_or_fewer(others, advised):
     said = advice([OWN, *others], replace(PRISM, **STEPS), CableDamping(20.0, "a", 10.0))
     assert said.startswith("Its time steps cost 12 mm after 2 s (implicitfast, 5 ms), 0.41 % of L")
     assert (f"<option {advised}/>" in said) if advised else ("<option" not in said)
@@ -284,8 +278,6 @@ def test_explicit_steps_near_their_limit_are_not_advised() -> None:
         assert ("<option" in said) == advised
 
 
-def test_steps_of_a_robot_that_is_too_slow_are_not_measured(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_steps_of_a_robot_that_is_too_slow_are_not_measured(monkeypatch):
     monkeypatch.setattr(steps, "PATIENCE", 0.0)
     assert steps.measured(Plant(PRISM)) == []

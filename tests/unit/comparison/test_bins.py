@@ -41,9 +41,7 @@ def test_what_is_sorted_lands_in_its_bin(seed: int) -> None:
     assert bins.summary()[3]["mean_square"] is None
 
 
-def test_an_error_of_one_end_cap_is_found_at_that_end_cap_and_its_cables(
-    robot: Robot, found: Comparison, seed: int
-) -> None:
+def test_an_error_of_one_end_cap_is_found_at_that_end_cap_and_its_cables(robot, found, seed):
     points = found.models[0].points.copy()
     point = int(np.random.default_rng(seed).integers(len(robot.points)))
     off = np.zeros_like(points)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from flywheel.diagnosis.comparison import Comparison, Outcome, Subject, compare
+from flywheel.diagnosis.comparison import Outcome, Subject, compare
 from flywheel.diagnosis.comparison.result import LOUD
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
@@ -20,9 +20,7 @@ from tests.unit.comparison.conftest import plant_of, recordings
 pytestmark = pytest.mark.slow
 
 
-def test_where_nothing_is_hidden_little_is_left_of_the_plants_error(
-    found: Comparison, seed: int
-) -> None:
+def test_where_nothing_is_hidden_little_is_left_of_the_plants_error(found, seed):
     (plant,) = found.models
     assert plant.outcome is Outcome.NOISE_ONLY or plant.excess < LOUD + 0.1, seed
     low, _, high = plant.noise_rms
@@ -54,9 +52,7 @@ def test_an_untrained_network_is_more_than_noise_though_noise_moves_it_far(
     assert np.array_equal(untrained.squares.count, plant.squares.count)  # the same windows
 
 
-def test_a_model_in_which_nothing_moves_is_the_line_of_persistence(
-    robot: Robot, nothing_hidden: list[Trajectory], found: Comparison
-) -> None:
+def test_a_model_in_which_nothing_moves_is_the_line_of_persistence(robot, nothing_hidden, found):
     still = Persistence(robot, 0.01, found.windows.lead)
     again = compare([Subject("still", still)], nothing_hidden, horizon=0.5, draws=40)
     assert np.allclose(again.models[0].by_lead, again.persistence)
@@ -71,9 +67,7 @@ class FarOff(Persistence):
         return dataclasses.replace(found, points=found.points + 2000.0)
 
 
-def test_the_error_of_a_model_that_is_far_off_is_told_in_full(
-    robot: Robot, nothing_hidden: list[Trajectory], seed: int
-) -> None:
+def test_the_error_of_a_model_that_is_far_off_is_told_in_full(robot, nothing_hidden, seed):
     far = Subject("far", FarOff(robot, 0.01))
     found = compare([far], nothing_hidden[:1], horizon=0.5, draws=40, seed=seed)
     summary = found.summary()["models"][0]
@@ -84,9 +78,7 @@ def test_the_error_of_a_model_that_is_far_off_is_told_in_full(
         assert part["mean_square"] * found.windows.sigma**2 == pytest.approx(2000.0**2, rel=1e-3)
 
 
-def test_the_same_seed_gives_the_same_numbers_and_another_other_draws(
-    robot: Robot, nothing_hidden: list[Trajectory]
-) -> None:
+def test_the_same_seed_gives_the_same_numbers_and_another_other_draws(robot, nothing_hidden):
     def summary(seed: int) -> dict[str, object]:
         found = compare([plant_of(robot)], nothing_hidden[:1], horizon=0.5, draws=40, seed=seed)
         return {**found.summary(), "seconds": 0.0}
@@ -114,9 +106,7 @@ def test_missing_measurements_are_neither_counted_nor_held_against_a_model(
     assert found.models[0].excess < LOUD + 0.15, seed
 
 
-def test_the_summary_is_plain_json_and_speaks_for_the_last_model(
-    robot: Robot, nothing_hidden: list[Trajectory]
-) -> None:
+def test_the_summary_is_plain_json_and_speaks_for_the_last_model(robot, nothing_hidden):
     still = Subject("still", Persistence(robot, 0.01))
     found = compare([plant_of(robot), still], nothing_hidden[:1], horizon=0.5, draws=40)
     summary = json.loads(json.dumps(found.summary()))

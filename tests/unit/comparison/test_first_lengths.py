@@ -47,9 +47,7 @@ def found(robot: Robot, log: Trajectory, *models: Subject, fit_starts: bool = Fa
     return compare(subjects, [log], horizon=0.8, draws=40, fit_starts=fit_starts)
 
 
-def test_a_model_that_is_exact_leaves_noise_only_of_a_log_that_begins_in_motion(
-    swing: Robot,
-) -> None:
+def test_a_model_that_is_exact_leaves_noise_only_of_a_log_that_begins_in_motion(swing):
     log, winch = driven(swing, seed=1)
     home = swing.winch_of(swing.keyframe)
     assert np.abs(winch[0] - home).max() > 0.05  # else it would be no test
@@ -71,9 +69,7 @@ def test_winches_that_are_faster_than_told_are_still_more_than_noise(swing: Robo
     assert answer.models[0].forecast_is_off
 
 
-def test_a_log_that_begins_at_the_keyframe_has_its_lengths_whatever_the_model_is_worth(
-    swing: Robot,
-) -> None:
+def test_a_log_that_begins_at_the_keyframe_has_its_lengths_whatever_the_model_is_worth(swing):
     log, _ = driven(swing, seed=1, faster=-1.0, begin=0)
     answer = found(swing, log)
     assert answer.windows.begun is None

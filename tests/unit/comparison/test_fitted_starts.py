@@ -74,9 +74,7 @@ def test_where_most_fits_end_far_above_unfitted_starts_nothing_is_said(swing: Ro
     assert f"Fits of {found.left_out} of {found.windows} windows did not" in sentence(answer, lost)
 
 
-def test_fitted_starts_are_no_worse_than_unfitted_ones_where_winches_are_not_as_told(
-    swing: Robot,
-) -> None:
+def test_fitted_starts_are_no_worse_than_unfitted_ones_where_winches_are_not_as_told(swing):
     log = measured(swing, faster=1.3)
     plant = Subject.of_plant("plant", Plant(swing, DT))
     answer = compare([plant], [log], horizon=HORIZON, draws=40, fit_starts=True)

@@ -19,9 +19,7 @@ def with_points(t: Trajectory, points: np.ndarray) -> Trajectory:
     return dataclasses.replace(t, observations=Observation(points, t.observations.winch))
 
 
-def test_windows_follow_one_another_after_a_past(
-    robot: Robot, nothing_hidden: list[Trajectory]
-) -> None:
+def test_windows_follow_one_another_after_a_past(robot, nothing_hidden):
     windows = ForecastWindows.cut(robot, nothing_hidden, 0.5, 20)
     assert (windows.lead, windows.warmup, windows.steps) == (50, 30, 50)
     assert windows.first.tolist() == [50, 100, 50, 100]
@@ -35,9 +33,7 @@ def test_windows_follow_one_another_after_a_past(
     )
 
 
-def test_a_model_is_told_the_winches_of_the_plant_that_it_knows(
-    robot: Robot, nothing_hidden: list[Trajectory]
-) -> None:
+def test_a_model_is_told_the_winches_of_the_plant_that_it_knows(robot, nothing_hidden):
     windows = ForecastWindows.cut(robot, nothing_hidden, 0.5, 20)
     still = Subject("still", Persistence(robot, windows.dt, 20))
     faster = dataclasses.replace(still, terms=(Term(EFFECTS["winch_gain"], None, (0.5,)),))
@@ -48,9 +44,7 @@ def test_a_model_is_told_the_winches_of_the_plant_that_it_knows(
     assert np.array_equal(windows.past(faster).winch[3], known[80:101])
 
 
-def test_winches_are_reckoned_once_for_all_parts(
-    robot: Robot, nothing_hidden: list[Trajectory], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_winches_are_reckoned_once_for_all_parts(robot, nothing_hidden, monkeypatch):
     asked: list[Trajectory] = []
     known = Reckoning.known
 
@@ -67,9 +61,7 @@ def test_winches_are_reckoned_once_for_all_parts(
     assert len(asked) == len(nothing_hidden)
 
 
-def test_no_window_begins_where_a_point_is_out_of_sight(
-    robot: Robot, nothing_hidden: list[Trajectory]
-) -> None:
+def test_no_window_begins_where_a_point_is_out_of_sight(robot, nothing_hidden):
     points = nothing_hidden[0].observations.points.copy()
     points[35:60, 2] = np.nan
     windows = ForecastWindows.cut(robot, [with_points(nothing_hidden[0], points)], 0.5, 20)

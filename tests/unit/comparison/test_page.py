@@ -31,9 +31,7 @@ def linked(page: str) -> list[str]:
 
 
 @pytest.mark.parametrize("excess", [1.0, 3.0])
-def test_the_page_needs_no_other_file_and_says_what_was_found(
-    found: Comparison, tmp_path: Path, excess: float
-) -> None:
+def test_the_page_needs_no_other_file_and_says_what_was_found(found, tmp_path, excess):
     (model,) = found.models
     model = dataclasses.replace(model, name="<my> plant", probability=0.01, excess=excess)
     other = dataclasses.replace(model, name="other")

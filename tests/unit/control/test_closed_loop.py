@@ -179,9 +179,7 @@ class Looked(Reckoning):
         return super().wound(start, told)
 
 
-def test_cables_are_looked_at_now_and_then_and_are_as_long_as_last_seen_until_then(
-    plant: Plant,
-) -> None:
+def test_cables_are_looked_at_now_and_then_and_are_as_long_as_last_seen_until_then(plant):
     class Often(Spy):
         def act(self, past: Past) -> Command:
             return Command(super().act(past).controls[:4])

@@ -124,9 +124,7 @@ def test_a_goal_is_reached_by_what_is_measured(robot: Robot) -> None:
     assert len(planner.tasks) == 2  # the second one followed the first
 
 
-def test_a_late_measurement_stands_where_it_was_made_and_plans_know_what_was_sent_since(
-    robot: Robot,
-) -> None:
+def test_a_late_measurement_stands_where_it_was_made_and_plans_know_what_was_sent_since(robot):
     config = StandInConfig(noise=0.0, latency=0.03, winch_measured=True)
     prompt, late = Planner(), Planner()
     exact = driven(Clockwork(robot), robot, prompt).episode.trajectory
@@ -219,9 +217,7 @@ def test_a_planner_that_fails_loses_nothing_that_was_measured(robot: Robot) -> N
         (Sample(np.nan, 0.0, np.zeros((6, 3)), np.zeros(6)), "gave the time nan"),
     ],
 )
-def test_measurements_that_cannot_be_are_refused(
-    robot: Robot, wrong: Sample, message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_measurements_that_cannot_be_are_refused(robot, wrong, message, monkeypatch):
     link = Clockwork(robot)
     monkeypatch.setattr(link, "observe", lambda: wrong)
     with pytest.raises(LinkError, match=message):

@@ -219,9 +219,7 @@ def commanded(one: Reach, relative: float, rest: float | None = None) -> np.ndar
 
 @pytest.mark.parametrize("dt", [0.01, 0.02])
 @pytest.mark.parametrize("error", [0.11, -0.11])
-def test_a_lasting_error_is_pulled_at_in_proportion_to_it_and_to_its_sum(
-    dt: float, error: float
-) -> None:
+def test_a_lasting_error_is_pulled_at_in_proportion_to_it_and_to_its_sum(dt, error):
     one = reach(0.5, dt=dt)
     for step in range(1, 30):
         expected = -(GAIN * error + INTEGRAL * error * step * dt / 0.01)

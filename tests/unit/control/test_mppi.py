@@ -8,7 +8,6 @@ from flywheel.control import Mppi, MppiConfig
 from flywheel.control.mppi import smooth_noise, softmin, strokes
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import Observation, Past, Rollout
-from flywheel.robots import Robot
 from flywheel.tasks import Task
 from tests import draws
 
@@ -29,9 +28,7 @@ def followed(past: Past, gantry, controls: np.ndarray) -> Past:
     )
 
 
-def test_a_plan_that_begins_later_is_one_from_where_pending_commands_lead(
-    gantry, task: Task, past: Past
-) -> None:
+def test_a_plan_that_begins_later_is_one_from_where_pending_commands_lead(gantry, task, past):
     pending = np.full((20, len(gantry.robot.winches)), 0.3) * gantry.robot.control_high
     later = dataclasses.replace(past, pending=pending[None])
     there = followed(past, gantry, pending)
@@ -241,9 +238,7 @@ def test_a_wrong_configuration_is_refused(wrong: dict) -> None:
 
 @pytest.mark.parametrize("fresh", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("samples", [1, 2, 5])
-def test_few_samples_are_as_legal_as_many(
-    gantry, task: Task, past: Past, samples: int, fresh: float, robot: Robot
-) -> None:
+def test_few_samples_are_as_legal_as_many(gantry, task, past, samples, fresh, robot):
     mppi = planner(gantry, task, samples=samples, fresh=fresh, elites=3, rounds=2)
     for _ in range(3):
         controls = mppi.act(past).controls

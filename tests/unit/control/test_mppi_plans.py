@@ -60,9 +60,7 @@ def again(plans: np.ndarray, tried: np.ndarray) -> set[int]:
 
 
 @pytest.mark.parametrize("elites", [0, 1, 3, 7])
-def test_as_many_of_the_best_plans_are_tried_again_as_asked(
-    watched: Watched, task: Task, past: Past, elites: int
-) -> None:
+def test_as_many_of_the_best_plans_are_tried_again_as_asked(watched, task, past, elites):
     """In the next round as they are, in the next plan without what is over by then."""
     mppi = planner(watched, task, elites=elites, rounds=2, fresh=0.0)
     mppi.act(past)
@@ -73,9 +71,7 @@ def test_as_many_of_the_best_plans_are_tried_again_as_asked(
         assert again(later, after) == set(best)
 
 
-def test_of_plans_that_cost_the_same_the_first_ones_count(
-    watched: Watched, task: Task, past: Past
-) -> None:
+def test_of_plans_that_cost_the_same_the_first_ones_count(watched, task, past):
     """Whatever way of sorting is the fastest on a machine."""
     even = replace(task, costs=(lambda points, task: np.arange(len(points)) % 2.0,))
     mppi = planner(watched, even, elites=7, rounds=2, fresh=0.0)
@@ -89,9 +85,7 @@ def test_of_plans_that_cost_the_same_the_first_ones_count(
 
 
 @pytest.mark.parametrize("narrowing", [0.3, 0.5, 1.0])
-def test_every_round_searches_closer_by(
-    watched: Watched, task: Task, past: Past, narrowing: float
-) -> None:
+def test_every_round_searches_closer_by(watched, task, past, narrowing):
     mppi = planner(
         watched, task, samples=600, rounds=4, narrowing=narrowing, noise=0.05, elites=0, fresh=0.0
     )
@@ -104,9 +98,7 @@ def test_every_round_searches_closer_by(
 
 
 @pytest.mark.parametrize("fresh", [0.0, 0.25, 1.0])
-def test_a_share_of_the_plans_are_strokes_from_end_to_end(
-    watched: Watched, task: Task, past: Past, fresh: float
-) -> None:
+def test_a_share_of_the_plans_are_strokes_from_end_to_end(watched, task, past, fresh):
     mppi = planner(watched, task, samples=41, fresh=fresh, noise=0.01)
     mppi.act(past)
     robot = watched.robot
@@ -118,9 +110,7 @@ def test_a_share_of_the_plans_are_strokes_from_end_to_end(
 
 
 @pytest.mark.parametrize(("seconds", "knots"), [(0.1, 1), (1.5, 3), (2.0, 4)])
-def test_strokes_last_as_long_as_asked(
-    watched: Watched, task: Task, past: Past, seconds: float, knots: int
-) -> None:
+def test_strokes_last_as_long_as_asked(watched, task, past, seconds, knots):
     mppi = planner(
         watched, task, samples=200, fresh=1.0, fresh_seconds=seconds, horizon_seconds=6.0
     )
@@ -150,17 +140,13 @@ def test_the_plan_is_the_mean_of_all_that_were_tried_with_their_weights(
     np.testing.assert_allclose(command.controls[KNOT - 1], mean[0])
 
 
-def test_plans_are_tried_to_the_horizon_and_no_further(
-    watched: Watched, task: Task, past: Past
-) -> None:
+def test_plans_are_tried_to_the_horizon_and_no_further(watched, task, past):
     """Also where it lies between two knots."""
     planner(watched, task, horizon_seconds=1.2).act(past)
     assert watched.commands[0].shape == (40, 12, len(watched.robot.winches))
 
 
-def test_paths_lead_from_the_best_plan_to_the_worst(
-    watched: Watched, task: Task, past: Past
-) -> None:
+def test_paths_lead_from_the_best_plan_to_the_worst(watched, task, past):
     paths = planner(watched, task).act(past).diagnostics["paths"]
     points = watched.rollouts[0].points
     order = np.argsort(task.cost(points))
@@ -226,9 +212,7 @@ def test_a_time_may_be_a_single_step(watched: Watched, task: Task, past: Past) -
 
 @pytest.mark.parametrize("name", MppiConfig.TIMES)
 @pytest.mark.parametrize("seconds", [1e-9, 0.25 * DT, 1.04 * DT])
-def test_times_that_are_no_whole_steps_are_refused(
-    watched: Watched, name: str, seconds: float
-) -> None:
+def test_times_that_are_no_whole_steps_are_refused(watched, name, seconds):
     changes = {"replan_seconds": DT} | {name: seconds}
     if name == "horizon_seconds":
         changes["replan_seconds"] = seconds

@@ -17,9 +17,7 @@ def middle(robot: Robot) -> np.ndarray:
     return (robot.rest_low + robot.rest_high) / 2
 
 
-def test_holding_keeps_the_winches_where_they_are(
-    robot: Robot, servo: Robot, past: Past, middle
-) -> None:
+def test_holding_keeps_the_winches_where_they_are(robot, servo, past, middle):
     assert (Hold(robot, DT).act(past).controls == 0).all()
     assert (Hold(servo, DT).act(past).controls == middle).all()
 
@@ -31,9 +29,7 @@ def test_what_is_not_planned_takes_no_time_and_shows_nothing(robot: Robot, past:
         assert (controller.model, controller.history) == ("", 0)
 
 
-def test_random_commands_keep_to_the_ranges_and_use_them(
-    robot: Robot, servo: Robot, middle
-) -> None:
+def test_random_commands_keep_to_the_ranges_and_use_them(robot, servo, middle):
     for kind in (robot, servo):
         controls = RandomControls(kind, DT).sequence(middle, STEPS, seed := draws.seed())
         assert controls.shape == (STEPS, 6)
@@ -105,9 +101,7 @@ def test_commands_begin_where_the_winches_are_now(servo: Robot, past: Past, midd
 
 
 @pytest.mark.parametrize("slowest", [0.0, 0.5, 1.0])
-def test_speeds_are_drawn_evenly_from_the_slowest_to_the_fastest(
-    robot: Robot, servo: Robot, slowest: float
-) -> None:
+def test_speeds_are_drawn_evenly_from_the_slowest_to_the_fastest(robot, servo, slowest):
     """In both directions; only the step with which a winch arrives is shorter."""
     config = RandomConfig(seconds=(0.02, 0.05), drive=1.0, slowest=slowest)
     for kind in (robot, servo):
@@ -125,9 +119,7 @@ def test_speeds_are_drawn_evenly_from_the_slowest_to_the_fastest(
             assert one_way.var() == pytest.approx((1 - slowest) ** 2 / 12, abs=0.01)
 
 
-def test_winches_that_drive_rest_at_the_ends_and_those_that_do_not_rest_between(
-    servo: Robot, middle
-) -> None:
+def test_winches_that_drive_rest_at_the_ends_and_those_that_do_not_rest_between(servo, middle):
     """Each for a while that is long enough to arrive."""
     low, high = servo.rest_low, servo.rest_high
     for drive, at_an_end in ((0.0, 0.0), (0.3, 0.3), (1.0, 1.0)):

@@ -115,9 +115,7 @@ def test_on_the_plane_nothing_is_lifted(plant: Plant, lying: State) -> None:
     assert above_ground(plant, lying) is lying
 
 
-def test_a_drop_over_a_hill_is_as_high_above_it_as_one_over_the_plane(
-    robot: Robot, plant: Plant
-) -> None:
+def test_a_drop_over_a_hill_is_as_high_above_it_as_one_over_the_plane(robot, plant):
     hill = Terrain(np.full((4, 4), 0.8), 10.0, (-15.0, -15.0))
     flat = random_drop(Plant(robot), np.random.default_rng(6), 2)
     high = random_drop(Plant(robot, terrain=hill), np.random.default_rng(6), 2)
@@ -126,9 +124,7 @@ def test_a_drop_over_a_hill_is_as_high_above_it_as_one_over_the_plane(
     assert not rise[..., [0, 1, 3, 4, 5, 6]].any()
 
 
-def test_a_robot_with_other_joints_than_free_ones_is_not_carried(
-    plant: Plant, lying: State
-) -> None:
+def test_a_robot_with_other_joints_than_free_ones_is_not_carried(plant, lying):
     jointed = Plant(replace(plant.robot, free=False))
     with pytest.raises(RobotError, match="cannot be dropped or carried: it has joints"):
         standing(jointed, lying, PLACE, TURN)

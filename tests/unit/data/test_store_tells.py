@@ -25,9 +25,7 @@ def store(tmp_path, make_episode) -> TrajectoryStore:
 
 
 @pytest.mark.parametrize("segment", ["one", "three"])
-def test_damage_is_told_once_whether_a_snapshot_lists_the_segment_or_not(
-    store, tmp_path, segment
-) -> None:
+def test_damage_is_told_once_whether_a_snapshot_lists_the_segment_or_not(store, tmp_path, segment):
     file = largest_file(tmp_path, segment)
     file.write_bytes(file.read_bytes()[:-1])
     (damage,) = store.verify()
@@ -135,9 +133,7 @@ def test_what_was_set_aside_and_collected_again_elsewhere_is_known_by_its_new_co
     assert store.read("other").id == "other"
 
 
-def test_what_others_commit_and_what_cannot_be_read_are_told_apart(
-    store, tmp_path, make_episode
-) -> None:
+def test_what_others_commit_and_what_cannot_be_read_are_told_apart(store, tmp_path, make_episode):
     other = TrajectoryStore(tmp_path)
     other.commit("four", [make_episode("four-0")])
     assert sorted(store.committed()) == ["four", "one", "three", "two"]

@@ -97,17 +97,13 @@ def test_the_plant_gets_the_value_that_fits_its_own_time_step(tmp_path: Path) ->
         (answer("EFFECT", [found("winch_gain", shar=0.2)]), None, "Did you mean 'share'"),
     ],
 )
-def test_what_is_not_clear_is_not_adopted(
-    summary: dict[str, Any], number: int | None, message: str, tmp_path: Path
-) -> None:
+def test_what_is_not_clear_is_not_adopted(summary, number, message, tmp_path):
     with pytest.raises(FlywheelError, match=message):
         adopt(summary, PRISM, tmp_path / "plants", number)
     assert not (tmp_path / "plants").exists()
 
 
-def test_an_effect_that_explains_most_of_what_is_held_out_is_adopted_beside_what_nobody_explains() -> (
-    None
-):
+def test_an_effect_that_explains_most_of_what_is_held_out_is_adopted_beside_what_nobody_explains():
     assert [e.effect for e in adoptable(answer("OUTSIDE_LIBRARY", [GAIN], after=0.0105))] == [
         "winch_gain"
     ]
@@ -233,9 +229,7 @@ def test_a_whole_answer_is_adopted_and_what_newer_versions_add_is_left_out(tmp_p
 
 
 @pytest.mark.parametrize("path", list(fields(WHOLE)), ids=lambda path: ".".join(map(str, path)))
-def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
-    path: tuple[Any, ...], tmp_path: Path
-) -> None:
+def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(path, tmp_path):
     for to in (*OTHERS, GONE):
         try:
             made = adopt(changed(path, to), PRISM, tmp_path)
@@ -264,9 +258,7 @@ def test_a_field_of_another_type_is_refused_in_a_sentence_or_not_needed(
         (("robot",), [], r"robot: must be a mapping; got \[\]"),
     ],
 )  # fmt: skip
-def test_the_message_names_the_field(
-    path: tuple[Any, ...], to: object, message: str, tmp_path: Path
-) -> None:
+def test_the_message_names_the_field(path, to, message, tmp_path):
     with pytest.raises(DataError, match=message):
         adopt(changed(path, to), PRISM, tmp_path / "plants")
     assert not (tmp_path / "plants").exists()

@@ -94,9 +94,7 @@ def test_of_two_effects_that_predict_the_same_an_answer_names_both_whatever_else
     assert conclusion.with_rivals(searched, known) is known
 
 
-def test_values_that_another_effect_cannot_have_make_no_twin(
-    robot: Robot, fitter: PlantFitter, seed: int
-) -> None:
+def test_values_that_another_effect_cannot_have_make_no_twin(robot, fitter, seed):
     """A gain may be negative, a delay not."""
     (late,) = candidates(robot, {"command_delay": EFFECTS["command_delay"]})
     search = Search(fitter, (late,), 25.0)
@@ -107,9 +105,7 @@ def test_values_that_another_effect_cannot_have_make_no_twin(
 
 
 @pytest.mark.parametrize(("costs", "left"), [((130.0, 124.0), 1), ((130.0, 126.0), None)])
-def test_an_effect_goes_that_turns_out_not_to_be_needed(
-    fitter: PlantFitter, costs: tuple[float, float], left: int | None
-) -> None:
+def test_an_effect_goes_that_turns_out_not_to_be_needed(fitter, costs, left):
     """With the better initial states that were found meanwhile; each has to explain 25 here."""
     search = Search(fitter, (), 25.0)
     terms = tuple(Term(EFFECTS[n], None, (0.1,)) for n in ("winch_gain", "cable_friction"))
@@ -232,9 +228,7 @@ def test_where_a_model_is_wrong_anyway_an_effect_has_to_gain_something_elsewhere
 
 
 @pytest.mark.parametrize(("less", "ends"), [(60.0, 50.0), (90.0, None), (60.0, 80.0)])
-def test_a_model_that_costs_more_than_one_without_an_effect_begins_where_that_ended(
-    less: float, ends: float | None
-) -> None:
+def test_a_model_that_costs_more_than_one_without_an_effect_begins_where_that_ended(less, ends):
     """One that costs 100 begins anew where one without its effect clearly ended lower; so it has to end."""
     term = Term(EFFECTS["winch_gain"], None, (0.1,))
     begun: list[Any] = []

@@ -113,9 +113,7 @@ def begun(robot: Robot) -> tuple[Search, ScoredModel]:
     return search, search.score_all(fit)
 
 
-def test_sensitivities_that_are_kept_become_those_of_where_the_fit_is(
-    begun: tuple[Search, ScoredModel],
-) -> None:
+def test_sensitivities_that_are_kept_become_those_of_where_the_fit_is(begun):
     search, model = begun
 
     def off(fit: Fit) -> float:
@@ -154,9 +152,7 @@ def test_fits_are_shaken_by_the_seed_of_the_diagnosis(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize(("unlikely", "needed"), [(1e-3, False), (0.5, True)])
-def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(
-    begun: tuple[Search, ScoredModel], unlikely: float, needed: bool
-) -> None:
+def test_numbers_are_doubted_that_explain_less_than_noise_seldom_does(begun, unlikely, needed):
     """As much as the median of chi-square with so many degrees of freedom, and a little more."""
     search, model = begun
     more = 1.05 * sum(len(term.values) for term in search.as_built)
@@ -177,9 +173,7 @@ def test_an_effect_in_the_place_of_another_is_exchanged(begun: tuple[Search, Sco
     assert search.criterion(right) < search.criterion(wrong.fit) - search.threshold
 
 
-def test_a_fit_that_is_stuck_goes_on_from_beside_itself(
-    begun: tuple[Search, ScoredModel], monkeypatch
-) -> None:
+def test_a_fit_that_is_stuck_goes_on_from_beside_itself(begun, monkeypatch):
     """Nothing helps where it is; beside it, with numbers moved a little and within their bounds, it does."""
     search, model = begun
     weak = Term(EFFECTS["weak_cable"], 1, (0.6,))
@@ -207,9 +201,7 @@ def with_effect(search: Search, model: ScoredModel, name: str) -> Fit:
     return search.fitter.with_terms(model.fit, (*model.fit.terms, term))
 
 
-def test_an_effect_is_fitted_before_numbers_may_make_up_for_it(
-    begun: tuple[Search, ScoredModel],
-) -> None:
+def test_an_effect_is_fitted_before_numbers_may_make_up_for_it(begun):
     search, model = begun
     fit = with_effect(search, model, "capstan")
     found = search.effects_first(fit)
@@ -221,9 +213,7 @@ def test_an_effect_is_fitted_before_numbers_may_make_up_for_it(
     assert found.kept is not None
 
 
-def test_what_an_effect_said_is_said_by_its_number_within_what_is_believed(
-    begun: tuple[Search, ScoredModel],
-) -> None:
+def test_what_an_effect_said_is_said_by_its_number_within_what_is_believed(begun):
     search, model = begun
     weak = Term(EFFECTS["weak_cable"], 1, (0.6,))
     fit = search.fitter.with_terms(model.fit, (*model.fit.terms, weak))
@@ -237,9 +227,7 @@ def test_what_an_effect_said_is_said_by_its_number_within_what_is_believed(
     assert number.values[0] == pytest.approx(search.fitter.settings.jacobian.believed * 0.08)
 
 
-def test_sizes_for_each_cable_become_one_where_numbers_explain_what_they_did(
-    robot: Robot, begun: tuple[Search, ScoredModel]
-) -> None:
+def test_sizes_for_each_cable_become_one_where_numbers_explain_what_they_did(robot, begun):
     search, model = begun
     fit = search.fitter.with_terms(model.fit, with_effect(search, model, "capstan").terms)
     (term,) = asked(fit.terms)
@@ -268,9 +256,7 @@ def alone_beside(
     return _numbers_are_needed(search, [first, replace(first, fit=fit)], model)
 
 
-def test_beside_another_effect_one_that_is_a_number_within_what_is_usual_is_none(
-    begun: tuple[Search, ScoredModel],
-) -> None:
+def test_beside_another_effect_one_that_is_a_number_within_what_is_usual_is_none(begun):
     friction = Term(EFFECTS["capstan"], None, (0.1,))
     usual = begun[0].settings.usually_off * AsBuiltSettings().stiffness
     assert alone_beside(begun, 0.9 * usual, (friction,), 0.0)
@@ -299,17 +285,13 @@ def test_a_fit_that_clearly_stays_above_its_target_is_left_where_it_is(
     assert len(done) == rounds
 
 
-def test_effects_alone_leave_no_more_than_numbers_explain_of_noise(
-    begun: tuple[Search, ScoredModel],
-) -> None:
+def test_effects_alone_leave_no_more_than_numbers_explain_of_noise(begun):
     numbers = sum(len(term.values) for term in begun[0].as_built)
     assert not alone_beside(begun, 0.6, (), numbers)
     assert alone_beside(begun, 0.6, (), 2.0 * numbers)
 
 
-def test_a_model_begins_where_one_without_its_effect_ended_lower(
-    begun: tuple[Search, ScoredModel],
-) -> None:
+def test_a_model_begins_where_one_without_its_effect_ended_lower(begun):
     """Nothing costs less without an effect: that it did says that the fit with it is stuck."""
     search, model = begun
     fitter, weak = search.fitter, Term(EFFECTS["weak_cable"], 1, (0.6,))
@@ -324,9 +306,7 @@ def test_a_model_begins_where_one_without_its_effect_ended_lower(
     assert _from_shorter(search, as_low, [less], [[weak]]) is None
 
 
-def test_of_many_values_the_step_is_damped_as_suits_them_best(
-    begun: tuple[Search, ScoredModel], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_many_values_the_step_is_damped_as_suits_them_best(begun, monkeypatch):
     """Few values take the longest step that makes the cost fall."""
     search, model = begun
     fitter = search.fitter

@@ -8,7 +8,6 @@ from flywheel.diagnosis.fitting.nuisance import unsure_terms
 from flywheel.diagnosis.fitting.parameters import FreeParameter, free_parameters
 from flywheel.diagnosis.settings import JacobianSettings
 from flywheel.effects import Scales
-from flywheel.robots import Robot
 
 OPEN = np.array([[-np.inf], [np.inf]])
 
@@ -25,9 +24,7 @@ def test_a_step_that_no_bound_is_in_the_way_of_solves_the_normal_equations(seed:
     np.testing.assert_allclose(matrix @ step, pull, atol=1e-6)
 
 
-def test_a_step_that_would_leave_its_bounds_ends_at_them_and_the_others_make_up_for_it(
-    seed: int,
-) -> None:
+def test_a_step_that_would_leave_its_bounds_ends_at_them_and_the_others_make_up_for_it(seed):
     matrix, pull, rng = normal(seed)
     whole, one = np.linalg.solve(matrix, pull), int(rng.integers(len(pull)))
     bounds = np.repeat(OPEN, len(pull), axis=1)
@@ -38,9 +35,7 @@ def test_a_step_that_would_leave_its_bounds_ends_at_them_and_the_others_make_up_
     np.testing.assert_allclose((matrix @ step - pull)[others], 0.0, atol=1e-6)
 
 
-def test_what_is_said_of_a_number_is_believed_up_to_three_deviations(
-    robot: Robot, seed: int
-) -> None:
+def test_what_is_said_of_a_number_is_believed_up_to_three_deviations(robot, seed):
     deviation = float(np.random.default_rng(seed).uniform(0.01, 0.1))
     terms = unsure_terms({"body_mass": deviation})
     settings = JacobianSettings()
@@ -59,9 +54,7 @@ def test_what_is_said_of_a_number_is_believed_up_to_three_deviations(
         (0.05, -0.1, 0.1, -0.15),
     ],
 )
-def test_a_difference_stays_within_bounds(
-    robot: Robot, value: float, low: float, high: float, step: float
-) -> None:
+def test_a_difference_stays_within_bounds(robot, value, low, high, step):
     terms = unsure_terms({"body_mass": 1.0})
     free = FreeParameter(0, 0, 1.0, low, high, step=0.25)
     assert free.step_from(free.moved(terms, value)) == pytest.approx(step)

@@ -77,9 +77,7 @@ def design(designer: Designer, seed: int) -> Design:
     return designer.design(seconds=0.6, count=8, seed=seed)
 
 
-def test_a_design_says_what_its_commands_are_worth(
-    designer: Designer, design: Design, seed: int
-) -> None:
+def test_a_design_says_what_its_commands_are_worth(designer, design, seed):
     """The search's own number comes out again from the commands alone."""
     scripts = design.controls[None]
     motion = simulate_scripts(designer.plant, scripts)

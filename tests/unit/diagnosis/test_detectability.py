@@ -40,9 +40,7 @@ def test_what_others_have_in_common_is_a_share() -> None:
         assert common_share(0.0 * here, 0.0 * here) == LEAST, seed
 
 
-def test_nothing_smaller_is_shown_than_around_the_fitted_initial_states(
-    fitter: PlantFitter, model: ScoredModel, seed: int
-) -> None:
+def test_nothing_smaller_is_shown_than_around_the_fitted_initial_states(fitter, model, seed):
     found = detectable(fitter, model, np.random.default_rng(seed))
     assert [f.candidate for f in found] == [s.candidate for s in model.scores]
     for before, after in zip(model.scores, found, strict=True):
@@ -53,9 +51,7 @@ def test_nothing_smaller_is_shown_than_around_the_fitted_initial_states(
     assert found[gain].smallest < 1.5 * model.scores[gain].smallest, seed
 
 
-def test_where_initial_states_are_known_exactly_all_of_it_is_detectable(
-    fitter: PlantFitter, model: ScoredModel, seed: int
-) -> None:
+def test_where_initial_states_are_known_exactly_all_of_it_is_detectable(fitter, model, seed):
     found = detectable(fitter, model, np.random.default_rng(seed), CheckSettings(shift=0.0))
     np.testing.assert_allclose(
         [f.smallest for f in found], [s.smallest for s in model.scores], rtol=1e-6

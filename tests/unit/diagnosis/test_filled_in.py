@@ -80,9 +80,7 @@ def roughness(points: Floats) -> Floats:
     return np.nanmedian(np.abs(np.diff(points, n=3, axis=-3)).reshape(-1, 3), axis=0)
 
 
-def test_errors_that_a_network_is_tried_on_have_no_noise_where_a_log_has_none(
-    planar: PlantFitter,
-) -> None:
+def test_errors_that_a_network_is_tried_on_have_no_noise_where_a_log_has_none(planar):
     pasts: list[Floats] = []
 
     class Remembering(RestartedPlant):

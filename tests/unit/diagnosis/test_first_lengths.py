@@ -68,9 +68,7 @@ def test_a_cable_that_would_have_to_be_slack_all_the_time_is_named(fitter: Plant
     assert length.summary()["than"] == "keyframe"
 
 
-def test_several_are_named_those_that_are_farthest_off_first_and_tight_ones_as_tight(
-    fitter: PlantFitter,
-) -> None:
+def test_several_are_named_those_that_are_farthest_off_first_and_tight_ones_as_tight(fitter):
     lengths = far(fitter, winch_fl=-2.0, winch_fr=40.0, rear=30.0)
     assert [len(each.cables) for each in lengths] == [1, 2, 1]
     # The second one is a position servo, which goes to where it is told.

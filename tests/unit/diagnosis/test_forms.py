@@ -172,9 +172,7 @@ class TwoWays(TensionEffect):
         return dry + values["damping"] * cables.speed, memory
 
 
-def test_a_rival_of_any_number_of_sizes_and_shapes_takes_the_place_of_an_effect(
-    robot: Robot, seed: int
-) -> None:
+def test_a_rival_of_any_number_of_sizes_and_shapes_takes_the_place_of_an_effect(robot, seed):
     """It begins with the sizes that change what the effect changed: here it can do just that."""
     hidden = of(robot, EFFECTS["cable_damping"], 1.0)
     windows = Windows.cut(robot, [recorded(robot, (hidden,), seed)], seconds=0.4)

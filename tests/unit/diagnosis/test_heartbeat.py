@@ -122,9 +122,7 @@ def test_a_part_that_fails_costs_itself_and_is_remembered() -> None:
     assert failure.at.startswith(f"{Path(__file__).name}:") and "share" in failure.at
 
 
-def test_a_bug_in_one_rival_costs_that_rival_and_not_the_answer(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_bug_in_one_rival_costs_that_rival_and_not_the_answer(monkeypatch):
     robot = load_robot("platform4")
     log = recorded(robot, (Term(EFFECTS["winch_gain"], None, (0.3,)),), draws.seed())
     few = {name: EFFECTS[name] for name in ("slope", "winch_gain")}

@@ -48,9 +48,7 @@ def test_a_model_with_more_begins_where_the_one_before_ended(robot: Robot, seed:
 
 
 @pytest.mark.slow
-def test_a_window_that_is_stuck_begins_elsewhere_before_it_is_judged(
-    robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_window_that_is_stuck_begins_elsewhere_before_it_is_judged(robot, seed, monkeypatch):
     gain = Term(NAMED["winch_gain"], None, (0.2,))
     log = recorded(robot, (gain,), seed)
     windows = Windows.cut(robot, [log], seconds=0.4)

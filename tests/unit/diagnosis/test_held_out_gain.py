@@ -102,7 +102,5 @@ def test_numbers_that_harm_where_they_were_not_fitted_make_no_effect_look_better
 @pytest.mark.parametrize(
     ("share", "clear", "worth"), [(0.5, True, True), (0.5, False, False), (0.05, True, False)]
 )
-def test_a_part_of_what_is_missing_takes_away_enough_of_it(
-    share: float, clear: bool, worth: bool
-) -> None:
+def test_a_part_of_what_is_missing_takes_away_enough_of_it(share, clear, worth):
     assert worth_having(Limits(), Gain(share, 0.01, 0.9, clear, 10, 0)) is worth

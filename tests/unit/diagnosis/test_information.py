@@ -27,9 +27,7 @@ def drawn(robot: Robot, seed: int) -> tuple[Information, np.ndarray]:
     ), columns
 
 
-def test_a_separation_is_what_the_best_fit_of_the_rival_leaves(
-    drawn: tuple[Information, np.ndarray], seed: int
-) -> None:
+def test_a_separation_is_what_the_best_fit_of_the_rival_leaves(drawn, seed):
     information, columns = drawn
     capstan, creep = 2, 1
     for row in range(2):
@@ -42,9 +40,7 @@ def test_a_separation_is_what_the_best_fit_of_the_rival_leaves(
         assert information.separation(capstan, creep)[row] == pytest.approx(min(left)), seed
 
 
-def test_of_several_sizes_the_weakest_combination_counts(
-    drawn: tuple[Information, np.ndarray], seed: int
-) -> None:
+def test_of_several_sizes_the_weakest_combination_counts(drawn, seed):
     information, columns = drawn
     slope = 0
     angles = np.linspace(0, np.pi, 2001)
@@ -57,9 +53,7 @@ def test_of_several_sizes_the_weakest_combination_counts(
         assert information.smallest(slope)[row] == pytest.approx(needed / weakest, rel=1e-5), seed
 
 
-def test_cosines_are_of_the_angles_between_what_two_change(
-    drawn: tuple[Information, np.ndarray], seed: int
-) -> None:
+def test_cosines_are_of_the_angles_between_what_two_change(drawn, seed):
     information, columns = drawn
     a, b = (
         columns[1][:, information.slices[2][0]][:, 0],
@@ -85,9 +79,7 @@ def scripts(robot: Robot, plant: Plant, seed: int) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_scripts_looked_at_together_and_alone_say_the_same(
-    robot: Robot, plant: Plant, scripts: np.ndarray
-) -> None:
+def test_scripts_looked_at_together_and_alone_say_the_same(robot, plant, scripts):
     library = candidates(robot, {"capstan": EFFECTS["capstan"], "slope": EFFECTS["slope"]})
     motion = simulate_scripts(plant, scripts[:3])
     together = information_of(plant, scripts[:3], motion, library, 0.01)
@@ -96,9 +88,7 @@ def test_scripts_looked_at_together_and_alone_say_the_same(
     assert not np.allclose(together.gram[0], together.gram[1], rtol=0.1)
 
 
-def test_what_cannot_be_looked_at_is_refused(
-    robot: Robot, plant: Plant, scripts: np.ndarray
-) -> None:
+def test_what_cannot_be_looked_at_is_refused(robot, plant, scripts):
     library = candidates(robot, {"capstan": EFFECTS["capstan"]})
     motion = simulate_scripts(plant, scripts[:1])
     with pytest.raises(DataError, match="no effect to look for"):

@@ -42,18 +42,14 @@ def somewhere(fitter: PlantFitter, seed: int) -> Fit:
     return fitter.with_local(begun, local)
 
 
-def test_rough_ones_are_the_same_whatever_time_steps_windows_have(
-    fitter: PlantFitter, finer: PlantFitter, seed: int
-) -> None:
+def test_rough_ones_are_the_same_whatever_time_steps_windows_have(fitter, finer, seed):
     own, of_finer = (f.rough_jacobian(somewhere(f, seed)) for f in (fitter, finer))
     assert np.array_equal(own.by_local, of_finer.by_local), seed
     assert np.array_equal(own.by_winch, of_finer.by_winch), seed
 
 
 @pytest.mark.slow
-def test_precise_ones_are_those_of_each_windows_time_steps(
-    fitter: PlantFitter, finer: PlantFitter, halved: np.ndarray, seed: int
-) -> None:
+def test_precise_ones_are_those_of_each_windows_time_steps(fitter, finer, halved, seed):
     fit = fitter.first_estimate()
     own, mixed = fitter.jacobian(fit), finer.jacobian(finer.with_terms(fit, ()))
     plant = refined(fitter.simulator.plant, 2)
@@ -73,9 +69,7 @@ def test_rough_ones_say_which_way_to_go(finer: PlantFitter, seed: int) -> None:
     assert after.cost - noise < 0.3 * (fit.cost - noise), seed
 
 
-def test_windows_that_diverge_in_hasty_steps_keep_their_own(
-    fitter: PlantFitter, halved: np.ndarray, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_windows_that_diverge_in_hasty_steps_keep_their_own(fitter, halved, seed, monkeypatch):
     fit = somewhere(fitter, seed)
     hasty = fitter.rough_jacobian(fit)
     simulate = type(fitter.simulator)._simulated
@@ -105,9 +99,7 @@ def test_hasty_steps_are_explicit_and_a_plant_that_has_them_keeps_them(robot: Ro
 
 
 @pytest.mark.slow
-def test_other_initial_states_are_sought_with_differences_in_hasty_steps(
-    finer: PlantFitter, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_initial_states_are_sought_with_differences_in_hasty_steps(finer, seed, monkeypatch):
     begun, members = finer.first_estimate(), np.arange(len(finer.windows))
     tried = begun.local + np.random.default_rng(seed).normal(0.0, 0.02, begun.local.shape)
     simulated = {HASTY: 0, 1: 0, 2: 0}

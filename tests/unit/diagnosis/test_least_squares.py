@@ -84,9 +84,7 @@ def test_what_was_moved_is_what_lies_between(fitter: PlantFitter, seed: int) -> 
 
 
 @pytest.mark.slow
-def test_the_true_plant_is_fitted_down_to_the_noise(
-    fitter: PlantFitter, fit: Fit, seed: int
-) -> None:
+def test_the_true_plant_is_fitted_down_to_the_noise(fitter, fit, seed):
     # The noise, estimated from so short a recording, may be a sixth off.
     true = 0.001 * fitter.windows.robot.length
     squares = fitter.mean_squares(fit) * (fitter.windows.sigma / true) ** 2
@@ -94,9 +92,7 @@ def test_the_true_plant_is_fitted_down_to_the_noise(
     assert fit.cost < fitter.first_estimate().cost
 
 
-def test_a_fit_ends_where_a_round_with_a_new_jacobian_does_not_bring_enough(
-    fitter: PlantFitter, seed: int
-) -> None:
+def test_a_fit_ends_where_a_round_with_a_new_jacobian_does_not_bring_enough(fitter, seed):
     rng = np.random.default_rng(seed)
     begun = fitter.first_estimate()
     bent = begun.local + 0.3 * fitter.local_prior * rng.choice([-1.0, 1.0], begun.local.shape)
@@ -109,9 +105,7 @@ def test_a_fit_ends_where_a_round_with_a_new_jacobian_does_not_bring_enough(
     assert enough.cost < more.cost, seed
 
 
-def test_a_jacobian_is_computed_anew_in_stale_windows_only(
-    fitter: PlantFitter, fit: Fit, seed: int
-) -> None:
+def test_a_jacobian_is_computed_anew_in_stale_windows_only(fitter, fit, seed):
     nothing = Jacobian(*(np.zeros_like(part) for part in astuple(fitter.jacobian(fit))))
     stale = np.zeros(len(fit.local), bool)
     stale[seed % len(stale)] = True
@@ -124,9 +118,7 @@ def test_a_jacobian_is_computed_anew_in_stale_windows_only(
         assert not part[~stale].any()
 
 
-def test_windows_that_change_otherwise_than_their_jacobian_said_become_stale(
-    fitter: PlantFitter, seed: int
-) -> None:
+def test_windows_that_change_otherwise_than_their_jacobian_said_become_stale(fitter, seed):
     begun, wrong = fitter.first_estimate(), seed % len(fitter.windows)
     jacobian = fitter.jacobian(begun)
     by_local = jacobian.by_local.copy()
@@ -138,9 +130,7 @@ def test_windows_that_change_otherwise_than_their_jacobian_said_become_stale(
 
 
 @pytest.mark.slow
-def test_differences_are_taken_with_other_steps_the_next_time(
-    fitter: PlantFitter, fit: Fit
-) -> None:
+def test_differences_are_taken_with_other_steps_the_next_time(fitter, fit):
     stale = np.ones(len(fit.local), bool)
     cache = fitter.cached(fitter.jacobian(fit))
     found = []
@@ -152,9 +142,7 @@ def test_differences_are_taken_with_other_steps_the_next_time(
 
 
 @pytest.mark.parametrize("name", ["cable_friction", "hysteresis", "torque_speed", "command_delay"])
-def test_a_step_ends_at_what_its_parameters_predict(
-    robot: Robot, fitter: PlantFitter, seed: int, name: str
-) -> None:
+def test_a_step_ends_at_what_its_parameters_predict(robot, fitter, seed, name):
     # whether its windows were simulated beside each other, as trials, or one after the other
     (candidate,) = candidates(robot, {name: EFFECTS[name]})
     first = fitter.first_estimate((candidate.term((0.5,)),))
@@ -196,9 +184,7 @@ def test_a_window_that_does_not_move_is_damped_more(fitter: PlantFitter, seed: i
     assert after.cost < begun.cost
 
 
-def test_of_two_fits_each_window_takes_the_better_initial_state(
-    fitter: PlantFitter, fit: Fit, seed: int
-) -> None:
+def test_of_two_fits_each_window_takes_the_better_initial_state(fitter, fit, seed):
     rng = np.random.default_rng(seed)
     off = rng.normal(0.0, 0.05, fit.local.shape)
     half = rng.permutation(len(off)) % 2 == 0
@@ -221,9 +207,7 @@ def test_a_projection_takes_out_what_initial_states_explain(fitter: PlantFitter,
     assert (after < np.linalg.norm(jacobian.by_local, axis=(0, 1))).all()
 
 
-def test_a_planted_sensitivity_is_found_with_its_size(
-    fitter: PlantFitter, fit: Fit, library: tuple[Candidate, ...], seed: int
-) -> None:
+def test_a_planted_sensitivity_is_found_with_its_size(fitter, fit, library, seed):
     test = score_test(fitter, fit, library)
     rng = np.random.default_rng(seed)
     for index in rng.permutation(len(library))[:4]:
@@ -241,9 +225,7 @@ def test_a_planted_sensitivity_is_found_with_its_size(
 
 
 @pytest.mark.slow
-def test_of_two_secants_the_one_that_promises_more_counts(
-    fitter: PlantFitter, fit: Fit, library: tuple[Candidate, ...], seed: int
-) -> None:
+def test_of_two_secants_the_one_that_promises_more_counts(fitter, fit, library, seed):
     """Of all effects here, however little they move; one of them goes the way of its shorter secant."""
     chosen = library[seed % len(library)]
     (column,) = np.moveaxis(fitter.columns(fit, [(*fit.terms, chosen.unit_terms(0.1)[0])]), 2, 0)
@@ -260,18 +242,14 @@ def test_of_two_secants_the_one_that_promises_more_counts(
     assert both[here] > whole[here] + 1e-6, (seed, chosen.label)
 
 
-def test_a_one_sided_effect_cannot_explain_its_opposite(
-    fitter: PlantFitter, fit: Fit, library: tuple[Candidate, ...]
-) -> None:
+def test_a_one_sided_effect_cannot_explain_its_opposite(fitter, fit, library):
     test = score_test(fitter, fit, library)
     assert library[0].effect.sizes[0].one_sided
     column = test.columns[:, test.slices[0][0]][:, 0]
     assert test.scores(-column)[0].statistic == 0.0
 
 
-def test_windows_beside_each_other_are_those_one_after_the_other(
-    fitter: PlantFitter, fit: Fit, library: tuple[Candidate, ...], seed: int
-) -> None:
+def test_windows_beside_each_other_are_those_one_after_the_other(fitter, fit, library, seed):
     """Where nothing but the winches goes on from window to window."""
     simulator, rng = fitter.simulator, np.random.default_rng(seed)
     initial = replace(fit.initial, winch=rng.normal(0, 0.01, fit.initial.winch.shape))
@@ -286,9 +264,7 @@ def test_windows_beside_each_other_are_those_one_after_the_other(
         np.testing.assert_allclose(one.winch, other.winch, atol=1e-12)
 
 
-def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(
-    fitter: PlantFitter, fit: Fit, robot: Robot
-) -> None:
+def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(fitter, fit, robot):
     names = ("torque_speed", "creep", "cable_damping")
     library = candidates(robot, {name: EFFECTS[name] for name in names})
     terms = [(c.term(c.typical, 0),) for c in library]
@@ -307,9 +283,7 @@ def test_windows_that_go_on_from_the_one_before_are_not_set_beside_it(
 
 
 @pytest.mark.slow
-def test_a_window_by_itself_with_a_wrong_initial_state_begins_elsewhere(
-    robot: Robot, seed: int
-) -> None:
+def test_a_window_by_itself_with_a_wrong_initial_state_begins_elsewhere(robot, seed):
     rng = np.random.default_rng(seed)
     alone = fitter_of(Windows.cut(robot, [recorded(robot, (), seed)], seconds=10.0), Plant(robot))
     assert len(alone.windows) == 1

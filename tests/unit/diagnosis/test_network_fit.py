@@ -105,9 +105,7 @@ def test_only_what_comes_after_its_past_is_explained(fitter: NetworkFitter) -> N
     assert np.isfinite(fitter.windows.measured[:, history + 1 :]).all()
 
 
-def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(
-    robot: Robot, trajectory: Trajectory, model: Subject
-) -> None:
+def test_a_model_is_told_the_winches_of_the_plant_that_it_was_trained_on(robot, trajectory, model):
     world = world_of(robot, trajectory, draws_of_errors=8)
     seen: list[Floats] = []
 
@@ -139,9 +137,7 @@ def test_what_an_effect_changes_vanishes_with_the_effect(fitter: NetworkFitter) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.3])
-def test_what_is_hidden_is_found_and_what_is_not_is_not(
-    robot: Robot, model: Subject, seed: int, share: float
-) -> None:
+def test_what_is_hidden_is_found_and_what_is_not_is_not(robot, model, seed, share):
     hidden = (gain(share),) if share else ()
     logs = [recorded(robot, hidden, seed + i) for i in range(2)]
     found = diagnose(Plant(robot), logs, (), FEW, window_seconds=LENGTH, model=model, seed=seed)
@@ -157,9 +153,7 @@ def test_what_is_hidden_is_found_and_what_is_not_is_not(
     assert found.errors.augmented < found.errors.baseline, seed
 
 
-def test_a_network_is_not_screened(
-    robot: Robot, fitter: NetworkFitter, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_network_is_not_screened(robot, fitter, monkeypatch):
     library = candidates(robot, FEW)
     scored = Search(fitter, library, 25.0).score_all(fitter.first_estimate())
     scores = tuple(replace(score, statistic=1.0) for score in scored.scores)
@@ -168,9 +162,7 @@ def test_a_network_is_not_screened(
     assert screened(fitter, replace(scored, fit=fit, scores=scores), library, ()) == []
 
 
-def test_a_model_that_does_not_fit_is_refused(
-    robot: Robot, trajectory: Trajectory, model: Subject
-) -> None:
+def test_a_model_that_does_not_fit_is_refused(robot, trajectory, model):
     with pytest.raises(ModelError, match="looks back 10 steps"):
         diagnose(Plant(robot), [trajectory], library=FEW, window_seconds=0.1, model=model)
     other = Subject("other", RestartedPlant(Plant(load_robot("prism3"))))

@@ -59,9 +59,7 @@ def asked(
     return next_experiment(verdict, [answer(names) for names in answers], ranking, seen)
 
 
-def test_alternatives_are_told_apart_and_what_they_share_is_not(
-    robot: Robot, library: dict[str, Candidate]
-) -> None:
+def test_alternatives_are_told_apart_and_what_they_share_is_not(robot, library):
     both = [["winch_gain", "weak_cable"], ["winch_gain", "command_delay"]]
     asks = asked(robot, library, Verdict.AMBIGUOUS, both)
     assert {rival.effect.name for rival in asks.rivals} == {"weak_cable", "command_delay"}
@@ -70,9 +68,7 @@ def test_alternatives_are_told_apart_and_what_they_share_is_not(
 
 
 @pytest.mark.parametrize("verdict", [Verdict.AMBIGUOUS, Verdict.PARTIAL])
-def test_no_commands_are_promised_for_twins(
-    robot: Robot, library: dict[str, Candidate], verdict: Verdict
-) -> None:
+def test_no_commands_are_promised_for_twins(robot, library, verdict):
     alike = np.eye(len(NAMES))
     alike[0, 1] = alike[1, 0] = 0.9999
     twins = [["command_delay"], ["sensor_latency"]]
@@ -82,26 +78,20 @@ def test_no_commands_are_promised_for_twins(
     assert set(asks.shown_by) == {"command_delay", "sensor_latency"}
 
 
-def test_an_answer_is_put_to_the_test_against_its_nearest_rival(
-    robot: Robot, library: dict[str, Candidate]
-) -> None:
+def test_an_answer_is_put_to_the_test_against_its_nearest_rival(robot, library):
     alike = np.eye(len(NAMES))
     alike[2, 3] = alike[3, 2] = 0.8
     asks = asked(robot, library, Verdict.EFFECT, [["winch_gain"]], alike)
     assert [rival.effect.name for rival in asks.rivals] == ["winch_gain", "weak_cable"]
 
 
-def test_where_nothing_was_seen_it_names_what_could_not_have_been(
-    robot: Robot, library: dict[str, Candidate]
-) -> None:
+def test_where_nothing_was_seen_it_names_what_could_not_have_been(robot, library):
     asks = asked(robot, library, Verdict.NOISE_ONLY, [[]], smallest=(0.2, 3.0, 0.5, 1.5))
     assert "sensor_latency, weak_cable." in asks.aim
     assert list(asks.shown_by) == ["sensor_latency", "weak_cable"]
     assert asks.command == ""
 
 
-def test_the_rivals_are_written_as_design_takes_them(
-    robot: Robot, library: dict[str, Candidate]
-) -> None:
+def test_the_rivals_are_written_as_design_takes_them(robot, library):
     for candidate in library.values():
         assert Rival.named(candidate.name, robot).candidates == (candidate,)

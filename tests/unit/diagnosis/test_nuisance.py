@@ -36,9 +36,7 @@ def robot() -> Robot:
 @pytest.mark.parametrize(
     ("scale", "name"), [("cable_stiffness", "cable_stiffness"), ("mass", "body_mass")]
 )
-def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(
-    robot: Robot, seed: int, scale: str, name: str
-) -> None:
+def test_a_wrong_number_is_fitted_and_not_taken_for_an_effect(robot, seed, scale, name):
     logs = [recorded(robot, (), seed + i) for i in range(2)]
     told = Plant(robot, parameters=PlantParameters(**{scale: 1 / 1.06}))
     unsure = {name: 0.05}
@@ -119,9 +117,7 @@ def test_what_is_known_well_stays_where_it_is(robot: Robot, seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(
-    robot: Robot, seed: int
-) -> None:
+def test_a_number_that_would_have_to_be_further_off_than_is_believed_is_named(robot, seed):
     told = Plant(robot, parameters=PlantParameters(cable_stiffness=1 / 1.3))
     found = diagnose(
         told,

@@ -53,9 +53,7 @@ def found(robot: Robot, hidden: Trajectory, library: dict[str, Effect]) -> Power
 
 
 @pytest.mark.slow
-def test_smallest_sizes_are_those_of_recordings_made_afterwards(
-    robot: Robot, library: dict[str, Effect], seed: int
-) -> None:
+def test_smallest_sizes_are_those_of_recordings_made_afterwards(robot, library, seed):
     plant, noise = Plant(robot), 0.003 * robot.length
     log = record(robot, (), seconds=1.6, seed=seed).trajectory
     ranking = diagnose(plant, [log], library=library).ranking
@@ -67,9 +65,7 @@ def test_smallest_sizes_are_those_of_recordings_made_afterwards(
     assert np.median(ratios) == pytest.approx(1.0, abs=0.15), (seed, ratios)
 
 
-def test_commands_that_move_nothing_show_no_effect_of_winches(
-    robot: Robot, library: dict[str, Effect], found: Power
-) -> None:
+def test_commands_that_move_nothing_show_no_effect_of_winches(robot, library, found):
     still = np.zeros((80, len(robot.winches)))
     few = {name: library[name] for name in ("winch_gain", "command_delay")}
     moving = {p.candidate.label: p for p in found.prospects}
@@ -107,9 +103,7 @@ def test_twins_are_taken_for_each_other_and_nobody_else_is(found: Power, seed: i
     assert not by_name["winch_gain"].taken_for, seed
 
 
-def test_more_noise_hides_more(
-    robot: Robot, hidden: Trajectory, library: dict[str, Effect]
-) -> None:
+def test_more_noise_hides_more(robot, hidden, library):
     few = {name: library[name] for name in ("capstan", "winch_gain")}
     quiet, loud = (power(Plant(robot), hidden.controls[:80], s, few) for s in (0.002, 0.02))
     small = {p.candidate.label: p.smallest for p in quiet.prospects}
@@ -117,9 +111,7 @@ def test_more_noise_hides_more(
         assert 3 < prospect.smallest / small[prospect.candidate.label] < 12
 
 
-def test_a_twice_as_large_effect_is_twice_as_far_from_its_rival(
-    robot: Robot, hidden: Trajectory, library: dict[str, Effect]
-) -> None:
+def test_a_twice_as_large_effect_is_twice_as_far_from_its_rival(robot, hidden, library):
     few = {name: library[name] for name in ("capstan", "cable_friction")}
     once, twice = (
         power(Plant(robot), hidden.controls[:80], 0.01, few, size) for size in (1.0, 2.0)
@@ -137,9 +129,7 @@ def test_the_summary_is_json(found: Power) -> None:
     assert np.shape(again["likeness"]) == (len(found.prospects),) * 2
 
 
-def test_promises_are_those_of_a_diagnosis_with_the_same_settings(
-    robot: Robot, hidden: Trajectory, library: dict[str, Effect]
-) -> None:
+def test_promises_are_those_of_a_diagnosis_with_the_same_settings(robot, hidden, library):
     few = {name: library[name] for name in ("capstan", "winch_gain")}
     strict = changed(Settings(), {"limits.threshold": 36.0})
     before, after = (

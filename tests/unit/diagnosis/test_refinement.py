@@ -165,9 +165,7 @@ class Costs:
         ((np.inf, np.inf), False),
     ],
 )
-def test_shorter_steps_win_if_they_get_ahead_while_there_is_hope(
-    fitter: PlantFitter, costs: tuple[float, ...], wins: bool
-) -> None:
+def test_shorter_steps_win_if_they_get_ahead_while_there_is_hope(fitter, costs, wins):
     ahead = 949.0 if len(costs) == 3 else 1000.0
     finer = Costs(*costs)
     own = Costs(2000.0, 1500.0, shorter=finer)
@@ -178,9 +176,7 @@ def test_shorter_steps_win_if_they_get_ahead_while_there_is_hope(
     assert not finer.left
 
 
-def test_longer_steps_win_if_they_fit_better_from_where_shorter_ones_led_to(
-    fitter: PlantFitter,
-) -> None:
+def test_longer_steps_win_if_they_fit_better_from_where_shorter_ones_led_to(fitter):
     own = Costs(2000.0, 900.0, shorter=Costs(5000.0, 990.0))
     stuck = replace(fitter.first_estimate(), cost=1000.0, converged=True)
     taken, after = shorter_steps(own, stuck)
@@ -189,9 +185,7 @@ def test_longer_steps_win_if_they_fit_better_from_where_shorter_ones_led_to(
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_better_initial_states_found_in_shorter_steps_are_no_evidence_for_them(
-    robot: Robot,
-) -> None:
+def test_better_initial_states_found_in_shorter_steps_are_no_evidence_for_them(robot):
     own = fitter_for(
         robot, 2622254124, 1, falls=3
     )  # a fit gets stuck where one in shorter steps does not
@@ -230,9 +224,7 @@ def search_of(robot: Robot, seed: int, plant: Plant, terms: Terms = ()) -> Searc
 
 
 @pytest.mark.slow
-def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(
-    robot: Robot, seed: int, before_nothing: list[float]
-) -> None:
+def test_before_nothing_is_said_steps_are_shorter_than_a_fit_needs(robot, seed, before_nothing):
     search = search_of(robot, seed, Plant(robot))
     own = search.fitter
     fit = own.fit(own.first_estimate())

@@ -183,9 +183,7 @@ EVERY = np.ones(WINDOWS)
 
 @pytest.mark.parametrize("weights", [EVERY, WEIGHTS])
 @pytest.mark.parametrize("sizes", [0, 3])
-def test_a_projection_leaves_what_a_fit_of_all_nuisances_leaves(
-    case: Case, weights: Floats, sizes: int
-) -> None:
+def test_a_projection_leaves_what_a_fit_of_all_nuisances_leaves(case, weights, sizes):
     rng = np.random.default_rng(1)
     known = rng.normal(size=(WINDOWS, COORDINATES, sizes)) if sizes else None
     vectors = rng.normal(size=(WINDOWS, COORDINATES, 4))
@@ -321,9 +319,7 @@ def test_of_several_shapes_the_one_that_explains_most_counts(case: Case) -> None
 
 
 @pytest.mark.parametrize("size", [-3.0, -0.2, 0.2])
-def test_a_size_that_cannot_be_negative_explains_nothing_in_its_place(
-    case: Case, size: float
-) -> None:
+def test_a_size_that_cannot_be_negative_explains_nothing_in_its_place(case, size):
     test = case.test()
     for index, candidate in enumerate(case.library):
         one_sided = candidate.effect.sizes[0].one_sided
@@ -391,9 +387,7 @@ def test_windows_that_are_all_far_off_count_in_full(case: Case) -> None:
     np.testing.assert_allclose(far.residual, 7.0 * case.test().residual)
 
 
-def test_windows_that_saw_less_than_they_have_parameters_do_not_say_what_is_usual(
-    case: Case,
-) -> None:
+def test_windows_that_saw_less_than_they_have_parameters_do_not_say_what_is_usual(case):
     """Their local parameters fit anything: as the usual ones, they would make all others suspect."""
     windows = case.model.windows
     measured = windows.measured.copy()

@@ -44,9 +44,7 @@ def misled(robot: Robot, library: tuple[Candidate, ...], seed: int, sign: float)
     return fitter, replace(model, scores=tuple(replace(s, statistic=1.0) for s in model.scores))
 
 
-def test_a_large_effect_is_seen_with_its_sign(
-    misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
-) -> None:
+def test_a_large_effect_is_seen_with_its_sign(misled, library, seed, sign):
     ((term,),) = screened(*misled, library, known=())
     assert term.effect.name == "winch_gain", seed
     assert np.sign(term.values[0]) == sign, seed
@@ -64,9 +62,7 @@ def test_what_a_score_proposes_is_not_proposed_again_but_with_the_other_sign(
     assert len(screened(*misled, library, known=(aslant,))) == 1, seed
 
 
-def test_nothing_is_looked_for_where_a_score_promises_much(
-    misled: Misled, library: tuple[Candidate, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_looked_for_where_a_score_promises_much(misled, library, monkeypatch):
     fitter, model = misled
     first, *others = model.scores
     monkeypatch.setattr(PlantFitter, "first_estimate", None)  # nothing is simulated either
@@ -74,9 +70,7 @@ def test_nothing_is_looked_for_where_a_score_promises_much(
     assert screened(fitter, sure, library, known=()) == []
 
 
-def test_nothing_is_looked_for_where_the_model_may_be_right(
-    misled: Misled, library: tuple[Candidate, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_looked_for_where_the_model_may_be_right(misled, library, monkeypatch):
     fitter, model = misled
     monkeypatch.setattr(PlantFitter, "first_estimate", None)
     right = replace(model, fit=replace(model.fit, cost=1.05 * fitter.freedom))
@@ -84,9 +78,7 @@ def test_nothing_is_looked_for_where_the_model_may_be_right(
     assert screened(fitter, right, library, known=()) == []
 
 
-def test_what_explains_little_is_not_proposed(
-    misled: Misled, library: tuple[Candidate, ...], seed: int
-) -> None:
+def test_what_explains_little_is_not_proposed(misled, library, seed):
     payloads = [each for each in library if each.effect.name == "payload"]  # a tenth at most
     assert screened(*misled, payloads, known=()) == [], seed
 
@@ -111,9 +103,7 @@ def test_what_is_screened_is_fitted_beside_what_scores_propose(
     assert found.fit.terms[0].values[0] == pytest.approx(0.3 * sign, abs=0.05), seed
 
 
-def test_what_a_model_has_is_not_tried_again(
-    misled: Misled, library: tuple[Candidate, ...], seed: int, sign: float
-) -> None:
+def test_what_a_model_has_is_not_tried_again(misled, library, seed, sign):
     fitter, model = misled
     right = next(each for each in library if each.effect.name == "winch_gain")
     had = Term(EFFECTS["winch_gain"], None, (0.01 * sign,))

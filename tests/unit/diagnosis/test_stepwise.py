@@ -32,9 +32,7 @@ def robot() -> Robot:
     return load_robot("platform4")
 
 
-def test_a_model_does_not_begin_where_another_one_was_led_astray(
-    robot: Robot, fitter: PlantFitter, seed: int
-) -> None:
+def test_a_model_does_not_begin_where_another_one_was_led_astray(robot, fitter, seed):
     (candidate,) = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
     search = Search(fitter, (candidate,), 25.0)
     model = search.score_all(fitted(fitter, rounds=1))
@@ -50,9 +48,7 @@ def test_a_model_does_not_begin_where_another_one_was_led_astray(
     assert recovered.cost < 2.0 * straight.cost, seed
 
 
-def test_values_are_made_to_suit_the_first_estimates(
-    robot: Robot, fitter: PlantFitter, seed: int
-) -> None:
+def test_values_are_made_to_suit_the_first_estimates(robot, fitter, seed):
     (candidate,) = candidates(robot, {"winch_gain": NAMED["winch_gain"]})
     terms = (candidate.term((float(np.random.default_rng(seed).uniform(1.0, 2.0)),)),)
     begun = fitter.first_estimate(terms)
@@ -71,9 +67,7 @@ def flickering(recording: Trajectory, point: int, way: float) -> Trajectory:
 
 
 @pytest.mark.slow
-def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(
-    robot: Robot, seed: int
-) -> None:
+def test_nothing_is_added_that_explains_next_to_nothing_of_what_is_left(robot, seed):
     gain = NAMED["winch_gain"]
     right = recorded(robot, (Term(gain, None, (0.3,)),), seed)
     wrong = flickering(recorded(robot, (), seed), seed % len(robot.points), 0.2 * robot.length)
@@ -126,9 +120,7 @@ def test_models_with_the_last_effect_that_may_be_added_are_given_up_sooner(
     assert (search.criterion(other) < target) == finds, seed
 
 
-def test_a_model_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(
-    robot: Robot, seed: int, monkeypatch
-) -> None:
+def test_a_model_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(robot, seed, monkeypatch):
     right = recorded(robot, (), seed)
     wrong = flickering(right, seed % len(robot.points), 0.2 * robot.length)
     asked: dict[str, list[float]] = {}
@@ -172,9 +164,7 @@ def test_windows_that_saw_nothing_do_not_silence_those_that_did(robot: Robot, se
     assert model.test.noise > 0.01, seed
 
 
-def test_recordings_in_other_control_steps_than_the_plant_are_refused(
-    robot: Robot, trajectory: Trajectory
-) -> None:
+def test_recordings_in_other_control_steps_than_the_plant_are_refused(robot, trajectory):
     with pytest.raises(DataError, match="control steps of 0.02 s, the plant in steps of 0.01 s"):
         diagnose(Plant(robot), [replace(trajectory, dt=0.02)])
 
@@ -194,9 +184,7 @@ def test_a_further_effect_promises_more_than_a_stuck_fit_may_win_by_chance(
     assert promising.promises(SELECTION.least_share, SELECTION.by_chance) is not stuck, seed
 
 
-def test_of_models_that_are_one_by_several_names_one_is_fitted(
-    robot: Robot, fitter: PlantFitter, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_models_that_are_one_by_several_names_one_is_fitted(robot, fitter, seed, monkeypatch):
     names = ("command_delay", "sensor_latency", "winch_gain")
     library = candidates(robot, {name: NAMED[name] for name in names})
     begun = fitted(fitter, rounds=1)
@@ -214,9 +202,7 @@ def test_of_models_that_are_one_by_several_names_one_is_fitted(
     assert "winch_gain" in fitted_on and len({*names[:2]} & {*fitted_on}) == 1, (seed, fitted_on)
 
 
-def test_what_promised_the_most_and_is_not_ahead_begins_elsewhere_first(
-    fitter: PlantFitter, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_promised_the_most_and_is_not_ahead_begins_elsewhere_first(fitter, seed, monkeypatch):
     ahead, behind = fitted(fitter, rounds=2), fitter.first_estimate()
     assert ahead.cost < behind.cost, seed
     search, freed = Search(fitter, (), 25.0), replace(ahead, cost=0.5 * ahead.cost)
@@ -300,9 +286,7 @@ def test_a_model_as_given_that_is_clearly_wrong_is_not_fitted_to_the_last_digit(
     assert asked == [1, None]
 
 
-def test_a_model_that_diverges_is_given_up_after_a_round(
-    fitter: PlantFitter, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_model_that_diverges_is_given_up_after_a_round(fitter, monkeypatch):
     diverged = replace(fitter.first_estimate(), cost=np.inf)
     rounds: list[Fit] = []
 

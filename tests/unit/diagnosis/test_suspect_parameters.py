@@ -78,9 +78,7 @@ def test_a_wrong_mass_is_suspected(robot: Robot, seed: int) -> None:
     assert found.off == pytest.approx(OFF, abs=0.04), seed
 
 
-def test_it_is_compared_with_what_an_effect_explained_not_with_what_scores_promised(
-    stiffer: Scored, seed: int
-) -> None:
+def test_it_is_compared_with_what_an_effect_explained_not_with_what_scores_promised(stiffer, seed):
     search, model = stiffer
     (statistic,) = (
         score.statistic
@@ -111,9 +109,7 @@ def test_no_number_is_suspected_where_an_effect_explains_far_more(robot: Robot, 
     assert not named(search, model, with_added(model)), seed
 
 
-def test_it_is_asked_in_the_time_steps_of_the_end(
-    stiffer: Scored, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_is_asked_in_the_time_steps_of_the_end(stiffer, monkeypatch):
     """The first model's may have been longer, and what changes with them is no number's doing."""
     search, model = stiffer
     finer = search.fitter.halved(np.ones(len(search.fitter.windows), bool))
@@ -147,9 +143,7 @@ def test_a_number_that_would_have_to_be_far_off_is_not_suspected(stiffer: Scored
 
 
 @pytest.mark.parametrize("times", [3.0, 8.0])
-def test_a_stiffness_that_is_several_times_the_told_one_is_fitted_and_named(
-    seed: int, times: float
-) -> None:
+def test_a_stiffness_that_is_several_times_the_told_one_is_fitted_and_named(seed, times):
     search, model = scored(load_robot("platform4"), seed, cable_stiffness=1.0 / times)
     (found,) = (
         each for each in far_off_parameters(search, [model]) if each.name == "cable_stiffness"

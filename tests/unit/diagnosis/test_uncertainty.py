@@ -10,9 +10,7 @@ from flywheel.robots import load_robot
 from tests.unit.diagnosis.conftest import recorded
 
 
-def test_a_fit_that_ended_before_its_minimum_is_as_unsure_as_it_is_far_from_there(
-    seed: int,
-) -> None:
+def test_a_fit_that_ended_before_its_minimum_is_as_unsure_as_it_is_far_from_there(seed):
     robot = load_robot("platform4")
     hidden = (Term(NAMED["winch_gain"], None, (0.1,)),)
     windows = Windows.cut(robot, [recorded(robot, hidden, seed)], seconds=0.4)

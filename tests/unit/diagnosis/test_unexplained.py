@@ -73,9 +73,7 @@ def test_a_learned_law_comes_near_the_true_one(robot: Robot, seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_law_is_trained_only_while_that_explains_something(
-    robot: Robot, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_law_is_trained_only_while_that_explains_something(robot, seed, monkeypatch):
     log = recorded(robot, HIDDEN, seed)
     fitter = fitter_of(Windows.cut(robot, [log], seconds=0.4), Plant(robot))
     model = Search(fitter, candidates(robot, FEW), 25.0).score_all(fitted(fitter))

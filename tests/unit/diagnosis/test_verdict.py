@@ -75,9 +75,7 @@ def test_an_effect_is_shown_where_an_interval_leaves_out_zero(
         ("marker_offset", (-20.0, 1.0, 20.0), ["x", "z"]),
     ],
 )
-def test_a_value_that_a_bound_stopped_is_named(
-    robot: Robot, effect: str, sizes: tuple[float, ...], names: list[str]
-) -> None:
+def test_a_value_that_a_bound_stopped_is_named(robot, effect, sizes, names):
     scales, parameters = Scales.of(robot), EFFECTS[effect].sizes
     values = tuple(s * p.typical(scales) for s, p in zip(sizes, parameters, strict=True))
     assert [value.name for value in known(robot, effect, values, 0.01, 0.0).at_bound] == names
@@ -115,9 +113,7 @@ def test_what_is_explained_carries_over_to_held_out_recordings_or_does_not() -> 
 
 
 @pytest.mark.parametrize(("partial", "verdict"), [(0.5, "PARTIAL"), (0.7, "OUTSIDE_LIBRARY")])
-def test_an_answer_with_most_of_the_error_is_a_part_of_what_is_missing(
-    partial: float, verdict: str
-) -> None:
+def test_an_answer_with_most_of_the_error_is_a_part_of_what_is_missing(partial, verdict):
     """Of an error of 10 noise variances it leaves 4.6: 0.6 of what was beyond noise is explained."""
     before, after = (
         Adequacy(noise, 0.0, loudest=50.0, correlation=0.5, inconstancy=0.0, beyond_noise=1.0)

@@ -50,9 +50,7 @@ def test_what_is_written_is_read_again(name: str) -> None:
         ("cable_friction", "", {"force": -1.0}, r"cannot be negative \[N\], got -1"),
     ],
 )
-def test_what_cannot_be_is_said(
-    effect: str, location: str, parameters: dict[str, float], message: str
-) -> None:
+def test_what_cannot_be_is_said(effect, location, parameters, message):
     written = WrittenTerm(effect=effect, location=location, parameters=parameters)
     with pytest.raises(FlywheelError, match=message):
         written.term(PRISM, EFFECTS)
@@ -118,9 +116,7 @@ def test_a_field_of_another_type_is_refused_by_its_name(tmp_path: Path, field: s
             assert len(str(error)) < 1000
 
 
-def test_values_of_effects_are_numbers_within_bounds_however_they_are_written(
-    tmp_path: Path,
-) -> None:
+def test_values_of_effects_are_numbers_within_bounds_however_they_are_written(tmp_path):
     path = adopted().write(tmp_path, PRISM)
     text = path.read_text()
     path.write_text(text.replace("force: 3.0", "force: 1e-3"))

@@ -66,9 +66,7 @@ def tension(name: str, path: np.ndarray, **values: float) -> np.ndarray:
         ("hysteresis", {"force": 50.0, "length": 0.004}),
     ],
 )
-def test_in_proportion_to_stiffness_is_counted_from_the_mean(
-    name: str, values: dict[str, float]
-) -> None:
+def test_in_proportion_to_stiffness_is_counted_from_the_mean(name, values):
     path = 1.05 + 0.01 * np.sin(np.linspace(0.0, 9.0, 60))
     even = tension(name, path, **values)
     uneven = tension(f"{name}_by_stiffness", path, **values)
@@ -147,9 +145,7 @@ def moved(plant: AugmentedPlant, terms: tuple[Term, ...]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ABLE)
-def test_without_factors_it_is_the_even_effect_and_with_them_another(
-    name: str, plant: AugmentedPlant
-) -> None:
+def test_without_factors_it_is_the_even_effect_and_with_them_another(name, plant):
     rng = np.random.default_rng(seed := draws.seed())
     term = uneven(plant.robot, name, rng)
     own = len(NAMED[name].parameters)

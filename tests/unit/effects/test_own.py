@@ -121,9 +121,7 @@ def test_a_cogging_winch_follows_its_formula(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_law_file_that_cannot_be_used_is_refused_in_a_sentence(
-    tmp_path: Path, text: str, message: str
-) -> None:
+def test_a_law_file_that_cannot_be_used_is_refused_in_a_sentence(tmp_path, text, message):
     file = LawFile.read(own_laws.law_file(tmp_path, text))
     with pytest.raises(ConfigError, match=message) as caught:
         with_laws([file])

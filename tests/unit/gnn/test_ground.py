@@ -62,9 +62,7 @@ def test_samples_seen_from_elsewhere_stand_on_the_same_ground(seed: int) -> None
     assert np.quantile(np.abs(normals.numpy() - upright), 0.95) < 1e-3, seed
 
 
-def test_predictions_turn_with_robot_and_ground_alike(
-    robots, make_network, make_window, seed: int
-) -> None:
+def test_predictions_turn_with_robot_and_ground_alike(robots, make_network, make_window, seed):
     robot = robots["prism3"]
     network, window = make_network(robot, LEAN, seed), make_window(robot, LEAN, seed)
     simulator, rng = Simulator(robot, LEAN), np.random.default_rng(seed)
@@ -81,9 +79,7 @@ def test_predictions_turn_with_robot_and_ground_alike(
     assert off.median() < 1e-4, seed
 
 
-def test_a_planner_stands_on_what_the_past_says(
-    robots, make_network, make_window, seed: int
-) -> None:
+def test_a_planner_stands_on_what_the_past_says(robots, make_network, make_window, seed):
     robot = robots["prism3"]
     window, rng = make_window(robot, LEAN, seed), np.random.default_rng(seed)
     model = LearnedDynamics(robot, make_network(robot, LEAN, seed), block=2)

@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -66,9 +64,7 @@ def test_parameters_are_positive_and_known() -> None:
     assert PlantParameters(friction=0.6).changed() == {"friction": 0.6}
 
 
-def test_a_long_simulation_made_of_pieces_is_the_same(
-    robot: Robot, controls: np.ndarray, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_simulation_made_of_pieces_is_the_same(robot, controls, monkeypatch):
     plant = Plant(robot)
     whole = plant.simulate(plant.rest(3), controls)
     monkeypatch.setattr(plant_package.plant, "OUTPUT_BYTES", 3 * 2 * (46 + 18) * 8 * 7)
@@ -109,9 +105,7 @@ def test_what_does_not_fit_is_said(robot: Robot) -> None:
         )
 
 
-def test_divergence_is_an_error_that_names_simulation_and_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_divergence_is_an_error_that_names_simulation_and_time(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     robot = load_robot("prism3")
     stiff = [PlantParameters(), PlantParameters(contact_stiffness=1e7), PlantParameters()]

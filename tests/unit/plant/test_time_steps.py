@@ -29,9 +29,7 @@ def falling() -> Robot:
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 @pytest.mark.parametrize("timestep", [0.01, 0.005, 0.002])
-def test_a_fall_ends_as_far_off_as_the_steps_of_euler_bring_it(
-    integrator: str, timestep: float
-) -> None:
+def test_a_fall_ends_as_far_off_as_the_steps_of_euler_bring_it(integrator, timestep):
     plant = Plant(falling())
     study = StepStudy(plant, plant.rest(), held(plant, FALL), "Euler", EXACT)
     error = study.error(integrator, timestep)

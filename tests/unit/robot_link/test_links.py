@@ -4,7 +4,6 @@ import json
 import socket
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -63,9 +62,7 @@ def test_in_real_time_a_period_takes_its_time(serve: Serve, expected: Floats) ->
     assert time.monotonic() - begun > 12 * PERIOD
 
 
-def test_a_stand_in_in_a_process_of_its_own_measures_the_same_to_the_bit(
-    prism3: Robot, expected: Floats
-) -> None:
+def test_a_stand_in_in_a_process_of_its_own_measures_the_same_to_the_bit(prism3, expected):
     link = SimulatedLink(prism3, CONFIG, PERIOD)
     np.testing.assert_array_equal(play(link), expected)
     process = link._process
@@ -116,9 +113,7 @@ def test_one_at_a_time_may_drive(serve: Serve) -> None:
         (b'{"type": "hello"}\n' + b" " * 1_100_000, "at most 1,000,000 bytes"),
     ],
 )
-def test_a_driver_that_talks_nonsense_is_told_so_and_let_go(
-    serve: Serve, lines: bytes, answer: str
-) -> None:
+def test_a_driver_that_talks_nonsense_is_told_so_and_let_go(serve, lines, answer):
     port = serve()
     with socket.create_connection(("127.0.0.1", port), timeout=10) as wire:
         wire.sendall(lines)
@@ -137,9 +132,7 @@ def test_a_robot_that_is_not_there_hangs_up_or_is_silent_is_said_to_be_lost(serv
         TcpLink("127.0.0.1", port)
 
 
-def test_a_transcript_takes_the_place_of_the_robot(
-    prism3: Robot, expected: Floats, tmp_path: Path
-) -> None:
+def test_a_transcript_takes_the_place_of_the_robot(prism3, expected, tmp_path):
     path = tmp_path / "episodes" / "one.jsonl"
     link = TranscribedLink(StandIn(prism3, CONFIG, PERIOD), path)
     np.testing.assert_array_equal(play(link), expected)
@@ -209,9 +202,7 @@ def test_a_link_of_one_s_own_is_found_by_its_name(prism3: Robot) -> None:
         ("builtins:repr", {}, "is not a RobotLink"),
     ],
 )
-def test_a_way_that_leads_nowhere_is_refused(
-    prism3: Robot, where: str, arguments: dict[str, Any], message: str
-) -> None:
+def test_a_way_that_leads_nowhere_is_refused(prism3, where, arguments, message):
     with pytest.raises((ConfigError, LinkError), match=message):
         open_link(where, prism3, PERIOD, arguments=arguments)
 

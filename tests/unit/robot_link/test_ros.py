@@ -31,9 +31,7 @@ def bridge(prism3: Robot) -> Iterator[RosBridge]:
     made.stop()
 
 
-def test_a_robot_behind_ros_is_driven_and_its_log_is_whole(
-    prism3: Robot, bridge: RosBridge
-) -> None:
+def test_a_robot_behind_ros_is_driven_and_its_log_is_whole(prism3, bridge):
     link = open_link(
         f"ros://127.0.0.1:{bridge.port}", prism3, PERIOD, arguments={"period": str(PERIOD)}
     )

@@ -50,9 +50,7 @@ def test_the_same_seed_gives_the_same_noise_and_another_one_other_noise(prism3: 
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_measurements_come_late_and_say_so_where_they_are_told_to(
-    prism3: Robot, told: bool
-) -> None:
+def test_measurements_come_late_and_say_so_where_they_are_told_to(prism3, told):
     now = driven(StandIn(prism3, EXACT), hauling(prism3))
     config = EXACT.model_copy(update={"latency": 0.03, "latency_told": told})
     stand_in = StandIn(prism3, config)

@@ -74,9 +74,7 @@ def option(text: str) -> tuple[str, str]:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_number_that_makes_no_sense_is_refused_with_its_element(
-    edits: list[tuple[str, str]], message: str
-) -> None:
+def test_a_number_that_makes_no_sense_is_refused_with_its_element(edits, message):
     with pytest.raises(RobotError, match=re.escape(message)):
         read_robot(edited(*edits))
 

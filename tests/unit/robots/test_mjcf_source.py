@@ -176,9 +176,7 @@ def test_a_course_is_as_bounded_as_a_robot(tmp_path: Path) -> None:
         load_course(str(course))
 
 
-def test_nothing_is_written_where_mujoco_would_warn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_written_where_mujoco_would_warn(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(RobotError, match=r"invalid number \(nan\): <geom name='shade' mass='nan'>"):
         read_robot(edited(('mass="1"', 'mass="nan"')))

@@ -299,9 +299,7 @@ def test_a_range_that_a_default_switches_off_is_told_as_such(limit: str) -> None
         '<gyro name="pose" site="shade"/>',
     ],
 )
-def test_sensors_of_something_else_than_sites_that_move_are_passed_over_and_said(
-    sensor: str,
-) -> None:
+def test_sensors_of_something_else_than_sites_that_move_are_passed_over_and_said(sensor):
     robot = read_robot(edited(("<sensor>", f"<sensor>{sensor}")))
     assert [point.name for point in robot.points] == ["light"]
     (words,) = remarks(robot)

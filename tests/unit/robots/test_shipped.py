@@ -13,9 +13,7 @@ from flywheel.robots import load_robot
         ("icosa6", 1457.4, (211.339, 211.339, 2.713)),
     ],
 )
-def test_rods_weigh_and_turn_as_published(
-    name: str, robot_mass: float, inertia: tuple[float, ...]
-) -> None:
+def test_rods_weigh_and_turn_as_published(name, robot_mass, inertia):
     robot = load_robot(name)
     assert sum(b.mass for b in robot.bodies) == pytest.approx(robot_mass)
     for body in robot.bodies:

@@ -26,9 +26,7 @@ from flywheel.validation import validated
         ({"mppi": {"knot_seconds": 0.123}}, "mppi.knot_seconds must be a multiple of .* 0.01 s"),
     ],
 )  # fmt: skip
-def test_what_no_machine_could_do_is_refused_with_what_it_would_take(
-    asked: dict, said: str
-) -> None:
+def test_what_no_machine_could_do_is_refused_with_what_it_would_take(asked, said):
     with pytest.raises(ConfigError, match=said):
         validated(RunConfig, asked, "x", ConfigError)
 

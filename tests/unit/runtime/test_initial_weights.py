@@ -29,9 +29,7 @@ def training(source: str | Path) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_the_first_training_begins_with_the_weights_and_the_run_keeps_a_copy(
-    weights: Path, tmp_path: Path
-) -> None:
+def test_the_first_training_begins_with_the_weights_and_the_run_keeps_a_copy(weights, tmp_path):
     slow = {**TINY["training"]["fine_tuning"], "learning_rate": 1e-9}
     given = {**training(weights), "fine_tuning": slow}
     bench = Bench(tmp_path / "run", training=given, iterations=0)
@@ -64,9 +62,7 @@ def test_a_copy_that_was_changed_is_refused(weights: Path, tmp_path: Path) -> No
         path.write_bytes(sound)
 
 
-def test_the_weights_of_another_network_are_refused_with_what_would_make_it_the_same(
-    weights: Path,
-) -> None:
+def test_the_weights_of_another_network_are_refused_with_what_would_make_it_the_same(weights):
     config = RunConfig.model_validate({"training": {"from": str(weights)}})
     with pytest.raises(ConfigError) as caught:
         check_suits(config, ROBOT)
@@ -79,9 +75,7 @@ def test_the_weights_of_another_network_are_refused_with_what_would_make_it_the_
     assert "network.width=8" in overrides
 
 
-def test_weights_that_are_not_there_or_of_another_robot_are_refused(
-    weights: Path, tmp_path: Path
-) -> None:
+def test_weights_that_are_not_there_or_of_another_robot_are_refused(weights, tmp_path):
     with pytest.raises(ConfigError, match="There are no weights at .*nowhere"):
         check_suits(RunConfig.model_validate({"training": {"from": "nowhere.npz"}}), ROBOT)
     six = RunConfig.model_validate({**TINY, "model": "icosa6", "training": training(weights)})

@@ -42,9 +42,7 @@ def configured(folder: Path, text: str = "effects_from: my_laws.py\n") -> Path:
     return path
 
 
-def test_a_law_file_is_found_beside_the_configuration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_law_file_is_found_beside_the_configuration(tmp_path, monkeypatch):
     law = own_laws.law_file(tmp_path / "laws")
     path = configured(tmp_path / "configs", "effects_from: ../laws/my_laws.py\n")
     (tmp_path / "elsewhere").mkdir()
@@ -68,9 +66,7 @@ def test_reading_a_configuration_does_not_run_its_law_file(tmp_path: Path) -> No
     assert (tmp_path / "ran").exists()
 
 
-def test_the_text_of_a_law_file_counts_into_the_digest_and_nothing_else_does(
-    tmp_path: Path,
-) -> None:
+def test_the_text_of_a_law_file_counts_into_the_digest_and_nothing_else_does(tmp_path):
     path = configured(tmp_path)
     own_laws.law_file(tmp_path)
     one = config_digest(load_config(path))

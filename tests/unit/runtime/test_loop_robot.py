@@ -48,9 +48,7 @@ def _timeless(value: object) -> object:
 
 @pytest.mark.nightly
 @pytest.mark.slow
-def test_the_transcripts_of_a_run_give_the_same_run_without_a_robot(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_transcripts_of_a_run_give_the_same_run_without_a_robot(tmp_path, monkeypatch):
     here = {**HERE, "planners": ["network", "plant", "residual"]}
     training = {"horizon": 0.3, "steps": 4, "batch": 4, "spacing": 0.1, "validate_every": 2}
     more = {"evaluate": EVALUATE, "residual": {"on": True, "training": training}}
@@ -112,9 +110,7 @@ def test_a_run_goes_on_with_the_robot_that_it_was_begun_with(tmp_path: Path) -> 
         bench.files.begin(other.config, resume=True)
 
 
-def test_a_lost_robot_ends_the_run_and_what_it_measured_is_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_lost_robot_ends_the_run_and_what_it_measured_is_kept(tmp_path, monkeypatch):
     bench = Bench(tmp_path / "run", iterations=0, robot={**HERE}, evaluate=EVALUATE)
     bench.files.path.mkdir()
     opened = robot_worker.open_link

@@ -2,7 +2,6 @@
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 
@@ -179,9 +178,7 @@ def test_an_mjcf_that_was_edited_since_is_refused_and_one_laid_out_anew_is_not(o
 @pytest.mark.parametrize(
     "name", ["../x", "my run", "[red]a[/red]", "ü", "a'b", "", "x" * 200, "a\n"]
 )
-def test_whatever_a_run_is_called_its_key_is_plain_and_nothing_leaves_its_folder(
-    name: str, tmp_path: Path
-) -> None:
+def test_whatever_a_run_is_called_its_key_is_plain_and_nothing_leaves_its_folder(name, tmp_path):
     folder = tmp_path / "runs" / "one"
     folder.mkdir(parents=True)
     config = RunConfig.model_validate({"name": name, "workers": {"least_free_gb": 0}})

@@ -32,9 +32,7 @@ def points(robot: Robot) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", COURSES)
-def test_every_course_has_a_way_that_is_longer_than_the_straight_one(
-    robot: Robot, points: np.ndarray, name: str
-) -> None:
+def test_every_course_has_a_way_that_is_longer_than_the_straight_one(robot, points, name):
     seed = draws.seed()
     rng = np.random.default_rng(seed)
     task = sample_task("obstacle_course", robot, points, rng, TaskConfig(course=name))
@@ -59,9 +57,7 @@ def test_a_turned_robot_is_the_same_robot(robot: Robot, points: np.ndarray) -> N
     assert there[:, 2] == pytest.approx(points[:, 2])
 
 
-def test_ones_own_course_has_goals_in_the_order_of_their_numbers(
-    robot: Robot, points: np.ndarray, tmp_path: Path
-) -> None:
+def test_ones_own_course_has_goals_in_the_order_of_their_numbers(robot, points, tmp_path):
     file = tmp_path / "mine.xml"
     file.write_text(MINE)
     course = load_course(str(file))
@@ -95,9 +91,7 @@ def test_unknown_and_missing_courses_are_named(tmp_path: Path) -> None:
         load_course(str(tmp_path / "none.xml"))
 
 
-def test_a_course_too_narrow_for_the_robot_is_refused(
-    robot: Robot, points: np.ndarray, tmp_path: Path
-) -> None:
+def test_a_course_too_narrow_for_the_robot_is_refused(robot, points, tmp_path):
     file = tmp_path / "narrow.xml"
     file.write_text(MINE.replace('pos="5 0 1"', 'pos="1.5 0 1"'))
     with pytest.raises(ConfigError, match="could not be placed on the course mine"):

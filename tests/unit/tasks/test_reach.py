@@ -55,9 +55,7 @@ def test_the_goal_lies_as_far_away_as_configured(robot: Robot, start: np.ndarray
         assert not task.reached(start)
 
 
-def test_the_goal_is_reached_within_the_tolerance_of_the_centre(
-    robot: Robot, start: np.ndarray
-) -> None:
+def test_the_goal_is_reached_within_the_tolerance_of_the_centre(robot, start):
     task = drawn(robot, start)
     way = np.append(task.goal - task.place(start), 0.0)
     unit = way / np.linalg.norm(way)
@@ -69,9 +67,7 @@ def test_a_given_goal_is_taken(robot: Robot, start: np.ndarray) -> None:
     assert drawn(robot, start, goal=(7.0, -2.0)).goal.tolist() == [7.0, -2.0]
 
 
-def test_a_cost_is_the_sum_of_its_terms_and_of_no_terms_zero(
-    robot: Robot, start: np.ndarray
-) -> None:
+def test_a_cost_is_the_sum_of_its_terms_and_of_no_terms_zero(robot, start):
     rng = np.random.default_rng(seed := draws.seed())
     task = drawn(robot, start, "reach_among_boxes", seed=1)
     points = still(start) + rng.normal(scale=0.3, size=(5, 4, *start.shape))
@@ -131,9 +127,7 @@ def test_the_collision_term_is_the_weight_over_the_gap_and_finite_inside(robot: 
     assert np.isfinite(Collision(3.0)(still(points), task)).all()
 
 
-def test_among_boxes_the_way_is_no_shorter_than_the_straight_line(
-    robot: Robot, start: np.ndarray
-) -> None:
+def test_among_boxes_the_way_is_no_shorter_than_the_straight_line(robot, start):
     longer = []
     for seed in range(8):
         task = drawn(robot, start, "reach_among_boxes", seed=seed)

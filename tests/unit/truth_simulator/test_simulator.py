@@ -89,9 +89,7 @@ def plain() -> dict[str, HiddenMotion]:
 
 @pytest.mark.parametrize("robot_name", ["prism3", "platform4"])
 @pytest.mark.parametrize("name", ALL)
-def test_an_effect_of_size_zero_changes_nothing_to_the_bit(
-    name: str, robot_name: str, plain: dict[str, HiddenMotion]
-) -> None:
+def test_an_effect_of_size_zero_changes_nothing_to_the_bit(name, robot_name, plain):
     robot = load_robot(robot_name)
     if not ALL[name].applies(robot):
         pytest.skip("not on this robot")
@@ -165,9 +163,7 @@ def test_a_late_sensor_sees_what_was(prism3: Robot) -> None:
 
 
 @pytest.mark.parametrize("name", ["sensor_latency", "command_delay", "creep"])
-def test_it_can_be_commanded_step_by_step_and_does_the_same_to_the_bit(
-    prism3: Robot, name: str
-) -> None:
+def test_it_can_be_commanded_step_by_step_and_does_the_same_to_the_bit(prism3, name):
     simulator = TruthSimulator(prism3, [HIDDEN[name].typical(prism3, np.random.default_rng(0))])
     controls = script("random_steps", prism3, 0.2, 0.01, np.random.default_rng(0))
     at_once = simulator.run(controls, 0.01)
@@ -200,9 +196,7 @@ def test_wrong_questions_are_refused(prism3: Robot) -> None:
         simulator.run(np.zeros((3, 5)), DT)
 
 
-def test_a_simulation_that_diverges_says_so_and_leaves_no_file(
-    prism3: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_simulation_that_diverges_says_so_and_leaves_no_file(prism3, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ModelError, match="diverged before"):
         TruthSimulator(prism3, step=0.1).run(commands(prism3), 0.1)

@@ -172,9 +172,7 @@ REFUSED = [
 @pytest.mark.parametrize(
     ("break_it", "message"), REFUSED, ids=lambda value: getattr(value, "__name__", "")
 )
-def test_a_broken_log_is_refused_with_where_and_why(
-    break_it: Callable[[Sheet], None], message: str, sheet: Callable[..., Sheet]
-) -> None:
+def test_a_broken_log_is_refused_with_where_and_why(break_it, message, sheet):
     broken = sheet()
     break_it(broken)
     with pytest.raises(DataError) as raised:
@@ -184,9 +182,7 @@ def test_a_broken_log_is_refused_with_where_and_why(
 
 
 @pytest.mark.parametrize("content", ["", "\n \n"])
-def test_an_empty_file_is_refused(
-    content: str, tmp_path: Path, sheet: Callable[..., Sheet]
-) -> None:
+def test_an_empty_file_is_refused(content, tmp_path, sheet):
     (tmp_path / "log.csv").write_text(content)
     with pytest.raises(DataError, match="log.csv is empty"):
         read_recording(tmp_path / "log.csv", sheet().robot)
@@ -221,9 +217,7 @@ def test_rows_that_repeat_are_left_out_and_counted(sheet: Callable[..., Sheet]) 
 @pytest.mark.parametrize(
     ("cell", "kind"), [("nan", "missing"), ("", "missing"), ("-inf", "infinite")]
 )
-def test_a_sample_that_is_no_position_masks_its_marker(
-    cell: str, kind: str, sheet: Callable[..., Sheet]
-) -> None:
+def test_a_sample_that_is_no_position_masks_its_marker(cell, kind, sheet):
     log = sheet()
     rows = np.sort(log.rng.choice(200, 5, replace=False))
     for row in rows:
@@ -236,9 +230,7 @@ def test_a_sample_that_is_no_position_masks_its_marker(
     assert gone.sum() == 5
 
 
-def test_one_missing_row_is_bridged_and_a_gap_begins_another_episode(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_one_missing_row_is_bridged_and_a_gap_begins_another_episode(sheet):
     log = sheet()
     del log.rows[120:150], log.rows[40]
     read = read_recording(log.save(), log.robot)
@@ -261,9 +253,7 @@ PAIRS = [("s0", "s1"), ("s1", "s3"), ("s0", "s5"), ("s2", "s4")]  # on one rod, 
 
 @pytest.mark.parametrize(("one", "two"), PAIRS)
 @pytest.mark.parametrize("repair", [False, True])
-def test_exchanged_markers_are_found_with_their_times(
-    one: str, two: str, repair: bool, sheet: Callable[..., Sheet]
-) -> None:
+def test_exchanged_markers_are_found_with_their_times(one, two, repair, sheet):
     log = sheet()
     begin, end = log.rng.integers(20, 90), log.rng.integers(100, 190)
     exchange(log, one, two, begin, end)
@@ -286,9 +276,7 @@ def test_exchanged_markers_are_found_with_their_times(
 
 
 @pytest.mark.parametrize("back", [False, True])
-def test_exchanged_markers_that_come_back_from_anywhere_are_not_guessed(
-    back: bool, sheet: Callable[..., Sheet]
-) -> None:
+def test_exchanged_markers_that_come_back_from_anywhere_are_not_guessed(back, sheet):
     log = sheet()
     begin, unseen = log.rng.integers(20, 40), log.rng.integers(60, 80)
     seen = unseen + 80  # 0.8 s later, and elsewhere: the rod may have been turned round
@@ -344,9 +332,7 @@ def test_a_marker_that_leaps_is_masked_while_it_is_away(sheet: Callable[..., She
     np.testing.assert_array_equal(read.episodes[0].trajectory.observations.points, expected)
 
 
-def test_a_marker_that_slips_along_its_rod_is_masked_with_its_partner(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_a_marker_that_slips_along_its_rod_is_masked_with_its_partner(sheet):
     log = sheet()
     share = np.linspace(-0.3, 0.15, 201).clip(0)  # slowly, so that it never leaps
     for axis in "xyz":
@@ -357,9 +343,7 @@ def test_a_marker_that_slips_along_its_rod_is_masked_with_its_partner(
     assert kinds == {("rod length", "s2", "masked"), ("rod length", "s3", "masked")}, SEED
 
 
-def test_a_robot_that_floats_is_reported_and_the_map_puts_it_down(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_a_robot_that_floats_is_reported_and_the_map_puts_it_down(sheet):
     log = sheet()
     for point in log.robot.points:
         log.put(f"{point.name}.z", log.column(f"{point.name}.z") + 1.2)

@@ -71,17 +71,13 @@ TURNED = {
 
 
 @pytest.mark.parametrize("frame", TURNED)
-def test_a_hanging_robot_in_another_frame_is_refused(
-    frame: str, beam: Robot, moved: dict[str, Trajectory], tmp_path: Path
-) -> None:
+def test_a_hanging_robot_in_another_frame_is_refused(frame, beam, moved, tmp_path):
     track = moved[beam.name]
     with pytest.raises(DataError, match="do not fit the cables from fixed points.*its origin"):
         read(tmp_path, beam, track, TURNED[frame](track.observations.points))
 
 
-def test_the_lengths_that_cables_would_have_are_told(
-    beam: Robot, moved: dict[str, Trajectory], tmp_path: Path
-) -> None:
+def test_the_lengths_that_cables_would_have_are_told(beam, moved, tmp_path):
     track = moved[beam.name]
     points = TURNED["upside down"](track.observations.points)
     with pytest.raises(
@@ -90,9 +86,7 @@ def test_the_lengths_that_cables_would_have_are_told(
         read(tmp_path, beam, track, points)
 
 
-def test_axes_that_make_the_cables_fit_are_named_and_do(
-    beam: Robot, moved: dict[str, Trajectory], tmp_path: Path
-) -> None:
+def test_axes_that_make_the_cables_fit_are_named_and_do(beam, moved, tmp_path):
     track = moved[beam.name]
     points = TURNED["half about the vertical"](track.observations.points)
     with pytest.raises(DataError, match="axes: {x: -x, y: -y, z: z} they would fit|were exchanged"):
@@ -103,9 +97,7 @@ def test_axes_that_make_the_cables_fit_are_named_and_do(
 
 
 @pytest.mark.parametrize("name", ["beam", "beams"])
-def test_a_hanging_robot_in_its_own_frame_is_taken(
-    name: str, request: pytest.FixtureRequest, moved: dict[str, Trajectory], tmp_path: Path
-) -> None:
+def test_a_hanging_robot_in_its_own_frame_is_taken(name, request, moved, tmp_path):
     robot = request.getfixturevalue(name)
     track = moved[robot.name]
     assert read(tmp_path, robot, track, track.observations.points).report.findings == ()

@@ -31,18 +31,14 @@ def test_a_script_comes_back_to_the_bit(prism: Robot, script: np.ndarray, tmp_pa
         write_commands(script, 0.01, path, prism)
 
 
-def test_another_control_step_holds_or_averages(
-    prism: Robot, script: np.ndarray, tmp_path: Path
-) -> None:
+def test_another_control_step_holds_or_averages(prism, script, tmp_path):
     path = write_commands(script, 0.02, tmp_path / "a.csv", prism)
     assert np.allclose(read_commands(path, prism, dt=0.01), np.repeat(script, 2, axis=0))
     pairs = script.reshape(25, 2, -1).mean(axis=1)
     assert np.allclose(read_commands(path, prism, dt=0.04), pairs)
 
 
-def test_points_of_a_recording_are_not_looked_at(
-    prism: Robot, script: np.ndarray, tmp_path: Path
-) -> None:
+def test_points_of_a_recording_are_not_looked_at(prism, script, tmp_path):
     path = write_commands(script, 0.01, tmp_path / "a.csv", prism)
     lines = path.read_text().splitlines()
     with_points = [lines[0] + ",s0.x", *(line + ",9999" for line in lines[1:])]
@@ -50,9 +46,7 @@ def test_points_of_a_recording_are_not_looked_at(
     assert np.array_equal(read_commands(path, prism), script)
 
 
-def test_what_is_no_script_of_the_robot_is_refused(
-    prism: Robot, script: np.ndarray, tmp_path: Path
-) -> None:
+def test_what_is_no_script_of_the_robot_is_refused(prism, script, tmp_path):
     path = write_commands(script, 0.01, tmp_path / "a.csv", prism)
     lines, other = path.read_text().splitlines(), tmp_path / "b.csv"
     rest = lines[6].split(",", 2)[2]
@@ -78,9 +72,7 @@ def test_what_is_no_script_of_the_robot_is_refused(
         read_commands(path, prism, dt=0.0)
 
 
-def test_text_beside_the_commands_is_not_looked_at(
-    prism: Robot, script: np.ndarray, tmp_path: Path
-) -> None:
+def test_text_beside_the_commands_is_not_looked_at(prism, script, tmp_path):
     path = write_commands(script, 0.01, tmp_path / "a.csv", prism)
     head, *rows = path.read_text().splitlines()
     path.write_text("\n".join([f"{head},s0.x,note", *(f"{row},unseen,windy" for row in rows)]))

@@ -122,9 +122,7 @@ class RowByRow:
 
 
 @pytest.mark.parametrize("seed", range(24))
-def test_many_rows_at_once_are_decided_as_one_after_the_other(
-    seed: int, sheet: Callable[..., Sheet]
-) -> None:
+def test_many_rows_at_once_are_decided_as_one_after_the_other(seed, sheet):
     rng, log = np.random.default_rng(seed), sheet("platform4" if seed % 4 == 0 else "prism3")
     points, time = mishaps(log.made.points, rng), log.made.time
     bounds = Bounds.of(points, log.robot)

@@ -11,9 +11,7 @@ from tests.unit.data.recordings.conftest import SEED, Sheet
 
 
 @pytest.mark.parametrize("share", [0.02, 0.35])
-def test_commands_with_noise_are_told_with_its_size(
-    share: float, sheet: Callable[..., Sheet]
-) -> None:
+def test_commands_with_noise_are_told_with_its_size(share, sheet):
     log = sheet()
     names = log.cells("ctrl.")[1:3]
     for name in names:

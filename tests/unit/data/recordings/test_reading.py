@@ -20,7 +20,7 @@ from flywheel.data.recordings import (
 from flywheel.dynamics.plant import Plant
 from flywheel.errors import ConfigError, DataError
 from flywheel.records import Episode, Observation, Provenance, Trajectory
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import load_robot
 from flywheel.truth_simulator.measurement import Measurement
 from flywheel.truth_simulator.recording import record
 from tests.unit.data.recordings.conftest import SEED, Sheet
@@ -87,9 +87,7 @@ def test_an_episode_survives_the_way_out_and_in(name: str, tmp_path: Path) -> No
         write_recording(one, tmp_path / "g.csv", other)
 
 
-def test_robots_that_fall_and_tumble_are_not_taken_for_leaps(
-    robots: dict[str, Robot], tmp_path: Path
-) -> None:
+def test_robots_that_fall_and_tumble_are_not_taken_for_leaps(robots, tmp_path):
     robot = robots["prism3"]
     plant = Plant(robot)
     start = plant.rest()
@@ -105,9 +103,7 @@ def test_robots_that_fall_and_tumble_are_not_taken_for_leaps(
     assert "leap" not in {finding.kind for finding in findings}
 
 
-def test_a_log_of_50_hz_leaves_every_second_observation_missing(
-    robots: dict[str, Robot], tmp_path: Path
-) -> None:
+def test_a_log_of_50_hz_leaves_every_second_observation_missing(robots, tmp_path):
     robot = robots["prism3"]
     made = record(robot, seconds=1.0, seed=SEED, measurement=Measurement(dt=0.02))
     log, _ = made.write(tmp_path, "slow", robot)
@@ -136,9 +132,7 @@ def test_a_log_of_200_hz_keeps_the_mean_command(sheet: Callable[..., Sheet]) -> 
     assert (found.kind, found.action, found.count) == ("rate", "left out", 100)
 
 
-def test_stamps_that_jitter_a_little_are_taken_for_the_nearest_step(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_stamps_that_jitter_a_little_are_taken_for_the_nearest_step(sheet):
     log = sheet()
     late = log.rng.uniform(-0.002, 0.002, len(log.rows))
     log.put("time", 1.7e9 + 0.01 * np.arange(len(log.rows)) + late)
@@ -240,9 +234,7 @@ def test_commands_may_be_angles_of_a_drum(sheet: Callable[..., Sheet]) -> None:
         ("a: [", "log.yaml is not YAML"),
     ],
 )
-def test_a_wrong_map_is_refused_with_what_is_allowed(
-    text: str, message: str, tmp_path: Path
-) -> None:
+def test_a_wrong_map_is_refused_with_what_is_allowed(text, message, tmp_path):
     (tmp_path / "log.yaml").write_text(text)
     with pytest.raises(ConfigError) as raised:
         read_map(tmp_path / "log.yaml")
@@ -267,17 +259,13 @@ def test_a_wrong_map_is_refused_with_what_is_allowed(
         (RecordingMap(dt=0.01), "has a time column 'time', and the map gives dt too"),
     ],
 )
-def test_a_map_that_does_not_fit_the_log_is_refused(
-    how: RecordingMap, message: str, sheet: Callable[..., Sheet]
-) -> None:
+def test_a_map_that_does_not_fit_the_log_is_refused(how, message, sheet):
     log = sheet()
     with pytest.raises(DataError, match=message):
         read_recording(log.save(), log.robot, how=how)
 
 
-def test_a_recording_is_stored_once_whatever_its_file_is_called(
-    sheet: Callable[..., Sheet], tmp_path: Path
-) -> None:
+def test_a_recording_is_stored_once_whatever_its_file_is_called(sheet, tmp_path):
     log, store = sheet(), TrajectoryStore(tmp_path / "store")
     read = read_recording(log.save("Monday, 2nd.csv"), log.robot, split="test")
     name, new = store_recording(store, read)

@@ -1,7 +1,5 @@
 """Samples that only repeat the one before them are no measurements, unless they may well be equal."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -44,9 +42,7 @@ def swinging() -> np.ndarray:
 
 @pytest.mark.parametrize("frozen", [("s2",), ("s0", "s1", "s2", "s3", "s4", "s5")])
 @pytest.mark.parametrize("place", ["begin", "middle", "end"])
-def test_a_time_in_which_markers_are_frozen_is_masked_and_told(
-    frozen: tuple[str, ...], place: str, sheet: Callable[..., Sheet]
-) -> None:
+def test_a_time_in_which_markers_are_frozen_is_masked_and_told(frozen, place, sheet):
     log = sheet()
     begin = {"begin": 0, "middle": int(log.rng.integers(10, 120)), "end": 160}[place]
     end = min(begin + 60, len(log.rows))
@@ -65,9 +61,7 @@ def test_a_time_in_which_markers_are_frozen_is_masked_and_told(
 
 
 @pytest.mark.parametrize(("every", "rate"), [(2, "50 Hz"), (4, "25 Hz"), (10, "10 Hz")])
-def test_a_slower_tracker_that_is_held_gives_its_own_samples_only(
-    every: int, rate: str, sheet: Callable[..., Sheet]
-) -> None:
+def test_a_slower_tracker_that_is_held_gives_its_own_samples_only(every, rate, sheet):
     log = sheet()
     held = every * (np.arange(len(log.rows)) // every)
     for point in log.robot.points:

@@ -1,7 +1,5 @@
 """Wrong samples that neither leap far nor stretch a rod are found by their surroundings."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from flywheel.data.recordings import read_recording
@@ -18,9 +16,7 @@ def move(sheet: Sheet, name: str, to: np.ndarray) -> None:
         sheet.put(f"{name}.{axis}", values)
 
 
-def test_a_sample_beside_its_path_is_masked_though_no_rod_is_longer_for_it(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_a_sample_beside_its_path_is_masked_though_no_rod_is_longer_for_it(sheet):
     log = sheet()
     row = int(log.rng.integers(5, 195))
     points, rod = positions(log, "s2"), positions(log, "s2") - positions(log, "s3")
@@ -32,9 +28,7 @@ def test_a_sample_beside_its_path_is_masked_though_no_rod_is_longer_for_it(
     np.testing.assert_allclose(found.spans, [[log.made.time[row]] * 2], err_msg=str(SEED))
 
 
-def test_a_marker_that_stays_in_a_wrong_place_is_never_taken_for_right(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_a_marker_that_stays_in_a_wrong_place_is_never_taken_for_right(sheet):
     log = sheet()
     begin, points = int(log.rng.integers(10, 140)), positions(log, "s2")
     away = log.rng.standard_normal(3)

@@ -35,9 +35,7 @@ def read(content: str | bytes, folder: Path, *names: str, most: int = 100) -> Ta
         " a , b\n1,2.0\n3, \n",
     ],
 )
-def test_separators_quotes_blank_rows_and_line_ends_make_no_difference(
-    content: str, tmp_path: Path
-) -> None:
+def test_separators_quotes_blank_rows_and_line_ends_make_no_difference(content, tmp_path):
     table = read(content, tmp_path)
     assert table.names == ("a", "b")
     np.testing.assert_array_equal(table.values, [[1, 2], [3, np.nan]])
@@ -133,9 +131,7 @@ REFUSED_FILES: list[tuple[Callable[[Path], object], str]] = [
 
 
 @pytest.mark.parametrize(("make", "message"), REFUSED_FILES)
-def test_what_is_no_regular_file_is_refused_at_once(
-    make: Callable[[Path], object], message: str, sheet: Callable[..., Sheet], tmp_path: Path
-) -> None:
+def test_what_is_no_regular_file_is_refused_at_once(make, message, sheet, tmp_path):
     from flywheel.data.recordings import read_map
 
     robot = sheet().robot
@@ -173,9 +169,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
 
 @pytest.mark.slow
-def test_a_log_takes_the_memory_of_its_numbers_a_few_times_and_not_of_its_text(
-    sheet: Callable[..., Sheet], tmp_path: Path
-) -> None:
+def test_a_log_takes_the_memory_of_its_numbers_a_few_times_and_not_of_its_text(sheet, tmp_path):
     log = sheet()
     rest = [row[1:] for row in log.rows[:-1]]
     there_and_back = [*rest, *rest[::-1]]

@@ -46,9 +46,7 @@ def test_a_single_point_beyond_all_measure_is_masked(sheet: Callable[..., Sheet]
     assert np.argwhere(gone).tolist() == [[50, 2]]
 
 
-def test_winch_positions_beyond_all_measure_are_refused_or_masked(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_winch_positions_beyond_all_measure_are_refused_or_masked(sheet):
     log = sheet("platform4")
     index = winch_names(log.robot)["position_fl"]
     log.rows[7][log.header.index("position_fl")] = "1e300"
@@ -72,18 +70,14 @@ def test_a_time_beyond_all_clocks_is_refused(value: float, sheet: Callable[..., 
         read(log)
 
 
-def test_values_that_overflow_in_another_unit_count_as_infinite(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_values_that_overflow_in_another_unit_count_as_infinite(sheet):
     log = sheet()
     log.rows[9][log.header.index("ctrl.winch_35")] = "1e308"
     with pytest.raises(DataError, match="line 11: the command in 'ctrl.winch_35' is -inf"):
         read(log, how=RecordingMap(units=Units(control="-rad/s", drum=100.0)))
 
 
-def test_a_log_whose_measurements_are_nearly_all_wrong_is_refused(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_a_log_whose_measurements_are_nearly_all_wrong_is_refused(sheet):
     log = sheet()
     for name in [f"{point.name}.x" for point in log.robot.points]:
         log.put(name, log.column(name) + 500.0 * (np.arange(len(log.rows)) >= 10))
@@ -107,9 +101,7 @@ def test_a_robot_that_is_elsewhere_in_every_row_is_refused(sheet: Callable[..., 
     ("seen", "message"),
     [(0, "no marker was ever measured"), (3, "only 1.49% .* are present; at least 2% are needed")],
 )
-def test_a_log_that_hardly_measures_anything_is_refused(
-    seen: int, message: str, sheet: Callable[..., Sheet]
-) -> None:
+def test_a_log_that_hardly_measures_anything_is_refused(seen, message, sheet):
     log = sheet()
     for name in log.cells("s"):
         log.put(name, np.where(np.arange(len(log.rows)) < seen, log.column(name), np.nan))
@@ -132,9 +124,7 @@ def test_what_is_no_control_step_is_refused(dt: float, sheet: Callable[..., Shee
     replace(track, dt=10.0)
 
 
-def test_a_log_of_one_row_a_second_is_right_for_steps_of_a_second(
-    sheet: Callable[..., Sheet],
-) -> None:
+def test_a_log_of_one_row_a_second_is_right_for_steps_of_a_second(sheet):
     log = sheet()
     log.scale("time", 100.0)
     with pytest.raises(DataError, match=r"rows are 1 s apart, at most 0.5 s .*give a longer step"):
@@ -153,9 +143,7 @@ def test_rows_that_are_nanoseconds_apart_are_in_another_unit(sheet: Callable[...
         read(log, how=RecordingMap(units=Units(time="ns")))
 
 
-def test_more_steps_than_fit_in_memory_are_refused(
-    sheet: Callable[..., Sheet], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_more_steps_than_fit_in_memory_are_refused(sheet, monkeypatch):
     log = sheet()
     assert most_rows(log.robot) > 1.75 * 3600 * 100  # rows of 1.75 hours at 100 Hz
     monkeypatch.setattr("flywheel.data.recordings.grid.MOST_NUMBERS", 30 * 250)
@@ -194,9 +182,7 @@ STRANGE = [
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_whatever_stands_in_a_log_it_is_read_or_refused(
-    seed: int, sheet: Callable[..., Sheet]
-) -> None:
+def test_whatever_stands_in_a_log_it_is_read_or_refused(seed, sheet):
     rng = np.random.default_rng(seed)
     log = sheet("prism3" if seed % 2 else "platform4")
     log.rows = log.rows[: rng.choice([3, 20, 100])]
