@@ -34,27 +34,22 @@ EffectOption = Annotated[
         metavar="NAME[@PLACE][:SIZE]",
         help="The robot's effect beyond its MJCF: torque_speed:2 is twice its typical size, none "
         "is nothing. Drawn by default.",
-        show_default=False,
     ),
 ]
 SeedOption = Annotated[
     int | None,
     typer.Option(
-        help="Seed of all random numbers; a new one each time by default.",
-        callback=within(SEED),
-        show_default=False,
+        help="Seed of all random numbers; a new one each time by default.", callback=within(SEED)
     ),
 ]
 SecondsOption = Annotated[
-    float,
-    typer.Option(help="Length of each recording, in seconds.", callback=within(DEMO_SECONDS)),
+    float, typer.Option(help="Length of each recording, in seconds.", callback=within(DEMO_SECONDS))
 ]
 ShowOption = Annotated[
     bool | None,
     typer.Option(
         "--show/--no-show",
         help="Open the page in a browser; by default on a terminal with a screen.",
-        show_default=False,
     ),
 ]
 

@@ -37,7 +37,7 @@ class Kind(StrEnum):
 
 
 def list_(
-    kind: Annotated[Kind, typer.Argument(help="Kind of names.", show_default=False)],
+    kind: Annotated[Kind, typer.Argument(help="Kind of names.")],
     effects_from: EffectsFromOption = None,
 ) -> None:
     """List available robots, tasks, models, effects, settings and so on.

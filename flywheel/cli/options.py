@@ -32,22 +32,17 @@ def within(bounds: Bounds) -> Callable[[N], N]:
 
 
 RunArgument = Annotated[
-    Path,
-    typer.Argument(metavar="RUN", help="A run's folder, e.g. runs/prism3.", show_default=False),
+    Path, typer.Argument(metavar="RUN", help="A run's folder, e.g. runs/prism3.")
 ]
 Overrides = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[KEY=VALUE]...",
         help="Settings to change, by their path in the configuration, e.g. mppi.samples=64.",
-        show_default=False,
     ),
 ]
 PlantOption = Annotated[
-    str,
-    typer.Option(
-        help="Your .xml, a shipped robot's name, or an adopted plant's folder.", show_default=False
-    ),
+    str, typer.Option(help="Your .xml, a shipped robot's name, or an adopted plant's folder.")
 ]
 EffectsOption = Annotated[
     str, typer.Option(help="Effects to consider, by name; all of the library by default.")
@@ -55,16 +50,13 @@ EffectsOption = Annotated[
 EffectsFromOption = Annotated[
     list[Path] | None,
     typer.Option(
-        metavar="PY",
-        help="A Python file with effects of your own, which is run. Repeatable.",
-        show_default=False,
+        metavar="PY", help="A Python file with effects of your own, which is run. Repeatable."
     ),
 ]
 WindowOption = Annotated[
     float | None,
     typer.Option(
         help="Length of the windows, in seconds; by default suitable for the robot.",
-        show_default=False,
         callback=within(HORIZON_SECONDS),
     ),
 ]
@@ -80,12 +72,8 @@ DtOption = Annotated[
 ThreadsOption = Annotated[
     int, typer.Option(help="Simulations at the same time.", callback=within(THREADS))
 ]
-PageOption = Annotated[
-    Path | None, typer.Option(help="Output file of an HTML page.", show_default=False)
-]
-JsonOption = Annotated[
-    Path | None, typer.Option(help="Output file of the answer as JSON.", show_default=False)
-]
+PageOption = Annotated[Path | None, typer.Option(help="Output file of an HTML page.")]
+JsonOption = Annotated[Path | None, typer.Option(help="Output file of the answer as JSON.")]
 
 
 def number(text: str, what: str, bounds: Bounds) -> float:

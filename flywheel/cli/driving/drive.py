@@ -63,15 +63,12 @@ ModelOption = Annotated[
 ]
 ArgumentsOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--argument", metavar="KEY=VALUE", help="Argument of your own link.", show_default=False
-    ),
+    typer.Option("--argument", metavar="KEY=VALUE", help="Argument of your own link."),
 ]
 LogsOption = Annotated[
     Path,
     typer.Option(
-        metavar="FOLDER",
-        help="Output folder: each episode as CSV, in the format of a robot's log.",
+        metavar="FOLDER", help="Output folder: each episode as CSV, in the format of a robot's log."
     ),
 ]
 CODES = {"lost": FAILED, "failed": FAILED, "stopped": INTERRUPTED}

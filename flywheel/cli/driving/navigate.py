@@ -23,7 +23,6 @@ SourceArgument = Annotated[
     typer.Argument(
         metavar="RUN|CONFIG",
         help="A run's folder, or a configuration by name or file (with --model shipped, plant or oracle).",
-        show_default=False,
     ),
 ]
 ModelOption = Annotated[
@@ -46,7 +45,6 @@ HiddenOption = Annotated[
         metavar="EFFECT[@PLACE][:SIZE]",
         help="Hidden effect of the plant beyond its MJCF: torque_speed:2 is twice its typical "
         "size. Or the path of an adopted plant.",
-        show_default=False,
     ),
 ]
 WatchOption = Annotated[bool, typer.Option("--watch", help="Show it live on a display.")]
@@ -60,21 +58,16 @@ ResultsOption = Annotated[
     typer.Option(
         metavar="JSONL",
         help="Output file with a line per episode; existing lines are not driven again.",
-        show_default=False,
     ),
 ]
 PictureOption = Annotated[
     Path | None,
-    typer.Option(
-        metavar="PNG", help="Picture of all paths in the results, from above.", show_default=False
-    ),
+    typer.Option(metavar="PNG", help="Picture of all paths in the results, from above."),
 ]
 LogsOption = Annotated[
     Path | None,
     typer.Option(
-        metavar="FOLDER",
-        help="Output folder: each episode as CSV, in the format of a robot's log.",
-        show_default=False,
+        metavar="FOLDER", help="Output folder: each episode as CSV, in the format of a robot's log."
     ),
 ]
 

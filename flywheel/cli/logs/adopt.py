@@ -19,7 +19,6 @@ AnswerOption = Annotated[
     int | None,
     typer.Option(
         help="Number of the answer, from 1; also accepts answers rejected by held-out recordings.",
-        show_default=False,
         callback=within(ANSWERS),
     ),
 ]
@@ -27,15 +26,9 @@ AnswerOption = Annotated[
 
 def adopt(
     answer_file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="JSON", help="Output of `flywheel diagnose --json`.", show_default=False
-        ),
+        Path, typer.Argument(metavar="JSON", help="Output of `flywheel diagnose --json`.")
     ],
-    robot: Annotated[
-        str,
-        typer.Option(help="Robot of the diagnosis, as given there.", show_default=False),
-    ],
+    robot: Annotated[str, typer.Option(help="Robot of the diagnosis, as given there.")],
     out: Annotated[Path, typer.Option(help="Folder of the versions.")] = Path("plants"),
     answer: AnswerOption = None,
     effects_from: EffectsFromOption = None,

@@ -31,7 +31,6 @@ Models = Annotated[
         metavar="[LABEL=]SPEC",
         help="plant (the default), an adopted plant's folder, a run's folder (its champion), "
         "RUN:NAME, or a file of weights (also those of `flywheel correct`). Repeatable.",
-        show_default=False,
     ),
 ]
 HorizonOption = Annotated[
@@ -45,22 +44,18 @@ DrawsOption = Annotated[
     ),
 ]
 FitStarts = Annotated[
-    bool,
-    typer.Option(help="Also the errors of plants with fitted initial states; slow."),
+    bool, typer.Option(help="Also the errors of plants with fitted initial states; slow.")
 ]
 VideoOption = Annotated[
     Path | None,
     typer.Option(
-        help="Output file (mp4) of the last model's worst window, in addition to the page.",
-        show_default=False,
+        help="Output file (mp4) of the last model's worst window, in addition to the page."
     ),
 ]
 
 
 def compare(
-    recordings: Annotated[
-        list[Path], typer.Argument(metavar="CSV...", help="Logs to predict.", show_default=False)
-    ],
+    recordings: Annotated[list[Path], typer.Argument(metavar="CSV...", help="Logs to predict.")],
     robot: PlantOption,
     model: Models = None,
     effects_from: EffectsFromOption = None,

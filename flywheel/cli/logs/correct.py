@@ -27,15 +27,13 @@ SetOption = Annotated[
         metavar="SETTING=NUMBER",
         help="Value of a setting of the training, such as steps=800, or of the network, such as "
         "network.width=32. Repeatable.",
-        show_default=False,
     ),
 ]
 
 
 def correct(
     recordings: Annotated[
-        list[Path],
-        typer.Argument(metavar="CSV...", help="Logs for the training.", show_default=False),
+        list[Path], typer.Argument(metavar="CSV...", help="Logs for the training.")
     ],
     robot: PlantOption,
     out: Annotated[Path, typer.Option(help="Output file of the model.")] = Path("corrected.npz"),

@@ -33,9 +33,7 @@ if TYPE_CHECKING:
 Rivals = Annotated[
     list[str],
     typer.Argument(
-        metavar="EFFECT EFFECT...",
-        help="Effects, at any place (payload) or at one (payload@s2).",
-        show_default=False,
+        metavar="EFFECT EFFECT...", help="Effects, at any place (payload) or at one (payload@s2)."
     ),
 ]
 SizeOption = Annotated[
@@ -43,8 +41,7 @@ SizeOption = Annotated[
     typer.Option(help="Size of the effects, in typical sizes.", callback=within(TYPICAL_SIZES)),
 ]
 SecondsOption = Annotated[
-    float,
-    typer.Option(help="Length of the script, in seconds.", callback=within(HORIZON_SECONDS)),
+    float, typer.Option(help="Length of the script, in seconds.", callback=within(HORIZON_SECONDS))
 ]
 CandidatesOption = Annotated[
     int,

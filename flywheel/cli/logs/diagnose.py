@@ -36,10 +36,7 @@ SHOWN = 10  # candidates in the table
 
 HeldOutOption = Annotated[
     list[Path] | None,
-    typer.Option(
-        help="A further log, used only for the evaluation of the answer. Repeatable.",
-        show_default=False,
-    ),
+    typer.Option(help="A further log, used only for the evaluation of the answer. Repeatable."),
 ]
 UnsureOption = Annotated[
     list[str] | None,
@@ -48,7 +45,6 @@ UnsureOption = Annotated[
         help="An uncertain number of the MJCF (with its standard deviation; up to three of these "
         "are allowed), such as cable_stiffness or body_mass: fitted together with "
         "everything else. Repeatable.",
-        show_default=False,
     ),
 ]
 TrainedOption = Annotated[
@@ -57,7 +53,6 @@ TrainedOption = Annotated[
         metavar="[LABEL=]SPEC",
         help="A trained model to test instead of the plant: a run's folder (its champion), "
         "RUN:NAME, or a file of weights.",
-        show_default=False,
     ),
 ]
 
@@ -67,14 +62,12 @@ ToleranceOption = Annotated[
         metavar="LENGTH",
         help="RMS model error that you accept, such as 2mm (beyond noise); the search stops "
         "below it.",
-        show_default=False,
     ),
 ]
 MinutesOption = Annotated[
     float | None,
     typer.Option(
         help="Stop after so many minutes with the best answer so far, as on Ctrl-C.",
-        show_default=False,
         callback=within(MINUTES),
     ),
 ]
@@ -85,15 +78,12 @@ SetOption = Annotated[
         metavar="SETTING=NUMBER",
         help="Value of a setting, such as limits.threshold=36; `flywheel list settings` shows "
         "them. Repeatable.",
-        show_default=False,
     ),
 ]
 
 
 def diagnose(
-    recordings: Annotated[
-        list[Path], typer.Argument(metavar="CSV...", help="Logs to explain.", show_default=False)
-    ],
+    recordings: Annotated[list[Path], typer.Argument(metavar="CSV...", help="Logs to explain.")],
     robot: PlantOption,
     held_out: HeldOutOption = None,
     effects: EffectsOption = "",

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 
 def power(
     commands: Annotated[
-        Path,
-        typer.Argument(metavar="CSV", help="Columns time and ctrl.<actuator>.", show_default=False),
+        Path, typer.Argument(metavar="CSV", help="Columns time and ctrl.<actuator>.")
     ],
     robot: PlantOption,
     noise: NoiseOption = "0.003",

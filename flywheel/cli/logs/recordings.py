@@ -31,18 +31,10 @@ ROOM = 3_000_000  # coordinates that are kept until all logs are read; the other
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 StoreArgument = Annotated[
-    Path,
-    typer.Argument(
-        metavar="RUN_OR_STORE",
-        help="A run's folder, or a folder of episodes.",
-        show_default=False,
-    ),
+    Path, typer.Argument(metavar="RUN_OR_STORE", help="A run's folder, or a folder of episodes.")
 ]
 RobotOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Your .xml, or a shipped robot's name; by default the run's.", show_default=False
-    ),
+    str | None, typer.Option(help="Your .xml, or a shipped robot's name; by default the run's.")
 ]
 
 
@@ -57,13 +49,11 @@ class SplitChoice(StrEnum):
 
 @app.command("import")
 def import_(
-    logs: Annotated[list[Path], typer.Argument(metavar="CSV...", show_default=False)],
+    logs: Annotated[list[Path], typer.Argument(metavar="CSV...")],
     store: Annotated[
         Path,
         typer.Option(
-            metavar="RUN_OR_STORE",
-            help="A run's folder, or a folder of episodes; made if missing.",
-            show_default=False,
+            metavar="RUN_OR_STORE", help="A run's folder, or a folder of episodes; made if missing."
         ),
     ],
     robot: RobotOption = None,
@@ -77,7 +67,6 @@ def import_(
             "--map",
             help="YAML with names, units and axes for all of them; by default the one of the "
             "same name next to each.",
-            show_default=False,
         ),
     ] = None,
     dry_run: Annotated[
@@ -137,8 +126,8 @@ def show(
 @app.command()
 def export(
     store: StoreArgument,
-    episode: Annotated[str, typer.Argument(metavar="EPISODE", show_default=False)],
-    output: Annotated[Path, typer.Argument(metavar="OUT.csv", show_default=False)],
+    episode: Annotated[str, typer.Argument(metavar="EPISODE")],
+    output: Annotated[Path, typer.Argument(metavar="OUT.csv")],
     robot: RobotOption = None,
 ) -> None:
     """Write an episode, recorded or simulated, in the CSV format of a robot's log.

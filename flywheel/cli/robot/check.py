@@ -47,7 +47,6 @@ def check(
         typer.Option(
             max=1.0,
             help="Time between commands, in seconds; by default 0.01 or the nearest possible one.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

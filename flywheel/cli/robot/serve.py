@@ -26,8 +26,7 @@ RobotArgument = Annotated[
     str, typer.Argument(metavar="ROBOT", help="Your .xml, or a shipped robot's name.")
 ]
 PaceOption = Annotated[
-    bool,
-    typer.Option("--real-time/--lockstep", help="Run in real time, or wait for the driver."),
+    bool, typer.Option("--real-time/--lockstep", help="Run in real time, or wait for the driver.")
 ]
 HostOption = Annotated[
     str, typer.Option(help="Address to listen on; this machine only by default.")

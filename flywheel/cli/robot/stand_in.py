@@ -18,7 +18,6 @@ HiddenOption = Annotated[
         metavar="EFFECT[@PLACE][:SIZE]",
         help="Effect beyond its MJCF, unknown to the driver: torque_speed:2 is twice its typical "
         "size. Repeatable.",
-        show_default=False,
     ),
 ]
 NoiseOption = Annotated[
@@ -32,15 +31,13 @@ RateOption = Annotated[
     float | None,
     typer.Option(
         help="Measurements per second; one in every control period by default.",
-        show_default=False,
         callback=within(Bounds(0.1, 10_000, "Hz")),
     ),
 ]
 LatencyOption = Annotated[
     float,
     typer.Option(
-        help="Age of measurements on arrival, in seconds.",
-        callback=within(Bounds(0, 1, "s")),
+        help="Age of measurements on arrival, in seconds.", callback=within(Bounds(0, 1, "s"))
     ),
 ]
 ToldOption = Annotated[

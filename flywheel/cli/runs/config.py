@@ -14,18 +14,11 @@ app = typer.Typer(no_args_is_help=True, help="Start a configuration of your own.
 
 @app.command()
 def copy(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME", help="Name from `flywheel list configs`.", show_default=False
-        ),
-    ],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name from `flywheel list configs`.")],
     dest: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[DEST]",
-            help="A file, or a folder to put it into; NAME.yaml here by default.",
-            show_default=False,
+            metavar="[DEST]", help="A file, or a folder to put it into; NAME.yaml here by default."
         ),
     ] = None,
 ) -> None:

@@ -82,9 +82,7 @@ def show(
 @app.command()
 def rewind(
     run: RunArgument,
-    iteration: Annotated[
-        int, typer.Argument(help="The first iteration to repeat.", show_default=False)
-    ],
+    iteration: Annotated[int, typer.Argument(help="The first iteration to repeat.")],
 ) -> None:
     """Set aside a run's work from an iteration on, so that --resume repeats it.
 

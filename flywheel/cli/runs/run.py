@@ -21,8 +21,7 @@ def run(
     config: Annotated[
         str,
         typer.Argument(
-            help="A shipped configuration, e.g. prism3 (flywheel list configs), or a YAML file.",
-            show_default=False,
+            help="A shipped configuration, e.g. prism3 (flywheel list configs), or a YAML file."
         ),
     ],
     overrides: Overrides = None,
@@ -37,10 +36,7 @@ def run(
     ] = None,
     folder: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder of the run; runs/<name of the configuration> by default.",
-            show_default=False,
-        ),
+        typer.Option(help="Folder of the run; runs/<name of the configuration> by default."),
     ] = None,
 ) -> None:
     """Run the loop: collect, train, evaluate, decide, repeatedly.
