@@ -82,6 +82,20 @@ class RobotInfo:
             )
         return sample
 
+    def clipped(self, controls: Floats) -> Floats:
+        """A command (W,) within the limits.
+
+        Raises:
+          LinkError: it is not a command for this robot.
+        """
+        controls = np.asarray(controls, float)
+        if controls.shape != self.control_low.shape or not np.isfinite(controls).all():
+            raise LinkError(
+                f"{self.name} takes {len(self.control_low)} finite commands, got "
+                f"{np.array2string(controls, threshold=20)}."
+            )
+        return np.clip(controls, self.control_low, self.control_high)
+
     @classmethod
     def of(cls, robot: Robot, period: float, **more: float | bool) -> RobotInfo:
         """The description of a robot of this MJCF.

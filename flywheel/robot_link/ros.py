@@ -137,13 +137,7 @@ class RosLink:
 
     def send(self, controls: Floats, valid_until: float) -> None:
         """Publish a command (W,), within the limits."""
-        controls = np.asarray(controls, float)
-        if controls.shape != self._command.shape or not np.isfinite(controls).all():
-            raise LinkError(
-                f"{self._robot.name} takes {len(self._command)} finite commands, got "
-                f"{np.array2string(controls, threshold=20)}."
-            )
-        self._publish(np.clip(controls, self.info.control_low, self.info.control_high))
+        self._publish(self.info.clipped(controls))
 
     def stop(self) -> None:
         """Publish a holding command."""

@@ -9,8 +9,6 @@ import subprocess
 import sys
 
 from flywheel.errors import LinkError
-from flywheel.records import Floats
-from flywheel.robot_link.protocol import Sample
 from flywheel.robot_link.server import LOOPBACK
 from flywheel.robot_link.stand_in import StandInConfig
 from flywheel.robot_link.tcp import TcpLink
@@ -19,8 +17,8 @@ from flywheel.robots import Robot
 ENDING = 5.0  # that the process may take to end by itself [s]
 
 
-class SimulatedLink:
-    """A stand-in that is started, driven and ended from here. Implements `RobotLink`.
+class SimulatedLink(TcpLink):
+    """A stand-in that is started, driven and ended from here.
 
     Only `config` is passed to the other process, and only measurements are returned.
 
@@ -49,31 +47,14 @@ class SimulatedLink:
             answer = json.loads(self._process.stdout.readline() or b"{}")
             if "port" not in answer:
                 raise LinkError(answer.get("error", "The stand-in ended before it was ready."))
-            self._link = TcpLink(LOOPBACK, answer["port"])
+            super().__init__(LOOPBACK, answer["port"])
         except (OSError, LinkError) as error:
             self._end()
             raise LinkError(str(error)) from None
-        self.info = self._link.info
-
-    def reset(self, seed: int = 0) -> None:
-        """Stand at rest in the keyframe."""
-        self._link.reset(seed)
-
-    def observe(self) -> Sample:
-        """The newest measurement after the next control period."""
-        return self._link.observe()
-
-    def send(self, controls: Floats, valid_until: float) -> None:
-        """Command (W,) until a time of its clock [s]."""
-        self._link.send(controls, valid_until)
-
-    def stop(self) -> None:
-        """Hold still."""
-        self._link.stop()
 
     def close(self) -> None:
         """End the process."""
-        self._link.close()
+        super().close()
         self._end()
 
     def _end(self) -> None:

@@ -98,7 +98,7 @@ class StandIn:
         self._moving = self._simulator.begin(self._period, settle=SETTLE)
         self._rng = np.random.default_rng(seed)
         self._missing = self._rng.random(len(self._robot.points)) < self._config.dropout
-        self._hold = self._command = self._robot.holding(self._robot.winch_of(self._robot.keyframe))
+        self._command = self._robot.holding(self._robot.winch_of(self._robot.keyframe))
         self._valid_until, self._done, self._fresh = 0.0, 0, True
         self._sent: deque[Sample] = deque()
         on_the_way = -(-self._late // self._every)
@@ -144,13 +144,7 @@ class StandIn:
           LinkError: it is not a command for this robot.
         """
         self._ready()
-        controls = np.asarray(controls, float)
-        if controls.shape != self._hold.shape or not np.isfinite(controls).all():
-            raise LinkError(
-                f"{self._robot.name} takes {len(self._hold)} finite commands, got "
-                f"{np.array2string(controls, threshold=20)}."
-            )
-        self._command = np.clip(controls, self.info.control_low, self.info.control_high)
+        self._command = self.info.clipped(controls)
         self._valid_until = min(float(valid_until), self._time + self._config.dead_man)
 
     def stop(self) -> None:

@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 import socket
-from typing import TypeVar
 
 from flywheel.errors import LinkError
-from flywheel.records import Floats
-from flywheel.robot_link.protocol import RobotInfo, Sample
 from flywheel.robot_link.wire import (
     LONGEST_LINE,
     About,
+    Expected,
     Hello,
-    Measured,
     Message,
-    Observe,
-    Ready,
+    MessageLink,
     Refused,
     Reset,
-    Stop,
-    Stopped,
     answer_of,
     check_format,
-    command_of,
 )
 
 CONNECTING = 10.0  # longest time that a robot may take to be there [s]
 RESETTING = (
     300.0  # the same to stand where an episode begins; people may have to carry it there [s]
 )
-Expected = TypeVar("Expected", bound=Message)
 
 
-class TcpLink:
+class TcpLink(MessageLink):
     """A robot that is reached over TCP. Implements `RobotLink`.
 
     Args:
@@ -57,23 +49,7 @@ class TcpLink:
         except LinkError:
             self._hang_up()
             raise
-        self.info: RobotInfo = about.info
-
-    def reset(self, seed: int = 0) -> None:
-        """Let it rest at the start of an episode."""
-        self._ask(Reset(seed=seed), Ready, RESETTING)
-
-    def observe(self) -> Sample:
-        """The newest measurement, once the next control period has started."""
-        return self._ask(Observe(), Measured).sample
-
-    def send(self, controls: Floats, valid_until: float) -> None:
-        """Command (W,) until a time of the robot's clock [s]."""
-        self._tell(command_of(controls, valid_until))
-
-    def stop(self) -> None:
-        """Let it hold its winches."""
-        self._ask(Stop(), Stopped)
+        self.info = about.info
 
     def close(self) -> None:
         """Let it hold its winches, and release it for others. An unreachable robot stops by itself."""
@@ -90,18 +66,14 @@ class TcpLink:
         except OSError as error:
             raise self._lost(str(error)) from None
 
-    def _ask(
-        self, message: Message, expected: type[Expected], patience: float | None = None
-    ) -> Expected:
+    def _ask(self, message: Message, expected: type[Expected]) -> Expected:
+        patience = RESETTING if isinstance(message, Reset) else self._patience
         try:
-            self._socket.settimeout(patience or self._patience)
-        except OSError as error:
-            raise self._lost(str(error)) from None
-        self._tell(message)
-        try:
+            self._socket.settimeout(patience)
+            self._socket.sendall(message.line())
             line = self._lines.readline(LONGEST_LINE)
         except TimeoutError:
-            raise self._lost(f"no answer within {patience or self._patience:g} s") from None
+            raise self._lost(f"no answer within {patience:g} s") from None
         except OSError as error:
             raise self._lost(str(error)) from None
         if not line:

@@ -9,16 +9,18 @@ from __future__ import annotations
 from collections import deque
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, TypeVar
+from typing import IO
 
 from flywheel.errors import LinkError
 from flywheel.records import Floats
-from flywheel.robot_link.protocol import RobotInfo, RobotLink, Sample
+from flywheel.robot_link.protocol import RobotLink, Sample
 from flywheel.robot_link.wire import (
     About,
+    Expected,
     Hello,
     Measured,
     Message,
+    MessageLink,
     Observe,
     Ready,
     Reset,
@@ -28,8 +30,6 @@ from flywheel.robot_link.wire import (
     command_of,
     request_of,
 )
-
-Expected = TypeVar("Expected", bound=Message)
 
 
 class TranscribedLink:
@@ -81,8 +81,8 @@ class TranscribedLink:
             self._file.write(message.line())
 
 
-class ReplayedLink:
-    """Answers from a transcript, and rejects requests that differ from it. Implements `RobotLink`.
+class ReplayedLink(MessageLink):
+    """Answers from a transcript, and rejects requests that differ from it.
 
     Args:
       path: of the transcript.
@@ -97,7 +97,7 @@ class ReplayedLink:
         except OSError as error:
             raise LinkError(f"The transcript {path} cannot be read: {error.strerror}.") from None
         self._path = path
-        self.info: RobotInfo = self._ask(Hello(), About).info
+        self.info = self._ask(Hello(), About).info
 
     @property
     def seconds(self) -> float:
@@ -118,22 +118,6 @@ class ReplayedLink:
         if not isinstance(message, kind):
             raise LinkError(f"{self._path} ends here.")
         return message
-
-    def reset(self, seed: int = 0) -> None:
-        """As recorded."""
-        self._ask(Reset(seed=seed), Ready)
-
-    def observe(self) -> Sample:
-        """The recorded measurement."""
-        return self._ask(Observe(), Measured).sample
-
-    def send(self, controls: Floats, valid_until: float) -> None:
-        """Check that the command equals the recorded one."""
-        self._tell(command_of(controls, valid_until))
-
-    def stop(self) -> None:
-        """As recorded."""
-        self._ask(Stop(), Stopped)
 
     def close(self) -> None:
         """Nothing: there is no connection."""

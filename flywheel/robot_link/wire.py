@@ -15,7 +15,8 @@ is answered so at the next message. Unmeasured values are null. Numbers are SI u
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from abc import ABC, abstractmethod
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
@@ -37,6 +38,7 @@ Command = Annotated[float, Bounds(-FARTHEST, FARTHEST, "m or m/s")]
 Time = Annotated[float, Bounds(-LONGEST, LONGEST, "s")]
 Format = Annotated[int, Bounds(1, 1_000_000)]
 Name = Annotated[str, Field(max_length=200)]
+Expected = TypeVar("Expected", bound="Message")
 
 
 class Message(Frozen):
@@ -208,6 +210,36 @@ def command_of(controls: Floats, valid_until: float) -> Send:
             f"{np.array2string(controls, threshold=20)} until {valid_until}."
         )
     return Send(controls=tuple(controls.tolist()), valid_until=float(valid_until))
+
+
+class MessageLink(ABC):
+    """A robot that answers messages, whatever carries them. Implements `RobotLink`, except `close`."""
+
+    info: RobotInfo
+
+    @abstractmethod
+    def _tell(self, message: Message) -> None:
+        """Send a message."""
+
+    @abstractmethod
+    def _ask(self, message: Message, expected: type[Expected]) -> Expected:
+        """Send a message, and wait for its answer, which is of the expected kind."""
+
+    def reset(self, seed: int = 0) -> None:
+        """Let it rest at the start of an episode."""
+        self._ask(Reset(seed=seed), Ready)
+
+    def observe(self) -> Sample:
+        """The newest measurement, once the next control period has started."""
+        return self._ask(Observe(), Measured).sample
+
+    def send(self, controls: Floats, valid_until: float) -> None:
+        """Command (W,) until a time of the robot's clock [s]."""
+        self._tell(command_of(controls, valid_until))
+
+    def stop(self) -> None:
+        """Let it hold its winches."""
+        self._ask(Stop(), Stopped)
 
 
 def _read(kind: TypeAdapter[Any], line: bytes, whose: str) -> Any:
