@@ -42,7 +42,6 @@ from flywheel.records import Episode, Floats
 from flywheel.robots import Robot, load_robot
 from flywheel.runtime.config.run_config import DataSet, RunConfig, load_config
 from flywheel.runtime.loop import run
-from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.run.folder import name_of
 from flywheel.runtime.run.provenance import code_version
@@ -129,10 +128,10 @@ class Measurement:
     def _recorded(self, recorder: EpisodeRecorder, group: str, plant: int) -> list[Episode]:
         first = FIRST_SEED + 1000 * (1 + list(self.groups).index(group)) + 10 * plant
         plans = (
-            EpisodePlan(f"measured-{seed}", "random", 0, "test", 0, SECONDS, seed)
+            EpisodePlan(f"measured-{seed}", "random", 0, "test", SECONDS, seed)
             for seed in range(first, first + self.episodes)
         )
-        return [recorder.record(plan, None, "", Heartbeat()) for plan in plans]
+        return [recorder.record(plan, None, "") for plan in plans]
 
     def _floors(self, recorder: EpisodeRecorder) -> Mapping[str, Dynamics]:
         """Baselines of a network."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +16,8 @@ from flywheel.cli.driving.navigate import (
     ResultsOption,
     SeedOption,
     SourceArgument,
+    checked_source,
+    new_logs,
     show_drives,
 )
 from flywheel.cli.exits import FAILED, INTERRUPTED
@@ -111,13 +113,9 @@ def drive(
     """
     from flywheel.cli.driving.driver import RobotDriver
     from flywheel.cli.driving.drives import read_drives
-    from flywheel.outputs import check_folder, check_outputs
-    from flywheel.runtime.config.shipped import config_file
 
     out = console()
-    place = Path(source) if Path(source).is_dir() else config_file(source)
-    check_outputs({"results": results, "picture": picture}, inputs=[place])
-    check_folder(logs, "folder of the logs")
+    place = checked_source(source, {"results": results, "picture": picture}, logs)
     there = read_drives(results) if results else []
     stand_in = stand_in_config(hidden, noise, rate, latency, latency_told, dropout, encoders)
     way = _arguments(arguments or [])
@@ -127,7 +125,7 @@ def drive(
         seeds = [each for each in range(seed, seed + episodes) if each not in driven]
         if len(seeds) < episodes:
             out.say(f"{episodes - len(seeds)} of {episodes} episodes are in {results} already.")
-        files = _new_files(logs, model, seeds)
+        files = new_logs(logs, model, seeds)
         lines, ended = _drive_all(out, driver, files, results)
     finally:
         driver.link.close()
@@ -147,7 +145,6 @@ def _drive_all(
     lines, ended, progress = [], "", console_progress()
     for number, (seed, file) in enumerate(files.items(), 1):
         begun = time.process_time()
-        file.parent.mkdir(parents=True, exist_ok=True)
         transcript = file.with_suffix(".jsonl")
         with progress.stage(f"drive {number}/{len(files)}", 1.0) as stage:
             driven = driver.drive(seed, stage, transcript)
@@ -173,18 +170,6 @@ def _remarks(late: int, skipped: int) -> str:
     if skipped:
         words.append(f"In {skipped} control periods no command was sent in time.")
     return " ".join([*words, ""])
-
-
-def _new_files(folder: Path, model: str, seeds: Iterable[int]) -> dict[int, Path]:
-    """Log file of each seed; raises before a drive if one exists."""
-    from flywheel.errors import ConfigError
-    from flywheel.files import file_name
-
-    files = {seed: folder / f"{file_name(Path(model).stem)}-{seed}.csv" for seed in seeds}
-    for path in files.values():
-        if path.exists():
-            raise ConfigError(f"{path} exists already; use another folder with --logs.")
-    return files
 
 
 def _arguments(texts: list[str]) -> dict[str, str]:

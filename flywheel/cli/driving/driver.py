@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from flywheel.cli.driving.drives import DriveLine, Setting
 from flywheel.cli.driving.hidden_effects import hidden_effects
 from flywheel.cli.options import CHAMPION
 from flywheel.cli.runs.opening import open_run
-from flywheel.control.drive import Drive, without_gaps
+from flywheel.control.drive import Drive
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import LiveView, RestartedPlant
@@ -23,9 +24,9 @@ from flywheel.dynamics.plant.render import render_episode
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS, WrittenTerm
 from flywheel.errors import ConfigError
-from flywheel.records import Episode, Floats
+from flywheel.records import Episode, Split
 from flywheel.results import RESULT_FILE, Walk
-from flywheel.robot_link import RobotLink, Sample, StandInConfig, TranscribedLink
+from flywheel.robot_link import RobotLink, StandInConfig, TranscribedLink
 from flywheel.robot_link.opening import SIMULATED, open_link
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import (
@@ -34,7 +35,6 @@ from flywheel.runtime.config.run_config import (
     load_config,
     load_stored_config,
 )
-from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import Stage
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.stages.video import scenery_of
@@ -46,7 +46,47 @@ from flywheel.tasks import Task
 PLANT, RESIDUAL = "plant", "residual"
 
 
-class PlantDriver:
+class _Driver:
+    """Base of the drivers, whose arguments these are."""
+
+    def __init__(self, source: Path, overrides: tuple[str, ...], model: str) -> None:
+        self.model = model
+        # Nothing else runs beside it: all cores plan.
+        threads = f"sim_threads={len(os.sched_getaffinity(0))}"
+        self.config = config_of(source, [threads, *overrides])
+        self.robot = RunFolder(source).robot(self.config)
+        self._known = known_effects(source, self.config, overrides)
+        self._digest = ""
+
+    def _plan(self, name: str, controller: str, split: Split, seed: int) -> EpisodePlan:
+        return EpisodePlan(
+            id=f"{name}-{seed}",
+            controller=controller,
+            iteration=-1,
+            split=split,
+            seconds=self.config.task.seconds,
+            seed=seed,
+            task_seed=seed,
+            effects=self._known,
+        )
+
+    def _setting(self, **more: Any) -> Setting:
+        config = self.config
+        return Setting(
+            robot=self.robot.name,
+            task=config.task.name,
+            model=self.model,
+            digest=self._digest,
+            effects=tuple(effect.label for effect in self._known),
+            samples=config.mppi.samples,
+            horizon_seconds=config.mppi.horizon_seconds,
+            threads=config.sim_threads,
+            config=config_digest(config),
+            **more,
+        )
+
+
+class PlantDriver(_Driver):
     """Drives episodes on a simulated plant.
 
     Args:
@@ -67,52 +107,28 @@ class PlantDriver:
         model: str = CHAMPION,
         hidden: tuple[str, ...] = (),
     ) -> None:
-        self.model = model
-        # Nothing else runs beside it: all cores plan.
-        threads = f"sim_threads={len(os.sched_getaffinity(0))}"
-        self.config = config_of(source, [threads, *overrides])
-        self.recorder = EpisodeRecorder(self.config, RunFolder(source).robot(self.config))
-        self._dynamics, self._digest = network_of(source, self.config, self.recorder.robot, model)
-        self._known = known_effects(source, self.config, overrides)
-        robot = self.recorder.robot
-        self._hidden = (
-            hidden_effects(hidden, robot, self.config.library(EFFECTS)) if hidden else None
-        )
+        super().__init__(source, overrides, model)
+        self._recorder = EpisodeRecorder(self.config, self.robot)
+        self._dynamics, self._digest = network_of(source, self.config, self.robot, model)
+        library = self.config.library(EFFECTS)
+        self._hidden = hidden_effects(hidden, self.robot, library) if hidden else None
 
     @property
     def setting(self) -> Setting:
         """Setting of the drives."""
-        config = self.config
-        return Setting(
-            robot=self.recorder.robot.name,
-            task=config.task.name,
-            course=config.task.course if config.task.name == "obstacle_course" else "",
-            terrain=config.terrain.kinds,
-            model=self.model,
-            digest=self._digest,
-            effects=tuple(effect.label for effect in self._known),
+        task = self.config.task
+        return self._setting(
+            course=task.course if task.name == "obstacle_course" else "",
+            terrain=self.config.terrain.kinds,
             hidden=tuple(_written(effect) for effect in self._hidden or ()),
             fineness=self.plan(0).fineness,
-            samples=config.mppi.samples,
-            horizon_seconds=config.mppi.horizon_seconds,
-            threads=config.sim_threads,
-            config=config_digest(config),
         )
 
     def plan(self, seed: int) -> EpisodePlan:
         """The plan of one episode."""
-        return EpisodePlan(
-            id=f"navigate-{self.model}-{seed}",
-            controller=ORACLE if self.model == ORACLE else "mppi",
-            iteration=-1,
-            split="test",
-            dataset=0,
-            seconds=self.config.task.seconds,
-            seed=seed,
-            task_seed=seed,
-            effects=self._known,
-            hidden=self._hidden,
-        )
+        controller = ORACLE if self.model == ORACLE else "mppi"
+        plan = self._plan(f"navigate-{self.model}", controller, "test", seed)
+        return replace(plan, hidden=self._hidden)
 
     def drive(self, seed: int, stage: Stage, show: bool = False) -> tuple[DriveLine, Episode]:
         """Record one episode.
@@ -124,20 +140,17 @@ class PlantDriver:
         """
         plan, begun = self.plan(seed), time.process_time()
         with self._shown(plan, show) as on_piece:
-            watch = _ShownHeartbeat(stage)
-            episode = self.recorder.record(plan, self._dynamics, self._digest, watch, on_piece)
-        took = time.process_time() - begun
-        walk, task = self.recorder.walk(plan, episode), self.recorder.task(plan)
-        assert walk is not None and task is not None, "an episode with a task has both"
-        plans = episode.telemetry["plan_seconds"]
-        return _line(self.setting, seed, walk, task, plans, took), episode
+            network = self._dynamics, self._digest
+            episode = self._recorder.record(plan, *network, stage.update, on_piece)
+        walk, task = self._recorder.walk(plan, episode), self._recorder.task(plan)
+        return _line(self.setting, walk, task, episode, begun), episode
 
     def film(self, seed: int, episode: Episode, path: Path) -> Path:
         """Make the video of an episode."""
-        task, states = self.recorder.task(self.plan(seed)), episode.trajectory.states
+        task, states = self._recorder.task(self.plan(seed)), episode.trajectory.states
         assert task is not None and states is not None, "a planned episode on a plant has both"
         scenery = scenery_of(task, episode.terrain)
-        return render_episode(self.recorder.robot, states, path, scenery, plans=episode.plans)
+        return render_episode(self.robot, states, path, scenery, plans=episode.plans)
 
     @contextmanager
     def _shown(self, plan: EpisodePlan, wanted: bool) -> Iterator[OnPiece | None]:
@@ -145,10 +158,10 @@ class PlantDriver:
         if not wanted:
             yield None
             return
-        task = self.recorder.task(plan)
+        task = self._recorder.task(plan)
         assert task is not None, "a driven episode has a task"
-        scenery = scenery_of(task, self.recorder.terrain(plan))
-        with closing(LiveView(self.recorder.robot, scenery)) as view:
+        scenery = scenery_of(task, self._recorder.terrain(plan))
+        with closing(LiveView(self.robot, scenery)) as view:
 
             def show(piece: Piece) -> None:
                 assert piece.simulated.states is not None
@@ -158,7 +171,7 @@ class PlantDriver:
             yield show
 
 
-class RobotDriver:
+class RobotDriver(_Driver):
     """Drives a robot with MPPI.
 
     Args:
@@ -184,19 +197,16 @@ class RobotDriver:
         stand_in: StandInConfig,
         arguments: Mapping[str, Any],
     ) -> None:
-        threads = f"sim_threads={len(os.sched_getaffinity(0))}"  # nothing else runs beside it
-        self.config, self.model, self.where = config_of(source, [threads, *overrides]), model, where
-        self._stand_in = stand_in if where == SIMULATED else None
+        super().__init__(source, overrides, model)
+        self.where, self._stand_in = where, stand_in if where == SIMULATED else None
         if where == SIMULATED and self.config.task.name != "reach":
             raise ConfigError(
                 "A stand-in has no obstacles around it: task.name must be reach, got "
                 f"{self.config.task.name}."
             )
-        self.robot = RunFolder(source).robot(self.config)
         # A shipped network knows no recordings; the plant of the MJCF is its first data set.
         dataset = 0 if model == SHIPPED else None
         self._recorder = RobotRecorder(self.config, self.robot, dataset)
-        self._effects = known_effects(source, self.config, overrides)
         self._dynamics, self._digest = self._model(source)
         self.link: RobotLink = open_link(
             where, self.robot, self.config.network.dt, stand_in, arguments
@@ -204,7 +214,7 @@ class RobotDriver:
 
     def _model(self, source: Path) -> tuple[Dynamics, str]:
         if self.model == PLANT:
-            plant = EpisodeRecorder(self.config, self.robot).plant(0, self._effects)
+            plant = EpisodeRecorder(self.config, self.robot).plant(0, self._known)
             return RestartedPlant.from_measurements(plant), ""
         if (path := self._file(source)) is not None:
             weights = TrainedModel.read(self.model, path, self.robot).weights
@@ -238,30 +248,15 @@ class RobotDriver:
           stage: display of its progress.
           transcript: file for the messages on the link, which remains if this process is killed.
         """
-        plan = self._plan(seed)
-        steps = max(1, round(plan.seconds / self.config.network.dt))
-
-        def on_step(done: int, sample: Sample) -> None:
-            stage.update(min(1.0, done / steps))
-
-        link = TranscribedLink(self.link, transcript)
+        link, plan = TranscribedLink(self.link, transcript), self.plan(seed)
         try:
-            return self._recorder.record(link, plan, self._dynamics, self._digest, on_step)
+            return self._recorder.record(link, plan, self._dynamics, self._digest, stage.update)
         finally:
             link.end()
 
-    def _plan(self, seed: int) -> EpisodePlan:
-        return EpisodePlan(
-            id=f"drive-{Path(self.model).stem}-{seed}",
-            controller="mppi",
-            iteration=-1,
-            split="train",
-            dataset=0,
-            seconds=self.config.task.seconds,
-            seed=seed,
-            task_seed=seed,
-            effects=self._effects,
-        )
+    def plan(self, seed: int) -> EpisodePlan:
+        """The plan of one episode."""
+        return self._plan(f"drive-{Path(self.model).stem}", "mppi", "train", seed)
 
     def line(self, seed: int, driven: Drive, begun: float) -> DriveLine:
         """A drive as a line of the results.
@@ -271,43 +266,16 @@ class RobotDriver:
           driven: its result.
           begun: `time.process_time()` before it [s].
         """
-        plan, episode = self._plan(seed), driven.episode
-        task = self._recorder.task(plan, without_gaps(episode.trajectory.observations.points[0]))
-        walk = self._recorder.walk(plan, episode)
-        assert task is not None and walk is not None, "an episode to a goal has both"
-        plans = episode.telemetry.get("plan_seconds", np.zeros(1))
-        took = time.process_time() - begun
-        return _line(self.setting, seed, walk, task, plans, took)
+        plan, episode = self.plan(seed), driven.episode
+        walk, task = self._recorder.walk(plan, episode), self._recorder.task(plan, episode)
+        return _line(self.setting, walk, task, episode, begun)
 
     @property
     def setting(self) -> Setting:
         """Setting of the drives."""
-        config = self.config
-        return Setting(
-            robot=self.robot.name,
-            task=config.task.name,
-            model=self.model,
-            digest=self._digest,
-            effects=tuple(effect.label for effect in self._effects),
-            hidden=() if self._stand_in is None else self._stand_in.hidden,
-            samples=config.mppi.samples,
-            horizon_seconds=config.mppi.horizon_seconds,
-            threads=config.sim_threads,
-            config=config_digest(config),
-            link=self.where if self._stand_in is None else _sensors(self._stand_in),
-        )
-
-
-class _ShownHeartbeat(Heartbeat):
-    """Shows the progress of an episode."""
-
-    def __init__(self, stage: Stage) -> None:
-        super().__init__()
-        self._stage = stage
-
-    def progress(self, done: float, note: str = "") -> None:
-        super().progress(done, note)
-        self._stage.update(done, note)
+        if self._stand_in is None:
+            return self._setting(link=self.where)
+        return self._setting(hidden=self._stand_in.hidden, link=_sensors(self._stand_in))
 
 
 def config_of(source: Path, overrides: list[str]) -> RunConfig:
@@ -361,21 +329,15 @@ def _sensors(stand_in: StandInConfig) -> str:
 
 
 def _line(
-    setting: Setting, seed: int, walk: Walk, task: Task, plans: Floats, took: float
+    setting: Setting, walk: Walk | None, task: Task | None, episode: Episode, begun: float
 ) -> DriveLine:
-    """A drive as a line of the results.
-
-    Args:
-      setting, seed: of the drive.
-      walk: seen from above.
-      task: of the drive.
-      plans: (N,) times of the plans [s].
-      took: processor time of the whole drive [s].
-    """
-    middle, late = np.quantile(plans, [0.5, 0.95])
+    """A drive as a line of the results, given `time.process_time()` before it [s]."""
+    assert walk is not None and task is not None, "an episode to a goal has both"
+    took = time.process_time() - begun
+    middle, late = np.quantile(episode.telemetry.get("plan_seconds", np.zeros(1)), [0.5, 0.95])
     return DriveLine(
         setting=setting,
-        seed=seed,
+        seed=walk.seed,
         walk=walk,
         seconds_allowed=task.seconds,
         tolerance=task.tolerance,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -101,18 +101,18 @@ def navigate(
     from flywheel.cli.driving.driver import PlantDriver
     from flywheel.cli.driving.drives import append_drive, read_drives
     from flywheel.data.recordings import write_recording
-    from flywheel.runtime.config.shipped import config_file
+    from flywheel.files import file_name
     from flywheel.runtime.pool.progress import console_progress
 
     out, progress = console(), console_progress()
-    place = Path(source) if Path(source).is_dir() else config_file(source)
-    video = (video or _video_of(model, seed)) if film else None
-    _check_outputs({"results": results, "picture": picture, "video": video}, place, logs)
+    video = (video or Path(f"navigate-{file_name(model)}-{seed}.mp4")) if film else None
+    outputs = {"results": results, "picture": picture, "video": video}
+    place = checked_source(source, outputs, logs)
     driver = PlantDriver(place, tuple(overrides or ()), model, tuple(hidden or ()))
     there = read_drives(results) if results else []
     driven = {drive.seed for drive in there if drive.setting == driver.setting}
     seeds = range(seed, seed + episodes)
-    files_of = {each: _log(logs, model, each) for each in seeds if each not in driven}
+    log_of = new_logs(logs, model, [each for each in seeds if each not in driven]) if logs else {}
     for number, each in enumerate(seeds):
         if each in driven:
             out.say(f"Seed {each} is in {results} already.")
@@ -121,8 +121,8 @@ def navigate(
         with progress.stage(label, 1.0) as stage:
             drive, episode = driver.drive(each, stage, watch)
         there.append(drive)
-        if log := files_of[each]:
-            write_recording(episode, log, driver.recorder.robot)
+        if each in log_of:
+            write_recording(episode, log_of[each], driver.robot)
         if results:
             append_drive(results, drive)
         out.print(f"Seed {each}: {_ending(drive)}", highlight=False)
@@ -131,38 +131,35 @@ def navigate(
     show_drives(out, there, picture)
 
 
-def _video_of(model: str, seed: int) -> Path:
-    from flywheel.files import file_name
-
-    return Path(f"navigate-{file_name(model)}-{seed}.mp4")
-
-
-def _check_outputs(files: Mapping[str, Path | None], source: Path, logs: Path | None) -> None:
-    """Check that all outputs can be written, before minutes of driving.
+def checked_source(source: str, outputs: Mapping[str, Path | None], logs: Path | None) -> Path:
+    """The folder of a run, or the file of a configuration; checks the outputs before minutes of driving.
 
     Raises:
-      DataError: something cannot be written.
+      ConfigError: there is no such configuration.
+      DataError: an output cannot be written.
       RunError: the disk is full.
     """
     from flywheel.outputs import check_folder, check_outputs
+    from flywheel.runtime.config.shipped import config_file
 
-    check_outputs(files, inputs=[source])
+    place = Path(source) if Path(source).is_dir() else config_file(source)
+    check_outputs(outputs, inputs=[place])
     if logs is not None:
         check_folder(logs, "folder of the logs")
+    return place
 
 
-def _log(folder: Path | None, model: str, seed: int) -> Path | None:
-    """Log file of an episode; raises before the drive if it exists."""
+def new_logs(folder: Path, model: str, seeds: Iterable[int]) -> dict[int, Path]:
+    """Log file of each seed; raises before a drive if one exists."""
     from flywheel.errors import ConfigError
     from flywheel.files import file_name
 
-    if folder is None:
-        return None
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{file_name(model)}-{seed}.csv"
-    if path.exists():
-        raise ConfigError(f"{path} exists already; use another folder for the logs.")
-    return path
+    files = {seed: folder / f"{file_name(Path(model).stem)}-{seed}.csv" for seed in seeds}
+    for path in files.values():
+        if path.exists():
+            raise ConfigError(f"{path} exists already; use another folder with --logs.")
+    return files
 
 
 def _film(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from flywheel.control.drive import without_gaps
 from flywheel.dynamics.plant import Scenery, states_of
 from flywheel.dynamics.plant.render import render_episode, usual_shot
 from flywheel.files import file_name
@@ -86,9 +85,12 @@ def _film_robot(
     plan = _first(run, sorted(plans, key=lambda plan: plan.seed not in reached))
     if plan is None:
         return "", ""
-    trajectory = run.store.read(plan.id).trajectory
-    observed, dt = trajectory.observations, trajectory.dt
-    task = RobotRecorder(run.config, run.robot).task(plan, without_gaps(observed.points[0]))
+    episode = run.store.read(plan.id)
+    trajectory, dt = episode.trajectory, episode.trajectory.dt
+    observed, task = (
+        trajectory.observations,
+        RobotRecorder(run.config, run.robot).task(plan, episode),
+    )
     if task is None:
         return "", ""
     points, _ = savitzky_golay(observed.points, dt, SMOOTHED)

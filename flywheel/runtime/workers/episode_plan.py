@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,9 +36,9 @@ class EpisodePlan:
       controller: "gait:roll", "random", "drop", "mppi" or "oracle".
       iteration: of the episode; -1 for the oracle's.
       split: fixed here, before anything is known about the episode.
-      dataset: index of its plant in the configuration's data sets.
       seconds: longest duration [s].
       seed: of start, controls, noise and planner.
+      dataset: index of its plant in the configuration's data sets.
       task_seed: of the task; None without a task. Evaluation uses the same seeds in every
         iteration.
       effects: of the plant, beyond its MJCF.
@@ -52,9 +52,9 @@ class EpisodePlan:
     controller: str
     iteration: int
     split: Split
-    dataset: int
     seconds: float
     seed: int
+    dataset: int = 0
     task_seed: int | None = None
     effects: Effects = ()
     samples: int | None = None
@@ -97,22 +97,19 @@ def collection(
 def _further(config: RunConfig, iteration: int, arm: Arm, effects: Effects) -> list[EpisodePlan]:
     collect = config.collect
     splits = assigned_splits(config, collect.mppi, collect.validation, 0.0, iteration)
-    controller = "mppi" if arm == "mppi" else "random"
+    mppi = arm == "mppi"
     return [
         EpisodePlan(
             id=f"i{iteration:04d}-{arm}-collect-{index:04d}",
-            controller=controller,
+            controller="mppi" if mppi else "random",
             iteration=iteration,
             split=split,
-            dataset=0,
             seconds=collect.mppi_seconds,
             # Both arms begin from the same starts.
             seed=derive_seed(config.seed, "collect", iteration, index),
-            task_seed=derive_seed(config.seed, "collect-task", iteration, index)
-            if arm == "mppi"
-            else None,
+            task_seed=derive_seed(config.seed, "collect-task", iteration, index) if mppi else None,
             effects=effects,
-            samples=collect.mppi_samples if arm == "mppi" else None,
+            samples=collect.mppi_samples if mppi else None,
         )
         for index, split in enumerate(splits)
     ]
@@ -136,7 +133,7 @@ def ceiling(config: RunConfig, effects: Effects = ()) -> list[EpisodePlan]:
 
 def unseen(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
     """Closed-loop episodes of the last champion on another course than the run's."""
-    return _elsewhere(_navigation(config, unseen_name(course), "mppi", -1, effects), course)
+    return _navigation(config, unseen_name(course), "mppi", -1, effects, course)
 
 
 def unseen_ceiling(config: RunConfig, course: str, effects: Effects = ()) -> list[EpisodePlan]:
@@ -144,7 +141,7 @@ def unseen_ceiling(config: RunConfig, course: str, effects: Effects = ()) -> lis
     if not config.evaluate.oracle:
         return []
     name = f"{unseen_name(course)}-{ORACLE}"
-    return _elsewhere(_navigation(config, name, ORACLE, -1, effects), course)
+    return _navigation(config, name, ORACLE, -1, effects, course)
 
 
 def unseen_name(course: str) -> str:
@@ -152,12 +149,13 @@ def unseen_name(course: str) -> str:
     return f"unseen-{zlib.crc32(course.encode()):08x}" if "." in course else f"unseen-{course}"
 
 
-def _elsewhere(plans: list[EpisodePlan], course: str) -> list[EpisodePlan]:
-    return [replace(plan, course=course) for plan in plans]
-
-
 def _navigation(
-    config: RunConfig, name: str, controller: str, iteration: int, effects: Effects
+    config: RunConfig,
+    name: str,
+    controller: str,
+    iteration: int,
+    effects: Effects,
+    course: str = "",
 ) -> list[EpisodePlan]:
     return [
         EpisodePlan(
@@ -165,11 +163,11 @@ def _navigation(
             controller=controller,
             iteration=iteration,
             split="test",
-            dataset=0,
             seconds=config.task.seconds,
             seed=derive_seed(config.seed, "evaluate", index),
             task_seed=derive_seed(config.seed, "evaluate-task", index),
             effects=effects,
+            course=course,
         )
         for index in range(config.evaluate.tasks)
     ]
@@ -197,7 +195,6 @@ def first_recordings(config: RunConfig) -> list[EpisodePlan]:
             controller=_controller(kinds[index % len(kinds)], index // len(kinds)),
             iteration=0,
             split=split,
-            dataset=0,
             seconds=robot.first_seconds,
             seed=derive_seed(config.seed, "robot", FIRST, index),
         )
@@ -224,7 +221,6 @@ def robot_drives(
             controller="mppi",
             iteration=iteration,
             split=split,
-            dataset=0,
             seconds=config.task.seconds,
             seed=derive_seed(config.seed, "robot", iteration, index),
             task_seed=derive_seed(config.seed, "evaluate-task", index),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from flywheel import __version__
@@ -15,7 +18,7 @@ from flywheel.control import (
     record_episode,
     standing,
 )
-from flywheel.control.drive import Drive, OnStep, drive, without_gaps
+from flywheel.control.drive import Drive, drive, without_gaps
 from flywheel.control.gaits import Gait
 from flywheel.control.protocol import OnPiece, Piece
 from flywheel.dynamics.plant import Plant, PlantDynamics, Reckoning, refined, with_effects
@@ -27,15 +30,21 @@ from flywheel.results import Walk
 from flywheel.robot_link import RobotLink
 from flywheel.robots import Robot, draw_terrain
 from flywheel.runtime.config.run_config import RunConfig, config_digest
-from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
-from flywheel.runtime.workers.walks import walk_of
 from flywheel.tasks import Task, TaskConfig, sample_task
 from flywheel.terrain import Terrain
 
 SETTLE_SECONDS = 2.0
 RECORDING = "recording"  # source and data set of what a robot measured
+WALK_SECONDS = 0.5  # between two points of a path [s]
 GROUND = 1  # added to a seed, so that the ground has random numbers of its own
+
+
+Told = Callable[[float], None]
+
+
+def _nobody(done: float) -> None:
+    """Ignore the progress."""
 
 
 def controller_of(
@@ -65,8 +74,8 @@ def controller_of(
     return Mppi(dynamics, search, plan.controller, model)
 
 
-class EpisodeRecorder:
-    """Records planned episodes on a plant; the same plan and weights give the same episode on any worker.
+class _Recorder:
+    """Base of the recorders.
 
     Args:
       config: of the run.
@@ -75,8 +84,76 @@ class EpisodeRecorder:
 
     def __init__(self, config: RunConfig, robot: Robot) -> None:
         self.config, self.robot = config, robot
-        self._digest = config_digest(config)
+        self.digest = config_digest(config)
         self.library = config.library()
+
+    def terms(self, effects: Effects) -> Terms:
+        """Effects on the robot."""
+        return tuple(effect.term(self.robot, self.library) for effect in effects)
+
+    def task_config(self, plan: EpisodePlan) -> TaskConfig:
+        """The settings of the task of a planned episode."""
+        task = self.config.task
+        if not plan.course:
+            return task
+        return task.model_copy(update={"name": "obstacle_course", "course": plan.course})
+
+    def task_from(self, plan: EpisodePlan, points: Floats) -> Task | None:
+        """The task of a robot that stands at (P, 3) [m]; None for an episode without one."""
+        if plan.task_seed is None:
+            return None
+        rng, task = np.random.default_rng(plan.task_seed), self.task_config(plan)
+        return sample_task(task.name, self.robot, points, rng, task)
+
+    def walk_along(
+        self, plan: EpisodePlan, task: Task | None, episode: Episode, points: Floats
+    ) -> Walk | None:
+        """An episode seen from above; None without a task.
+
+        Args:
+          plan, task: of the episode.
+          episode: already recorded.
+          points: (n, P, 3) tracked points over its time, without gaps [m].
+        """
+        outcome = episode.outcome
+        if task is None or outcome is None:
+            return None
+        centre = task.place(points[:: max(1, round(WALK_SECONDS / episode.trajectory.dt))])
+        return Walk(
+            path=tuple((float(x), float(y)) for x, y in np.round(centre, 4)),
+            goal=(float(task.last_goal[0]), float(task.last_goal[1])),
+            reached=outcome.success,
+            seconds=outcome.seconds,
+            distance=outcome.distance,
+            seed=plan.seed,
+            obstacles=task.obstacles,
+        )
+
+    def provenance(self, plan: EpisodePlan, model: str, **more: Any) -> Provenance:
+        """The provenance of a planned episode, with `more` about its plant or robot."""
+        return Provenance(
+            robot=self.robot.digest,
+            controller=plan.controller,
+            model=model,
+            task=self.task_config(plan).name if plan.task_seed is not None else "",
+            seed=plan.seed,
+            iteration=plan.iteration,
+            config=self.digest,
+            code=__version__,
+            **more,
+        )
+
+
+class EpisodeRecorder(_Recorder):
+    """Records planned episodes on a plant; the same plan and weights give the same episode on any worker.
+
+    Args:
+      config: of the run.
+      robot: of the run.
+    """
+
+    def __init__(self, config: RunConfig, robot: Robot) -> None:
+        super().__init__(config, robot)
         self._settled: dict[tuple[int, Effects], State] = {}
 
     def terrain(self, plan: EpisodePlan) -> Terrain | None:
@@ -112,30 +189,21 @@ class EpisodeRecorder:
             threads=threads or self.config.sim_threads,
             terrain=terrain,
         )
-        return with_effects(refined(plant, fineness), self._terms(effects))
+        return with_effects(refined(plant, fineness), self.terms(effects))
 
     def task(self, plan: EpisodePlan) -> Task | None:
         """The task of a planned episode; None without one."""
         if plan.task_seed is None:
             return None
         settled = self._settled_state(0, plan.effects)
-        points = self.plant(0, plan.effects).observe(settled).points[0]
-        rng = np.random.default_rng(plan.task_seed)
-        task = self._task_config(plan)
-        return sample_task(task.name, self.robot, points, rng, task)
-
-    def _task_config(self, plan: EpisodePlan) -> TaskConfig:
-        task = self.config.task
-        if not plan.course:
-            return task
-        return task.model_copy(update={"name": "obstacle_course", "course": plan.course})
+        return self.task_from(plan, self.plant(0, plan.effects).observe(settled).points[0])
 
     def record(
         self,
         plan: EpisodePlan,
         dynamics: Dynamics | None,
         model: str,
-        heartbeat: Heartbeat,
+        progress: Told = _nobody,
         on_piece: OnPiece | None = None,
     ) -> Episode:
         """Record an episode.
@@ -144,13 +212,13 @@ class EpisodeRecorder:
           plan: of the episode.
           dynamics: for MPPI; None without planning.
           model: digest of its weights, or "".
-          heartbeat: receives the progress.
+          progress: receives the completed fraction.
           on_piece: called with every piece of the episode.
 
         Raises:
           ModelError: the plant diverged, or the model did.
         """
-        task = self.task(plan)
+        task, data = self.task(plan), self.config.datasets[plan.dataset]
         plant = self.plant(
             plan.dataset, plan.plant_effects, task, self.terrain(plan), plan.fineness
         )
@@ -158,7 +226,7 @@ class EpisodeRecorder:
             dynamics = PlantDynamics(plant)
 
         def told(piece: Piece) -> None:
-            heartbeat.progress(min(1.0, piece.done * plant.dt / plan.seconds))
+            progress(min(1.0, piece.done * plant.dt / plan.seconds))
             if on_piece is not None:
                 on_piece(piece)
 
@@ -171,13 +239,16 @@ class EpisodeRecorder:
             seconds=plan.seconds,
             seed=plan.seed,
             episode_id=plan.id,
-            provenance=self._provenance(plan, model),
+            provenance=self.provenance(
+                plan,
+                model,
+                dataset=data.name,
+                plant=data.plant.changed(),
+                effects={effect.label: effect.parameters for effect in plan.plant_effects},
+            ),
             split=plan.split,
             reckoning=Reckoning(
-                self.robot,
-                plant.dt,
-                self._terms(plan.effects),
-                self.config.datasets[plan.dataset].plant.winch_speed,
+                self.robot, plant.dt, self.terms(plan.effects), data.plant.winch_speed
             ),
             on_piece=told,
         )
@@ -188,27 +259,21 @@ class EpisodeRecorder:
         Raises:
           DataError: its configuration is not this run's.
         """
-        if episode.provenance.config != self._digest:
+        if episode.provenance.config != self.digest:
             raise DataError(
                 f"The store has an episode {episode.id} of another run (configuration "
                 f"{episode.provenance.config[:12] or 'unknown'}, this one's is "
-                f"{self._digest[:12]}). Give this run its own store; recordings can be imported "
+                f"{self.digest[:12]}). Give this run its own store; recordings can be imported "
                 "into that, too."
             )
 
     def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
         """The episode seen from above; None without a task."""
-        task = self.task(plan)
-        if task is None or episode.outcome is None:
-            return None
-        trajectory = episode.trajectory
+        task, trajectory = self.task(plan), episode.trajectory
         points = trajectory.observations.points
-        if trajectory.states is not None:  # as it was, not as it was measured
+        if task is not None and trajectory.states is not None:  # as it was, not as it was measured
             points = self.plant(0, plan.plant_effects).observe(trajectory.states).points
-        return walk_of(task, episode, points, plan.seed)
-
-    def _terms(self, effects: Effects) -> Terms:
-        return tuple(effect.term(self.robot, self.library) for effect in effects)
+        return self.walk_along(plan, task, episode, points)
 
     def _start(self, plan: EpisodePlan, plant: Plant, task: Task | None) -> State:
         kind, _, _ = plan.controller.partition(":")
@@ -228,24 +293,8 @@ class EpisodeRecorder:
             self._settled[key] = self.plant(dataset, effects).settle(SETTLE_SECONDS)
         return self._settled[key]
 
-    def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
-        data = self.config.datasets[plan.dataset]
-        return Provenance(
-            robot=self.robot.digest,
-            dataset=data.name,
-            controller=plan.controller,
-            model=model,
-            task=self._task_config(plan).name if plan.task_seed is not None else "",
-            seed=plan.seed,
-            iteration=plan.iteration,
-            config=self._digest,
-            code=__version__,
-            plant=data.plant.changed(),
-            effects={effect.label: effect.parameters for effect in plan.plant_effects},
-        )
 
-
-class RobotRecorder:
+class RobotRecorder(_Recorder):
     """Records planned episodes on a robot, based on measurements alone.
 
     Args:
@@ -256,7 +305,7 @@ class RobotRecorder:
     """
 
     def __init__(self, config: RunConfig, robot: Robot, dataset: int | None = None) -> None:
-        self.config, self.robot, self._library = config, robot, config.library()
+        super().__init__(config, robot)
         recorded = config.robot is not None or bool(config.collect.recordings)
         # A network that was trained without recordings has no data set of theirs.
         usual = config.dataset_numbers()[RECORDING] if recorded else 0
@@ -268,7 +317,7 @@ class RobotRecorder:
         plan: EpisodePlan,
         dynamics: Dynamics | None,
         model: str,
-        on_step: OnStep | None = None,
+        progress: Told = _nobody,
     ) -> Drive:
         """Record an episode; however it ends, the measurements are in the result.
 
@@ -277,7 +326,7 @@ class RobotRecorder:
           plan: of the episode.
           dynamics: for MPPI; None without planning.
           model: digest of its weights, or "".
-          on_step: called at every control step.
+          progress: receives the completed fraction.
 
         Raises:
           LinkError: the robot is another one, or is lost before the first step.
@@ -285,49 +334,29 @@ class RobotRecorder:
         """
         config, dt = self.config, self.config.network.dt
         ahead = dynamics is not None and link.info.real_time
-        terms = tuple(effect.term(self.robot, self._library) for effect in plan.effects)
+        steps = max(1, round(plan.seconds / dt))
         return drive(
             link,
             self.robot,
             controller_of(plan, self.config, self.robot, dynamics, model),
-            lambda points: self.task(plan, points),
+            lambda points: self.task_from(plan, points),
             seconds=plan.seconds,
             seed=plan.seed,
             episode_id=plan.id,
-            provenance=self._provenance(plan, model),
+            provenance=self.provenance(plan, model, source="recording", dataset=RECORDING),
             split=plan.split,
             lead=config.mppi.steps(dt)["replan_seconds"] if ahead else 0,
-            reckoning=Reckoning(self.robot, dt, terms),
+            reckoning=Reckoning(self.robot, dt, self.terms(plan.effects)),
             dataset=self._dataset,
-            on_step=on_step,
+            on_step=lambda done, sample: progress(min(1.0, done / steps)),
         )
 
-    def task(self, plan: EpisodePlan, points: Floats) -> Task | None:
-        """The task of a robot that stands at (P, 3) [m]; None for an episode without one."""
-        if plan.task_seed is None:
-            return None
-        rng = np.random.default_rng(plan.task_seed)
-        return sample_task(self.config.task.name, self.robot, points, rng, self.config.task)
+    def task(self, plan: EpisodePlan, episode: Episode) -> Task | None:
+        """The task of a recorded episode; None without one."""
+        return self.task_from(plan, without_gaps(episode.trajectory.observations.points[0]))
 
     def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
         """The episode seen from above; None without a task."""
         points = episode.trajectory.observations.points
-        task = self.task(plan, without_gaps(points[0]))
-        if task is None:
-            return None
         seen = points[np.isfinite(points).all(axis=(1, 2))]
-        return walk_of(task, episode, seen, plan.seed)
-
-    def _provenance(self, plan: EpisodePlan, model: str) -> Provenance:
-        return Provenance(
-            robot=self.robot.digest,
-            source="recording",
-            dataset=RECORDING,
-            controller=plan.controller,
-            model=model,
-            task=self.config.task.name if plan.task_seed is not None else "",
-            seed=plan.seed,
-            iteration=plan.iteration,
-            config=config_digest(self.config),
-            code=__version__,
-        )
+        return self.walk_along(plan, self.task(plan, episode), episode, seen)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from flywheel.data import TrajectoryStore
@@ -11,7 +10,7 @@ from flywheel.dynamics.plant import RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.errors import ModelError, RunError
 from flywheel.records import Episode
-from flywheel.robot_link import RobotLink, Sample, StandInConfig
+from flywheel.robot_link import RobotLink, StandInConfig
 from flywheel.robot_link.opening import TCP, open_link
 from flywheel.robot_link.transcript import ReplayedLink, TranscribedLink
 from flywheel.robots import Robot
@@ -74,9 +73,8 @@ class RobotWorker:
         dynamics = self._dynamics(plan, weights)
         link = self._transcribed(plan)
         try:
-            driven = self._recorder.record(
-                link, plan, dynamics, weights.digest if weights else "", self._told(plan)
-            )
+            digest, progress = weights.digest if weights else "", self._heartbeat.progress
+            driven = self._recorder.record(link, plan, dynamics, digest, progress)
         except ModelError as error:  # before the first step
             return EpisodeNote(plan.id, invalid=str(error))
         finally:
@@ -93,14 +91,6 @@ class RobotWorker:
             threads, library = self._config.sim_threads, self._config.library()
             return dynamics_of(weights, self._robot, threads, library)
         return RestartedPlant.from_measurements(self._simulated.plant(0, plan.effects))
-
-    def _told(self, plan: EpisodePlan) -> Callable[[int, Sample], None]:
-        steps = max(1, round(plan.seconds / self._config.network.dt))
-
-        def on_step(done: int, sample: Sample) -> None:
-            self._heartbeat.progress(min(1.0, done / steps))
-
-        return on_step
 
     def _transcribed(self, plan: EpisodePlan) -> RobotLink:
         """The link of an episode with its transcript; or the replayed one of an earlier run."""

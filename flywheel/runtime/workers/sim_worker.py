@@ -130,7 +130,7 @@ class SimWorker:
         dynamics = None if weights is None else self._model(weights)
         digest = "" if weights is None else weights.digest
         try:
-            episode = self._recorder.record(plan, dynamics, digest, self._heartbeat)
+            episode = self._recorder.record(plan, dynamics, digest, self._heartbeat.progress)
         except ModelError as error:
             return EpisodeNote(plan.id, invalid=str(error))
         self._store.commit(plan.id, [episode])

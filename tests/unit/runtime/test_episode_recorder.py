@@ -22,17 +22,13 @@ from tests import draws
 SECONDS = 8.0  # the first target takes about 3
 
 
-class NobodyWatches:
-    def progress(self, share: float) -> None: ...
-
-
 def gaits_of_one_kind(seed: int) -> list[Floats]:
     """Measured points (T, P, 3) of all rolls on the same plant."""
     collect = CollectConfig(gaits=6, gait_seconds=SECONDS, validation=0.2, test=0.2)
     config = RunConfig(seed=seed, collect=collect, datasets=(DataSet(),))
     recorder = EpisodeRecorder(config, load_robot(config.model))
     plans = [p for p in collection(config, 0, "mppi") if p.controller == "gait:roll"]
-    episodes = [recorder.record(p, None, "", NobodyWatches()) for p in plans]
+    episodes = [recorder.record(p, None, "") for p in plans]
     return [e.trajectory.observations.points[0] for e in episodes]
 
 
@@ -56,7 +52,7 @@ def test_winches_of_episodes_are_where_what_is_known_of_their_plant_says() -> No
     config = RunConfig(collect=collect, seed=draws.seed())
     robot = load_robot(config.model)
     episode = EpisodeRecorder(config, robot).record(
-        collection(config, 0, "mppi", (strong,))[0], None, "", NobodyWatches()
+        collection(config, 0, "mppi", (strong,))[0], None, ""
     )
     about = dataclasses.replace(episode.provenance, source="recording", effects={})
     log = dataclasses.replace(episode, id="log", provenance=about)
@@ -76,7 +72,7 @@ def test_winches_of_a_data_set_turn_as_fast_as_its_plant_says() -> None:
     config = RunConfig(collect=collect, datasets=(DataSet(), slow))
     recorder = EpisodeRecorder(config, load_robot(config.model))
     for plan in collection(config, 0, "mppi")[:2]:
-        episode = recorder.record(plan, None, "", NobodyWatches())
+        episode = recorder.record(plan, None, "")
         truth = recorder.robot.winch_of(episode.trajectory.states)
         assert np.allclose(EpisodeWinches(recorder.robot)(episode), truth, atol=1e-6), plan.dataset
 
@@ -98,7 +94,7 @@ def test_a_planner_is_told_where_the_winches_are() -> None:
     dynamics = Told(EpisodeRecorder(config, robot).plant(0))
     plan = next(p for p in collection(config, 1, "mppi", (strong,)) if p.controller == "mppi")
     plan = dataclasses.replace(plan, samples=4, seconds=2.0)
-    EpisodeRecorder(config, robot).record(plan, dynamics, "", NobodyWatches())
+    EpisodeRecorder(config, robot).record(plan, dynamics, "")
     known, truth = (np.stack(each) for each in zip(*Told.pairs, strict=True))
     assert np.ptp(truth, axis=0).max() > 0.05
     assert np.allclose(known - truth, known[0] - truth[0], atol=1e-6)
@@ -111,7 +107,7 @@ def test_episodes_are_recorded_with_the_run_s_effects() -> None:
     slow = plain.model_copy(update={"effects": (heavy,)})
     robot = load_robot(plain.model)
     one, other = (
-        EpisodeRecorder(config, robot).record(plan, None, "", NobodyWatches())
+        EpisodeRecorder(config, robot).record(plan, None, "")
         for config in (plain, slow)
         for plan in collection(config, 0, "mppi", config.effects)[:1]
     )
@@ -136,9 +132,9 @@ def test_mppi_tries_as_many_plans_as_its_episode_asks_for() -> None:
     config = RunConfig()
     recorder, counts = EpisodeRecorder(config, load_robot(config.model)), []
     for samples in (5, None):
-        plan = EpisodePlan("one", "mppi", 1, "train", 0, 0.5, seed=1, task_seed=1, samples=samples)
+        plan = EpisodePlan("one", "mppi", 1, "train", 0.5, seed=1, task_seed=1, samples=samples)
         CountsPlans.asked = 0
-        recorder.record(plan, CountsPlans(recorder.plant(0)), "", NobodyWatches())
+        recorder.record(plan, CountsPlans(recorder.plant(0)), "")
         counts.append(CountsPlans.asked)
     assert counts == [5, config.mppi.samples]
 
@@ -147,10 +143,10 @@ def test_an_obstacle_course_begins_at_its_start_among_its_walls() -> None:
     seed = draws.seed()
     config = RunConfig(task=TaskConfig(name="obstacle_course", course="maze"))
     recorder = EpisodeRecorder(config, load_robot(config.model))
-    plan = EpisodePlan("one", "random", 0, "test", 0, 1.0, seed=seed, task_seed=seed)
+    plan = EpisodePlan("one", "random", 0, "test", 1.0, seed=seed, task_seed=seed)
     task = recorder.task(plan)
     assert task is not None and task.begin is not None
-    episode = recorder.record(plan, None, "", NobodyWatches())
+    episode = recorder.record(plan, None, "")
     points = recorder.plant(0).observe(episode.trajectory.states).points
     assert task.place(points[0]) == pytest.approx(task.begin.place, abs=1e-6), seed
     speeds = np.diff(points[:5], axis=0) / episode.trajectory.dt
@@ -166,8 +162,8 @@ def test_episodes_begin_and_stay_on_their_own_ground(kind: str, controller: str)
     seed = draws.seed()
     config = RunConfig(terrain=TerrainConfig(kinds=(kind,)))
     recorder = EpisodeRecorder(config, load_robot(config.model))
-    plan = EpisodePlan("one", controller, 0, "train", 0, 4.0, seed=seed)
-    episode = recorder.record(plan, None, "", NobodyWatches())
+    plan = EpisodePlan("one", controller, 0, "train", 4.0, seed=seed)
+    episode = recorder.record(plan, None, "")
     assert episode.terrain is not None and episode.terrain == recorder.terrain(plan)
     points = episode.trajectory.observations.points
     heights, normals = episode.terrain.at(points[..., :2])
@@ -182,7 +178,7 @@ def test_a_task_has_the_same_ground_whoever_plans_for_it() -> None:
     config = RunConfig(terrain=TerrainConfig(kinds=("bumps",)))
     recorder = EpisodeRecorder(config, load_robot(config.model))
     first, second = (
-        EpisodePlan(name, "mppi", 1, "test", 0, 4.0, seed=seed, task_seed=7)
+        EpisodePlan(name, "mppi", 1, "test", 4.0, seed=seed, task_seed=7)
         for name, seed in (("a", 1), ("b", 2))
     )
     assert recorder.terrain(first) == recorder.terrain(second) is not None
@@ -197,7 +193,7 @@ def test_what_is_hidden_is_in_the_plant_and_in_nobody_s_head() -> None:
     recorder = EpisodeRecorder(config, load_robot(config.model))
     plan = collection(config, 0, "mppi", (told,))[0]
     stand_in = dataclasses.replace(plan, hidden=(real,))
-    hidden = recorder.record(stand_in, None, "", NobodyWatches())
+    hidden = recorder.record(stand_in, None, "")
     went = hidden.trajectory
     again = {
         (effects, fineness): recorder.plant(plan.dataset, effects, fineness=fineness)
@@ -215,7 +211,7 @@ def test_an_episode_of_another_run_is_not_taken_for_its_own() -> None:
     collect = CollectConfig(gaits=0, random=6, random_seconds=0.2, validation=0.2, test=0.2)
     mine, other = (RunConfig(collect=collect, seed=seed) for seed in (1, 2))
     episode = EpisodeRecorder(mine, load_robot(mine.model)).record(
-        collection(mine, 0, "mppi")[0], None, "", NobodyWatches()
+        collection(mine, 0, "mppi")[0], None, ""
     )
     EpisodeRecorder(mine, load_robot(mine.model)).check_own(episode)
     with pytest.raises(DataError, match="its own store"):
@@ -234,7 +230,7 @@ def test_an_unseen_course_takes_the_place_of_the_task() -> None:
     recorder = EpisodeRecorder(
         config.model_copy(update={"mppi": MppiConfig(samples=2)}), recorder.robot
     )
-    assert recorder.record(plan, None, "", NobodyWatches()).provenance.task == "obstacle_course"
+    assert recorder.record(plan, None, "").provenance.task == "obstacle_course"
 
 
 def test_unseen_courses_that_cannot_be_read_are_refused_before_a_run_begins() -> None:
