@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
-from flywheel.effects.effect import Effect, ModelEffect, Parameter, Term, Terms, place_name
+from flywheel.effects.effect import Effect, ModelEffect, Numbers, Parameter, Term, Terms, place_name
 from flywheel.effects.scales import Scales
 from flywheel.robots import Robot
 
@@ -58,9 +58,7 @@ class AsBuilt(ModelEffect):
             _number(part, size, robot) for part in parts for size in part.effect.sizes
         )
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         numbers = np.array(list(values.values()))
         for part, own in zip(self.parts, self._split(numbers), strict=True):
             if own.any():

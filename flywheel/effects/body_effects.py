@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import mujoco
 import numpy as np
 
-from flywheel.effects.effect import ModelEffect, Parameter
+from flywheel.effects.effect import ModelEffect, Numbers, Parameter
 from flywheel.robots import Robot, moving_bodies
 
 LINEAR = 3  # a free joint's first velocities are linear
@@ -22,9 +20,7 @@ class AirDrag(ModelEffect):
     source = "Stokes' law"
     shown_by = "swinging or rolling fast"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         free = model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
         for first in model.jnt_dofadr[free]:
             model.dof_damping[first : first + LINEAR] += values["drag"]
@@ -41,9 +37,7 @@ class Payload(ModelEffect):
     source = "Steiner's theorem"
     shown_by = "lifting the point, and fast strokes"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         assert place is not None
         point = robot.points[place]
         body, site = moving_bodies(model)[point.body], point.offset
@@ -69,9 +63,7 @@ class BodyMass(ModelEffect):
     source = "Newton's second law"
     shown_by = "drops and fast strokes"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         model.body_mass[:] *= 1.0 + values["share"]
         model.body_inertia[:] *= 1.0 + values["share"]
 

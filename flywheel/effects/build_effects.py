@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import mujoco
 import numpy as np
 
 from flywheel.effects.cable_effects import pulls_on
-from flywheel.effects.effect import CommandEffect, ModelEffect, Parameter, Values
+from flywheel.effects.effect import CommandEffect, ModelEffect, Numbers, Parameter, Values
 from flywheel.effects.winch_effects import wound_on
 from flywheel.records import Floats
 from flywheel.robots import Robot, moving_bodies, turn_of
@@ -30,9 +28,7 @@ class CableLength(ModelEffect):
     source = "geometry"
     shown_by = "slow strokes that load the cables one after the other"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         assert place is not None
         model.tendon_lengthspring[place] += values["offset"]
         pulls = pulls_on(model, [place])  # -k (length - act) becomes -k (length - act - offset)
@@ -49,9 +45,7 @@ class CableLoss(ModelEffect):
     source = "Kelvin-Voigt element"
     shown_by = "fast strokes that load the cables one after the other"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         assert place is not None
         factor = 1.0 + values["share"]
         model.tendon_damping[place] *= factor
@@ -69,9 +63,7 @@ class CableEnd(ModelEffect):
     source = "geometry"
     shown_by = "large motions in all directions"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         assert place is not None
         cable, last = divmod(place, 2)
         steps = model.tendon_num[cable] - 1 if last else 0
@@ -90,9 +82,7 @@ class MassOfBody(ModelEffect):
     source = "Newton's second law"
     shown_by = "drops and fast strokes"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         pieces = _pieces(model, place)
         model.body_mass[pieces] *= 1.0 + values["share"]
         model.body_inertia[pieces] *= 1.0 + values["share"]
@@ -108,9 +98,7 @@ class InertiaOfBody(ModelEffect):
     source = "Euler's equations"
     shown_by = "turning fast"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         model.body_inertia[_pieces(model, place)] *= 1.0 + values["share"]
 
 
@@ -125,9 +113,7 @@ class CentreOfMass(ModelEffect):
     source = "Newton's second law"
     shown_by = "lying and standing in different ways, slowly"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         offset = np.array([values[axis] for axis in AXES])
         for piece in _pieces(model, place):
             model.body_ipos[piece] += turn_of(model, piece).T @ offset

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import mujoco
 import numpy as np
 
-from flywheel.effects.effect import Cables, Memory, ModelEffect, Parameter, TensionEffect, Values
+from flywheel.effects.effect import (
+    Cables,
+    Memory,
+    ModelEffect,
+    Numbers,
+    Parameter,
+    TensionEffect,
+    Values,
+)
 from flywheel.records import Floats
 from flywheel.robots import Robot
 
@@ -128,9 +136,7 @@ class WeakCable(ModelEffect):
     source = "Hooke's law"
     shown_by = "strokes that load the cables one after the other"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         assert place is not None
         _scale_stiffness(model, np.array([place]), 1.0 - values["share"])
 
@@ -144,9 +150,7 @@ class CableStiffness(ModelEffect):
     source = "Hooke's law"
     shown_by = "slow strokes of all winches"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         _scale_stiffness(model, np.arange(len(robot.cables)), 1.0 + values["share"])
 
 

@@ -22,6 +22,7 @@ from flywheel.records import Floats
 from flywheel.robots import Body, Cable, Robot, TrackedPoint, Winch
 
 Where = Literal["robot", "cable", "point", "winch", "body", "end"]
+Numbers = Mapping[str, float]
 Values = Mapping[str, Floats]
 Memory = Floats
 
@@ -108,9 +109,7 @@ class ModelEffect(Effect):
     moves_mass: ClassVar[bool] = False
 
     @abstractmethod
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         """Change the model, a private copy. `mj_setConst` is called afterwards."""
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import mujoco
 import numpy as np
 
-from flywheel.effects.effect import ModelEffect, Parameter
+from flywheel.effects.effect import ModelEffect, Numbers, Parameter
 from flywheel.robots import Robot
 
 ROLLING = 2  # column of MuJoCo's friction coefficients
@@ -24,9 +22,7 @@ class GroundFriction(ModelEffect):
     source = "Coulomb's law"
     shown_by = "strokes that make the caps slide"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         model.geom_friction[:, 0] *= 1.0 + values["share"]
         model.pair_friction[:, :2] *= 1.0 + values["share"]
 
@@ -40,9 +36,7 @@ class RollingResistance(ModelEffect):
     source = "MuJoCo's rolling friction"
     shown_by = "rolling over, and drops that roll out"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         model.geom_friction[:, ROLLING] += values["length"]
         model.geom_condim[model.geom_condim > 1] = FULL
         model.pair_friction[:, PAIRED] += values["length"]
@@ -61,9 +55,7 @@ class Slope(ModelEffect):
     source = "geometry"
     shown_by = "rolling in two directions; lying still where friction is known"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         x, y = np.sin(values["about_y"]), -np.sin(values["about_x"])
         model.opt.gravity[:] = np.linalg.norm(model.opt.gravity) * np.array(
             [x, y, -np.sqrt(max(0.0, 1.0 - x**2 - y**2))]
@@ -82,9 +74,7 @@ class ContactSoftness(ModelEffect):
     source = "MuJoCo's soft contacts (solref)"
     shown_by = "drops and sudden strokes"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         factor = 1.0 / (1.0 + values["share"])
         for solref in (model.geom_solref, model.pair_solref, model.pair_solreffriction):
             direct = solref[:, 0] < 0  # (-stiffness, -damping); else (time, damping ratio)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import mujoco
 
-from flywheel.effects.effect import CommandEffect, ModelEffect, Parameter, Values
+from flywheel.effects.effect import CommandEffect, ModelEffect, Numbers, Parameter, Values
 from flywheel.effects.winch_effects import delayed
 from flywheel.records import Floats
 from flywheel.robots import Robot, tracked_site
@@ -26,9 +24,7 @@ class MarkerOffset(ModelEffect):
     source = "rigid-body kinematics"
     shown_by = "turning the body about all its axes"
 
-    def edit(
-        self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Mapping[str, float]
-    ) -> None:
+    def edit(self, model: mujoco.MjModel, robot: Robot, place: int | None, values: Numbers) -> None:
         assert place is not None
         site, turn = tracked_site(model, robot.points[place])
         model.site_pos[site] += turn.T @ [values["x"], values["y"], values["z"]]
