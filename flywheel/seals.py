@@ -157,9 +157,9 @@ def misplaced(found: Mapping[str, str]) -> dict[str, tuple[Kind, str]]:
     return wrong
 
 
-def digest_of(values: Any, allow_nan: bool = False) -> str:
+def digest_of(values: Any) -> str:
     """sha256 of values, independent of their layout as JSON."""
-    canonical = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=allow_nan)
+    canonical = json.dumps(values, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 

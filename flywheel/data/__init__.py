@@ -1,7 +1,7 @@
 """Storage of episodes, and their access in training."""
 
 from flywheel.data.cache_files import SplitSource
-from flywheel.data.catalogue import Damage, EpisodeSummary, Receipt, Snapshot, SummaryRow
+from flywheel.data.catalogue import Damage, EpisodeSummary, Receipt, Snapshot
 from flywheel.data.splits import assign_split
 from flywheel.data.store import TrajectoryStore
 from flywheel.data.windows import WindowBatch, WindowCache
@@ -12,7 +12,6 @@ __all__ = [
     "Receipt",
     "Snapshot",
     "SplitSource",
-    "SummaryRow",
     "TrajectoryStore",
     "WindowBatch",
     "WindowCache",

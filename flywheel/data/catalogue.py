@@ -123,8 +123,7 @@ class Receipt:
     def to_json(self) -> bytes:
         """Its text, under a seal."""
         content = asdict(self)
-        del content["owner"]
-        return sealed_content(content, Seal("segment", self.segment, self.owner))[0]
+        return sealed(content, Seal("segment", self.segment, content.pop("owner")))
 
     @classmethod
     def from_json(cls, text: bytes, name: str) -> Receipt:
@@ -134,7 +133,7 @@ class Receipt:
           Unsound: it was altered, or is of another segment.
         """
         what = f"The receipt of segment {name}"
-        content, _, seal = unsealed_content(text, what)
+        content, seal = unsealed(text, what)
         check_seal(seal, "segment", name, what)
         receipt = _read(cls, {**content, "owner": seal.owner}, what)
         if receipt.segment != name:
@@ -143,30 +142,12 @@ class Receipt:
 
 
 @dataclass(frozen=True)
-class SummaryRow:
-    """Amount of one kind in a snapshot.
-
-    Attributes:
-      dataset, controller, split, iteration: of the kind.
-      episodes, steps, seconds: amount.
-    """
-
-    dataset: str
-    controller: str
-    split: Split
-    iteration: int
-    episodes: int
-    steps: int
-    seconds: float
-
-
-@dataclass(frozen=True)
 class Snapshot:
     """A frozen list of episodes under a digest.
 
     Attributes:
       name: for people; not part of the digest.
-      digest: sha256 of the manifest.
+      digest: sha256 of the manifest's content.
       parent: digest of the snapshot that it extends, or "".
       robot: digest of the robot of all episodes.
       datasets: names in the order of the network's one-hot.
@@ -187,21 +168,6 @@ class Snapshot:
     sha256: tuple[str, ...]
     parent_name: str = field(default="", compare=False)
     owner: str = field(default="", compare=False)
-
-    def summary(self) -> tuple[SummaryRow, ...]:
-        """Amounts by data set, controller, split and iteration, sorted."""
-        kinds: dict[tuple[str, str, Split, int], list[EpisodeSummary]] = {}
-        for e in self.episodes:
-            kinds.setdefault((e.dataset, e.controller, e.split, e.iteration), []).append(e)
-        return tuple(
-            SummaryRow(
-                *kind,
-                episodes=len(found),
-                steps=sum(e.steps for e in found),
-                seconds=round(sum(e.seconds for e in found), 9),
-            )
-            for kind, found in sorted(kinds.items())
-        )
 
     def ids(self, segment: str) -> tuple[str, ...]:
         """Ids of the episodes of one of its segments."""
@@ -310,7 +276,7 @@ def manifest(
         ],
     }
     rests_on = {parent.name: parent.digest} if parent else {}
-    return sealed_content(content, Seal("snapshot", name, owner, rests_on))
+    return sealed(content, Seal("snapshot", name, owner, rests_on)), digest_of(content)
 
 
 def _check_together(summaries: Sequence[EpisodeSummary], parent: Snapshot | None) -> None:
@@ -343,12 +309,12 @@ def snapshot_of(name: str, text: bytes) -> Snapshot:
       Unsound: it was altered, or is another snapshot's.
     """
     what = f"The manifest of snapshot {name}"
-    content, digest, seal = unsealed_content(text, what)
+    content, seal = unsealed(text, what)
     check_seal(seal, "snapshot", name, what)
     listed = _read(_Manifest, content, what)
     return Snapshot(
         name=name,
-        digest=digest,
+        digest=digest_of(content),
         parent=listed.parent,
         robot=listed.robot,
         datasets=listed.datasets,
@@ -358,37 +324,6 @@ def snapshot_of(name: str, text: bytes) -> Snapshot:
         parent_name=next(iter(seal.rests_on), ""),
         owner=seal.owner,
     )
-
-
-def sealed_content(
-    content: dict[str, Any], seal: Seal, allow_nan: bool = False
-) -> tuple[bytes, str]:
-    """Text of content, with the digest of the content alone and under a seal; and that digest."""
-    digest = digest_of(content, allow_nan)
-    return sealed({"content": content, "sha256": digest}, seal, allow_nan), digest
-
-
-def unsealed_content(
-    text: bytes, what: str, allow_nan: bool = False
-) -> tuple[dict[str, Any], str, Seal]:
-    """Content, digest and seal of a text of `sealed_content`.
-
-    Raises:
-      Unsound: a byte was changed.
-    """
-    values, seal = unsealed(text, what)
-    content, stated = values.get("content"), values.get("sha256")
-    if not isinstance(content, dict) or values.keys() != {"content", "sha256"}:
-        raise Unsound(
-            f"{what} was altered: it cannot be read (its keys are {shown(list(values))})."
-        )
-    try:
-        digest = digest_of(content, allow_nan)
-    except ValueError as error:
-        raise Unsound(f"{what} was altered: it cannot be read ({error}).") from None
-    if digest != stated:
-        raise Unsound(f"{what} was altered: its sha256 is {digest[:12]}, not {str(stated)[:12]}.")
-    return content, digest, seal
 
 
 def check_name(name: object, kind: str) -> str:

@@ -25,14 +25,12 @@ from flywheel.data.catalogue import (
     EpisodeSummary,
     Receipt,
     replaced,
-    sealed_content,
-    unsealed_content,
 )
 from flywheel.data.packing import Arrays, pack, unpack
 from flywheel.data.zarr_files import Files, decode, encode
 from flywheel.errors import DataError
 from flywheel.records import Episode
-from flywheel.seals import Kind, Seal, Unsound, check_seal
+from flywheel.seals import Kind, Seal, Unsound, check_seal, sealed, unsealed
 
 RECEIPT = "receipt.json"
 ABANDONED_SECONDS = 86400.0  # after which no writer on another machine is still at work
@@ -103,9 +101,8 @@ def written(name: str, episodes: Sequence[Episode], owner: Callable[[], str]) ->
         e.id: {k: np.asarray(v).tolist() for k, v in e.telemetry.items()} for e in episodes
     }
     files = {f"{_arrays_folder(receipt)}/{path}": content for path, content in group.items()}
-    files[TELEMETRY] = sealed_content(
-        telemetry, Seal("telemetry", name, receipt.owner), allow_nan=True
-    )[0]
+    seal = Seal("telemetry", name, receipt.owner)
+    files[TELEMETRY] = sealed({"episodes": telemetry}, seal, allow_nan=True)
     files[RECEIPT] = receipt.to_json()
     return Segment(receipt, files)
 
@@ -222,11 +219,13 @@ def _telemetry(found: Found) -> dict[str, Any]:
         raise Unsound(f"{TELEMETRY} is missing", "missing")
     if TELEMETRY not in found.files:
         raise Unsound(f"{TELEMETRY} was altered: it has {found.sizes[TELEMETRY]} bytes")
-    content, _, seal = unsealed_content(found.files[TELEMETRY], TELEMETRY, allow_nan=True)
+    content, seal = unsealed(found.files[TELEMETRY], TELEMETRY)
     check_seal(seal, "telemetry", found.segment, TELEMETRY)
     if seal.owner != found.receipt.owner:
         raise Unsound(f"{TELEMETRY} is that of another store ({seal.owner[:12]})", "foreign")
-    return content
+    if not isinstance(episodes := content.get("episodes"), dict):
+        raise Unsound(f"{TELEMETRY} was altered: it has no episodes")
+    return episodes
 
 
 def _with_telemetry(episode: Episode, telemetry: dict[str, Any]) -> Episode:

@@ -398,17 +398,6 @@ def test_equal_numbers_give_equal_digests_in_any_process(tmp_path, make_episode)
     assert subprocess.check_output(command, text=True).strip() == here.sha256
 
 
-def test_a_snapshot_says_how_much_it_holds(tmp_path, make_episode):
-    store = TrajectoryStore(tmp_path)
-    store.commit("e", [make_episode("a", steps=100), make_episode("b", steps=50)])
-    store.commit("f", [make_episode("c", steps=7, split="test", recording=True)])
-    rows = store.seal("s", ["e", "f"]).summary()
-    assert [(r.dataset, r.split, r.episodes, r.steps, r.seconds) for r in rows] == [
-        ("nominal", "train", 2, 150, 1.5),
-        ("recording", "test", 1, 7, 0.07),
-    ]
-
-
 def test_a_url_of_another_kind_is_refused():
     with pytest.raises(DataError, match="s3://bucket/prefix, got 'gs://"):
         TrajectoryStore("gs://bucket")
