@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.diagnosis.case_result import Named
+from benchmarks.diagnosis.cases import Case, Plan, cases
 from benchmarks.diagnosis.examiner import truth_of
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache
 from flywheel.diagnosis import Diagnosis, diagnose
@@ -40,14 +41,12 @@ from flywheel.results import ResultRecord
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.config.shipped import config_file
-from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.progress import Progress, console_progress
 from flywheel.runtime.workers.episode_plan import Effects, collection
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 from flywheel.runtime.workers.stored_episodes import EpisodeWinches
 from flywheel.runtime.workers.trainer_worker import SPLITS
 from flywheel.training import Trainer, TrainingProgress
-from flywheel.truth_simulator.cases import Case, Plan, cases
 from flywheel.truth_simulator.scripts import SCRIPTS
 
 # What a network of this size notices: of most others the change drowns in its own errors.
@@ -190,7 +189,7 @@ class Bench:
         with self.progress.stage(f"{name}: collect", float(len(plans))) as stage:
             for number, plan in enumerate(plans):
                 if plan.id not in there:
-                    store.commit(plan.id, [recorder.record(plan, None, "", Heartbeat())])
+                    store.commit(plan.id, [recorder.record(plan, None, "")])
                 stage.update(number + 1.0)
         return [plan.id for plan in plans]
 

@@ -12,6 +12,8 @@ from rich.table import Table
 
 from benchmarks.diagnosis.case_result import CaseResult
 from benchmarks.diagnosis.case_row import CaseRow
+from benchmarks.diagnosis.cases import GROUPS, MESSY_GROUPS, Case, cases
+from benchmarks.diagnosis.cases import Group as CaseGroup
 from benchmarks.diagnosis.examiner import Examiner
 from benchmarks.diagnosis.publishing import publish_examination
 from benchmarks.diagnosis.rates import Line, summary
@@ -32,8 +34,6 @@ from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.tracking.mlflow_client import open_tracker
 from flywheel.runtime.workers.model_weights import TrainedModel
 from flywheel.truth_simulator.built_robot import Spread
-from flywheel.truth_simulator.cases import GROUPS, MESSY_GROUPS, Case, cases
-from flywheel.truth_simulator.cases import Group as CaseGroup
 from flywheel.validation import validated
 
 LONGEST = 1800.0  # without a sign of progress, a case is begun again [s]
@@ -57,7 +57,7 @@ def examine(
 
     Args:
       folder: one JSON file per case.
-      robot, groups, sizes, seeds, spread: cases; see `flywheel.truth_simulator.cases`.
+      robot, groups, sizes, seeds, spread: cases; see `benchmarks.diagnosis.cases`.
       only: part of the names of the cases.
       model: tested instead of the plant; see `flywheel.cli.models`.
       address: of an existing Ray cluster.

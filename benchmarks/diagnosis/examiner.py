@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.diagnosis.case_result import CaseResult, Named
+from benchmarks.diagnosis.cases import UNSURE, Case, Recorded
 from flywheel.data.recordings import read_recording
 from flywheel.demo.assessment import library_values, smallest_shown
 from flywheel.diagnosis import Diagnosis, Found, diagnose
@@ -22,7 +23,6 @@ from flywheel.robots import Robot, load_robot
 from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.model_weights import TrainedModel
 from flywheel.truth_simulator.built_robot import Spread
-from flywheel.truth_simulator.cases import UNSURE, Case, Recorded
 from flywheel.truth_simulator.effect import EffectTruth
 from flywheel.truth_simulator.recording import HiddenRecording
 

@@ -12,12 +12,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from benchmarks.diagnosis.cases import cases
 from benchmarks.sysid.study import CaseStudy, study
 from benchmarks.sysid.table import HEADER, HIDDEN, line, rows_of
 from flywheel.outputs import write_output
 from flywheel.registry import lookup
 from flywheel.robots import load_robot
-from flywheel.truth_simulator.cases import cases
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from benchmarks.diagnosis.cases import Case, Recorded
 from benchmarks.sysid.identification import Fitted, Optimizer, Piece, identify
 from flywheel.diagnosis import diagnose
 from flywheel.diagnosis.fitting.initial_states import estimated_initial_states
@@ -20,7 +21,6 @@ from flywheel.effects import EFFECTS, Effect, Terms
 from flywheel.records import Floats
 from flywheel.results import ResultRecord
 from flywheel.robots import load_robot
-from flywheel.truth_simulator.cases import Case, Recorded
 from flywheel.truth_simulator.effect import EffectTruth
 
 

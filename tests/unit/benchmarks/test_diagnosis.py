@@ -6,12 +6,12 @@ import pytest
 
 from benchmarks.diagnosis.bench import examine
 from benchmarks.diagnosis.case_result import CaseResult
+from benchmarks.diagnosis.cases import cases
 from flywheel.cli.models import open_trained
 from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, save_weights
 from flywheel.errors import ConfigError
 from flywheel.robots import load_robot
 from flywheel.runtime.tracking.dashboard import DATABASE
-from flywheel.truth_simulator.cases import cases
 
 
 def test_a_folder_of_another_model_is_refused_and_left_as_it_is(tmp_path: Path) -> None:

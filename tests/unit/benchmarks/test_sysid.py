@@ -6,11 +6,11 @@ from dataclasses import replace
 import pytest
 from mujoco import sysid
 
+from benchmarks.diagnosis.cases import Plan, cases
 from benchmarks.sysid.identification import Fitted
 from benchmarks.sysid.study import CaseStudy, Contender, Setup, study
 from benchmarks.sysid.table import line, rows_of
 from flywheel.robots import load_robot
-from flywheel.truth_simulator.cases import Plan, cases
 from flywheel.truth_simulator.winch_effects import WinchGain
 from tests import draws
 

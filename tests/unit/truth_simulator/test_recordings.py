@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.diagnosis.cases import Case, cases
 from flywheel.errors import ConfigError, UnknownNameError
 from flywheel.robots import ROBOTS, Robot, load_robot
 from flywheel.truth_simulator import HIDDEN
-from flywheel.truth_simulator.cases import Case, cases
 from flywheel.truth_simulator.measurement import Measurement
 from flywheel.truth_simulator.recording import record
 from flywheel.truth_simulator.scripts import SCRIPTS, script
