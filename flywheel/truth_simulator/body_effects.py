@@ -22,7 +22,6 @@ class AirDrag(BodyEffect):
 
     name = "air_drag"
     units: ClassVar = {"drag": "N s/m"}
-    sized: ClassVar = ("drag",)
     drag: float
 
     @classmethod
@@ -40,7 +39,6 @@ class Payload(ModelEffect):
 
     name = "payload"
     units: ClassVar = {"mass": "kg"}
-    sized: ClassVar = ("mass",)
     mass: float
     point: int
 

@@ -23,7 +23,6 @@ class CableDamping(CableEffect):
 
     name = "cable_damping"
     units: ClassVar = {"damping": "N s/m"}
-    sized: ClassVar = ("damping",)
     damping: float
 
     @classmethod
@@ -41,7 +40,6 @@ class CableFriction(CableEffect):
 
     name = "cable_friction"
     units: ClassVar = {"force": "N"}
-    sized: ClassVar = ("force",)
     force: float
     slow: float  # v0 [m/s]
 
@@ -60,7 +58,6 @@ class Capstan(CableEffect):
 
     name = "capstan"
     units: ClassVar = {"coefficient": "-"}
-    sized: ClassVar = ("coefficient",)
     coefficient: float
     slow: float  # v0 [m/s]
 
@@ -78,7 +75,6 @@ class Hysteresis(CableEffect):
 
     name = "hysteresis"
     units: ClassVar = {"stiffness": "N/m", "length": "m"}
-    sized: ClassVar = ("stiffness",)
     stiffness: float
     length: float
 
@@ -98,7 +94,6 @@ class Creep(CableEffect):
 
     name = "creep"
     units: ClassVar = {"share": "-", "time": "s"}
-    sized: ClassVar = ("share",)
     share: float
     time: float
 
@@ -117,7 +112,6 @@ class Stiffening(CableEffect):
 
     name = "stiffening"
     units: ClassVar = {"coefficient": "-"}
-    sized: ClassVar = ("coefficient",)
     coefficient: float
 
     @classmethod
@@ -135,7 +129,6 @@ class WeakCable(CableEffect):
 
     name = "weak_cable"
     units: ClassVar = {"share": "-"}
-    sized: ClassVar = ("share",)
     share: float
     cable: int
 

@@ -48,12 +48,16 @@ class HiddenEffect(ABC):
     Attributes:
       name: in the registry.
       units: parameter -> unit. Fields that are missing here are no parameters.
-      sized: the parameters that grow with the size of the effect.
+      sized: the parameters that grow with the size of the effect; the first one by default.
     """
 
     name: ClassVar[str]
     units: ClassVar[Mapping[str, str]]
     sized: ClassVar[tuple[str, ...]]
+
+    def __init_subclass__(cls) -> None:
+        if "sized" not in vars(cls):
+            cls.sized = tuple(getattr(cls, "units", ()))[:1]
 
     @classmethod
     @abstractmethod

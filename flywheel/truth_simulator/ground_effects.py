@@ -19,7 +19,6 @@ class GroundFriction(GroundEffect, ModelEffect):
 
     name = "ground_friction"
     units: ClassVar = {"share": "-"}
-    sized: ClassVar = ("share",)
     share: float
 
     @classmethod
@@ -36,7 +35,6 @@ class RollingResistance(GroundEffect, ModelEffect):
 
     name = "rolling_resistance"
     units: ClassVar = {"length": "m"}
-    sized: ClassVar = ("length",)
     length: float
 
     @classmethod
@@ -82,7 +80,6 @@ class ContactSoftness(GroundEffect, ModelEffect):
 
     name = "contact_softness"
     units: ClassVar = {"share": "-"}
-    sized: ClassVar = ("share",)
     share: float
 
     @classmethod

@@ -47,7 +47,6 @@ class FrictionByStiffness(OtherForm, CableEffect):
     name = "friction_by_stiffness"
     family = "cable_friction"
     units: ClassVar = {"stretch": "m"}
-    sized: ClassVar = ("stretch",)
     stretch: float
     slow: float  # v0 [m/s]
 
@@ -68,7 +67,6 @@ class FrictionByCable(OtherForm, CableEffect):
     name = "friction_by_cable"
     family = "cable_friction"
     units: ClassVar = {"force": "N"}
-    sized: ClassVar = ("force",)
     force: float  # the middle one
     shares: tuple[float, ...]
     slow: float  # v0 [m/s]
@@ -90,7 +88,6 @@ class HysteresisByStiffness(OtherForm, CableEffect):
     name = "hysteresis_by_stiffness"
     family = "hysteresis"
     units: ClassVar = {"share": "-", "length": "m"}
-    sized: ClassVar = ("share",)
     share: float
     length: float
 
@@ -112,7 +109,6 @@ class CreepOnLength(OtherForm, CableEffect):
     name = "creep_on_length"
     family = "creep"
     units: ClassVar = {"share": "-", "time": "s"}
-    sized: ClassVar = ("share",)
     share: float
     time: float
 
@@ -132,7 +128,6 @@ class StiffeningFromTheStart(OtherForm, CableEffect):
     name = "stiffening_from_the_start"
     family = "stiffening"
     units: ClassVar = {"coefficient": "-"}
-    sized: ClassVar = ("coefficient",)
     coefficient: float
 
     @classmethod
@@ -151,7 +146,6 @@ class GainByWinch(OtherForm, WinchEffect):
     name = "gain_by_winch"
     family = "winch_gain"
     units: ClassVar = {"share": "-"}
-    sized: ClassVar = ("share",)
     share: float  # the middle one
     shares: tuple[float, ...]
 
@@ -171,7 +165,6 @@ class BacklashOfOneWinch(OtherForm, WinchEffect):
     name = "backlash_of_one_winch"
     family = "winch_backlash"
     units: ClassVar = {"width": "m"}
-    sized: ClassVar = ("width",)
     width: float
     winch: int
 
@@ -192,7 +185,6 @@ class LagByDirection(OtherForm, WinchEffect):
     name = "lag_by_direction"
     family = "actuator_lag"
     units: ClassVar = {"time": "s"}
-    sized: ClassVar = ("time",)
     time: float  # when they slow down
 
     @classmethod
@@ -214,7 +206,6 @@ class QuadraticDrag(OtherForm, BodyEffect):
     name = "quadratic_drag"
     family = "air_drag"
     units: ClassVar = {"drag": "N s^2/m^2"}
-    sized: ClassVar = ("drag",)
     drag: float
 
     @classmethod
@@ -232,7 +223,6 @@ class Stribeck(CableEffect):
 
     name = "stribeck"
     units: ClassVar = {"force": "N"}
-    sized: ClassVar = ("force",)
     force: float
     slow: float  # v0; vs is ten times that [m/s]
 
@@ -252,7 +242,6 @@ class BoucWen(CableEffect):
 
     name = "bouc_wen"
     units: ClassVar = {"stiffness": "N/m", "length": "m"}
-    sized: ClassVar = ("stiffness",)
     stiffness: float
     length: float
 
@@ -276,7 +265,6 @@ class SlackFirst(CableEffect):
 
     name = "slack_first"
     units: ClassVar = {"stretch": "m"}
-    sized: ClassVar = ("stretch",)
     stretch: float
 
     @classmethod
@@ -294,7 +282,6 @@ class Warming(CableEffect):
 
     name = "warming"
     units: ClassVar = {"share": "-", "energy": "J"}
-    sized: ClassVar = ("share",)
     share: float
     energy: float
 
@@ -314,7 +301,6 @@ class Yielding(CableEffect):
 
     name = "yielding"
     units: ClassVar = {"share": "-"}
-    sized: ClassVar = ("share",)
     share: float
     cable: int
 
@@ -335,7 +321,6 @@ class Sag(CableEffect):
 
     name = "sag"
     units: ClassVar = {"force": "N"}
-    sized: ClassVar = ("force",)
     force: float
 
     @classmethod
@@ -354,7 +339,6 @@ class DeadBand(WinchEffect):
 
     name = "dead_band"
     units: ClassVar = {"rate": "m/s"}
-    sized: ClassVar = ("rate",)
     rate: float
 
     @classmethod
@@ -375,7 +359,6 @@ class SlowHauling(WinchEffect):
 
     name = "slow_hauling"
     units: ClassVar = {"share": "-"}
-    sized: ClassVar = ("share",)
     share: float
 
     @classmethod

@@ -55,7 +55,6 @@ class Cogging(WinchEffect):
 
     name = "cogging"
     units: ClassVar = {"ripple": "-", "pitch": "m"}
-    sized: ClassVar = ("ripple",)
     ripple: float
     pitch: float
 
@@ -73,7 +72,6 @@ class CableSlip(RestEffect):
 
     name = "cable_slip"
     units: ClassVar = {"length": "m", "begin": "s"}
-    sized: ClassVar = ("length",)
     length: float
     begin: float
     cable: int
@@ -96,7 +94,6 @@ class QuadraticDamping(CableEffect):
 
     name = "quadratic_damping"
     units: ClassVar = {"damping": "N s^2/m^2"}
-    sized: ClassVar = ("damping",)
     damping: float
 
     @classmethod
@@ -114,7 +111,6 @@ class StiffnessDrift(CableEffect):
 
     name = "stiffness_drift"
     units: ClassVar = {"share": "-", "seconds": "s"}
-    sized: ClassVar = ("share",)
     share: float
     seconds: float
 
@@ -138,7 +134,6 @@ class RodFlex(FlexEffect):
 
     name = "rod_flex"
     units: ClassVar = {"compliance": "m/N", "time": "s"}
-    sized: ClassVar = ("compliance",)
     compliance: float
     time: float
 

@@ -42,7 +42,6 @@ class SensorLatency(SensingEffect):
 
     name = "sensor_latency"
     units: ClassVar = {"time": "s"}
-    sized: ClassVar = ("time",)
     time: float
 
     @classmethod

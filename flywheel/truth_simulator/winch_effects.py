@@ -19,7 +19,6 @@ class WinchBacklash(WinchEffect):
 
     name = "winch_backlash"
     units: ClassVar = {"width": "m"}
-    sized: ClassVar = ("width",)
     width: float
 
     @classmethod
@@ -36,7 +35,6 @@ class CommandDelay(WinchEffect):
 
     name = "command_delay"
     units: ClassVar = {"time": "s"}
-    sized: ClassVar = ("time",)
     time: float
 
     @classmethod
@@ -54,7 +52,6 @@ class ActuatorLag(WinchEffect):
 
     name = "actuator_lag"
     units: ClassVar = {"time": "s"}
-    sized: ClassVar = ("time",)
     time: float
 
     @classmethod
@@ -75,7 +72,6 @@ class WinchGain(WinchEffect):
 
     name = "winch_gain"
     units: ClassVar = {"share": "-"}
-    sized: ClassVar = ("share",)
     share: float
 
     @classmethod
@@ -93,7 +89,6 @@ class TorqueSpeed(WinchEffect):
 
     name = "torque_speed"
     units: ClassVar = {"slope": "1/N"}
-    sized: ClassVar = ("slope",)
     slope: float
 
     @classmethod
