@@ -11,14 +11,8 @@ from flywheel.errors import ConfigError
 from flywheel.records import Floats
 from flywheel.robots import ObstacleCourse, Robot, load_course
 from flywheel.tasks.config import TaskConfig
-from flywheel.tasks.reach import (
-    ATTEMPTS,
-    around_boxes,
-    check_start,
-    drawn_goal,
-    on_open_ground,
-    ways_to,
-)
+from flywheel.tasks.distance import StraightLine
+from flywheel.tasks.reach import ATTEMPTS, check_start, drawn_goal, going, ways_to
 from flywheel.tasks.task import Stand, Task
 
 
@@ -52,7 +46,7 @@ def tour(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConf
         goals.append(here)
     task: Task | None = None
     for goal in reversed(goals):
-        task = on_open_ground("tour", robot, goal, config, task)
+        task = replace(going("tour", robot, goal, StraightLine(goal), config), then=task)
     assert task is not None, "a tour has at least one stop"
     return task
 
@@ -67,7 +61,7 @@ def _through(
     """The path from `here` (2,) to one goal after the other."""
     goal, *later = goals
     ways = ways_to(goal, here, course.obstacles, robot, config)
-    task = around_boxes("obstacle_course", robot, goal, ways, course.obstacles, config)
+    task = going("obstacle_course", robot, goal, ways, config, course.obstacles)
     return replace(task, then=_through(course, robot, goal, later, config)) if later else task
 
 

@@ -10,7 +10,7 @@ from flywheel.robots import Box, Robot
 from flywheel.tasks.config import TaskConfig
 from flywheel.tasks.costs import Arrival, Broadside, Collision, FinalDistance, MeanDistance
 from flywheel.tasks.distance import Grid, StraightLine, grid_around, near_boxes
-from flywheel.tasks.task import Cost, Task
+from flywheel.tasks.task import Distance, Task
 
 ATTEMPTS = 200  # draws of goal and boxes before a course counts as impossible
 MARGIN = 2.0  # margin of ground around start, goal and boxes [robot lengths]
@@ -19,62 +19,53 @@ MARGIN = 2.0  # margin of ground around start, goal and boxes [robot lengths]
 def reach(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig) -> Task:
     """A goal on open ground."""
     goal = drawn_goal(robot, robot.center_weights @ start[:, :2], rng, config)
-    return on_open_ground("reach", robot, goal, config)
-
-
-def on_open_ground(
-    name: str, robot: Robot, goal: Floats, config: TaskConfig, then: Task | None = None
-) -> Task:
-    """Go straight to a goal (2,)."""
-    return Task(
-        name=name,
-        robot=robot,
-        goal=goal,
-        tolerance=config.tolerance * robot.length,
-        seconds=config.seconds,
-        to_goal=StraightLine(goal),
-        costs=going(config),
-        then=then,
-    )
+    return going("reach", robot, goal, StraightLine(goal), config)
 
 
 def reach_among_boxes(
     robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig
 ) -> Task:
-    """A goal behind boxes, which the robot has to go around."""
-    here = robot.center_weights @ start[:, :2]
-    boxes, goal, ways = _course(robot, here, start, rng, config)
-    return around_boxes("reach_among_boxes", robot, goal, ways, boxes, config)
+    """A goal behind boxes, which the robot has to go around; drawn until it can be reached."""
+    here, why = robot.center_weights @ start[:, :2], ""
+    for _ in range(ATTEMPTS):
+        goal = drawn_goal(robot, here, rng, config)
+        boxes = config.obstacles or _boxes(robot, here, goal, rng, config)
+        try:
+            check_start(robot, here, start, boxes)
+            ways = ways_to(goal, here, boxes, robot, config)
+            return going("reach_among_boxes", robot, goal, ways, config, boxes)
+        except ConfigError as error:
+            why = str(error)
+    raise ConfigError(
+        f"No course could be drawn in {ATTEMPTS} attempts; the last one failed: {why} Allow goals "
+        "farther away (radius), fewer or smaller boxes, or less clearance."
+    )
 
 
-def around_boxes(
+def going(
     name: str,
     robot: Robot,
     goal: Floats,
-    ways: Grid,
-    boxes: tuple[Box, ...],
+    to_goal: Distance,
     config: TaskConfig,
+    boxes: tuple[Box, ...] = (),
 ) -> Task:
-    """Go to a goal (2,) by paths around boxes."""
+    """Go to a goal (2,), straight or by paths around boxes."""
     return Task(
         name=name,
         robot=robot,
         goal=goal,
         tolerance=config.tolerance * robot.length,
         seconds=config.seconds,
-        to_goal=ways,
-        costs=(*going(config), Collision(config.near)),
+        to_goal=to_goal,
+        costs=(
+            MeanDistance(config.along),
+            FinalDistance(config.final),
+            Broadside(config.broadside),
+            Arrival(config.arrival),
+            *([Collision(config.near)] if boxes else []),
+        ),
         obstacles=boxes,
-    )
-
-
-def going(config: TaskConfig) -> tuple[Cost, ...]:
-    """Cost terms common to all paths to a goal."""
-    return (
-        MeanDistance(config.along),
-        FinalDistance(config.final),
-        Broadside(config.broadside),
-        Arrival(config.arrival),
     )
 
 
@@ -84,25 +75,6 @@ def drawn_goal(robot: Robot, here: Floats, rng: np.random.Generator, config: Tas
         return np.array(config.goal)
     radius, bearing = rng.uniform(*config.radius), rng.uniform(-np.pi, np.pi)
     return here + radius * robot.length * np.array([np.cos(bearing), np.sin(bearing)])
-
-
-def _course(
-    robot: Robot, here: Floats, start: Floats, rng: np.random.Generator, config: TaskConfig
-) -> tuple[tuple[Box, ...], Floats, Grid]:
-    """Boxes, goal and paths around, drawn until the goal can be reached."""
-    why = ""
-    for _ in range(ATTEMPTS):
-        goal = drawn_goal(robot, here, rng, config)
-        boxes = config.obstacles or _boxes(robot, here, goal, rng, config)
-        try:
-            check_start(robot, here, start, boxes)
-            return boxes, goal, ways_to(goal, here, boxes, robot, config)
-        except ConfigError as error:
-            why = str(error)
-    raise ConfigError(
-        f"No course could be drawn in {ATTEMPTS} attempts; the last one failed: {why} Allow goals "
-        "farther away (radius), fewer or smaller boxes, or less clearance."
-    )
 
 
 def ways_to(
