@@ -15,7 +15,6 @@ from flywheel.records import (
     Floats,
     Observation,
     Outcome,
-    Past,
     Provenance,
     Split,
     State,
@@ -25,7 +24,7 @@ from flywheel.robots import Robot
 from flywheel.tasks import Task
 
 
-class PlantLog:
+class PlantLog(EpisodeLog):
     """An episode on a plant so far, including the true states.
 
     Args:
@@ -46,15 +45,10 @@ class PlantLog:
         steps: int,
         reckoning: Reckoning,
     ) -> None:
-        self._plant, self._measurement, self._rng = plant, measurement, rng
-        self._log = EpisodeLog(plant.robot, plant.dt, steps, reckoning, plant.terrain)
+        super().__init__(plant.robot, plant.dt, steps, reckoning, plant.terrain)
+        self._measurement, self._rng = measurement, rng
         self._states = [start[:, None]]
         self._measure(plant.observe(start[:, None]), 0)
-
-    @property
-    def done(self) -> int:
-        """Control steps so far."""
-        return self._log.done
 
     @property
     def state(self) -> State:
@@ -65,21 +59,16 @@ class PlantLog:
         """Append the plant's motion from the present on."""
         assert simulated.states is not None
         self._measure(simulated.observations[:, 1:], self.done + 1)
-        self._log.command(simulated.controls[0])
+        self.command(simulated.controls[0])
         self._states.append(simulated.states[:, 1:])
 
-    def past(self) -> Past:
-        """The past up to now."""
-        return self._log.past(self.state)
-
-    def trajectory(self) -> Trajectory:
-        """The whole trajectory, unbatched."""
+    def states(self) -> State:
+        """The true states of the whole trajectory, unbatched."""
         parts = [(s.qpos, s.qvel, s.act) for s in self._states]
-        states = State(*(np.concatenate(part, axis=1) for part in zip(*parts, strict=True)))
-        return self._log.trajectory(states[0])
+        return State(*(np.concatenate(part, axis=1) for part in zip(*parts, strict=True)))[0]
 
     def _measure(self, truth: Observation, first: int) -> None:
-        self._log.see(self._measurement.apply(truth, self._plant.robot, self._rng), first)
+        self.see(self._measurement.apply(truth, self.robot, self._rng), first)
 
 
 def record_episode(
@@ -126,7 +115,7 @@ def record_episode(
     commands: dict[float, Command] = {}
     reached, course = False, plant.begin(start)
     while log.done < steps and not reached:
-        command = controller.act(log.past())
+        command = controller.act(log.past(log.state))
         commands[log.done * plant.dt] = command
         controls = checked_controls(command.controls, controller.name, plant.robot)
         simulated = course.go(controls[None, : steps - log.done])
@@ -139,7 +128,7 @@ def record_episode(
         if on_piece:
             on_piece(Piece(log.done, simulated, command))
     outcome = None if task is None else _outcome(plant, log, task, reached)
-    track, telemetry = log.trajectory(), telemetry_of(commands)
+    track, telemetry = log.trajectory(log.states()), telemetry_of(commands)
     return Episode(episode_id, track, provenance, split, outcome, telemetry, plant.terrain)
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -21,7 +20,7 @@ from flywheel.control.episode_log import EpisodeLog
 from flywheel.control.protocol import Command, Controller
 from flywheel.dynamics.plant import Reckoning
 from flywheel.errors import LinkError, ModelError
-from flywheel.records import Episode, Floats, Observation, Outcome, Provenance, Split
+from flywheel.records import Episode, Floats, Observation, Outcome, Past, Provenance, Split
 from flywheel.robot_link.protocol import RobotLink, Sample
 from flywheel.robot_link.transcript import ReplayedLink
 from flywheel.robot_link.wire import Reset, Send
@@ -60,7 +59,7 @@ class _Going:
     """A drive in progress."""
 
     log: EpisodeLog
-    planner: Planner | _Repeated
+    planner: Planner
     task: Task | None
     last_seen: Floats
     skipped: int = 0
@@ -107,9 +106,15 @@ def drive(
         diverged.
     """
     link.info.check_is(robot)
-    log_of = partial(EpisodeLog, robot, link.info.period, reckoning=reckoning, dataset=dataset)
-    first, going, steps = _begun(link, controller, task_of, log_of, seconds, seed, lead)
-    why = ""
+    link.reset(seed)
+    first = link.info.check(link.observe())
+    seen = without_gaps(first.points)
+    task = task_of(seen)
+    steps = steps_of(seconds if task is None else min(seconds, task.seconds), link.info.period)
+    log = EpisodeLog(robot, link.info.period, steps, reckoning, dataset=dataset)
+    log.see(_observation(first), 0)
+    controller.reset(task, seed)
+    going, why = _Going(log, Planner(controller, log, lead), task, seen), ""
     try:
         ended = _go(link, going, first, steps, on_step)
     except (LinkError, ModelError) as error:
@@ -123,7 +128,7 @@ def drive(
     finally:
         _hold_still(link)
         going.planner.close()
-    episode = _episode(going, episode_id, provenance, split, why)
+    episode = _episode(going, episode_id, provenance, split)
     return Drive(episode, ended, why, going.planner.late, going.skipped)
 
 
@@ -146,45 +151,38 @@ def replayed(
     Raises:
       LinkError: it is of another robot, or ends before the first step.
     """
-    link.info.check_is(robot)
-    link.reset(link.coming(Reset).seed)
-    first = link.info.check(link.observe())
-    steps = steps_of(max(link.seconds - first.time, link.info.period), link.info.period)
-    log = EpisodeLog(robot, link.info.period, steps, reckoning)
-    log.see(_observation(first), 0)
-    going = _Going(log, _Repeated(link), None, without_gaps(first.points))
-    ended: Ending = "time"
-    try:
-        ended = _go(link, going, first, steps, None)
-    except LinkError:
-        if not log.done:
-            raise
-    return Drive(_episode(going, episode_id, provenance, "train", ""), ended, "", 0, going.skipped)
-
-
-def _begun(
-    link: RobotLink,
-    controller: Controller,
-    task_of: TaskOf,
-    log_of: Callable[..., EpisodeLog],
-    seconds: float,
-    seed: int,
-    lead: int,
-) -> tuple[Sample, _Going, int]:
-    """The first measurement, the drive that starts with it, and its maximum number of control steps."""
-    dt = link.info.period
-    link.reset(seed)
-    first = link.info.check(link.observe())
-    task = task_of(without_gaps(first.points))
-    steps = steps_of(seconds if task is None else min(seconds, task.seconds), dt)
-    log = log_of(steps=steps)
-    log.see(_observation(first), 0)
-    controller.reset(task, seed)
-    return (
-        first,
-        _Going(log, Planner(controller, log, lead), task, without_gaps(first.points)),
-        steps,
+    return drive(
+        link,
+        robot,
+        _Recorded(link),
+        lambda points: None,
+        seconds=max(link.seconds, link.info.period),
+        seed=link.coming(Reset).seed,
+        episode_id=episode_id,
+        provenance=provenance,
+        split="train",
+        reckoning=reckoning,
     )
+
+
+class _Recorded:
+    """A controller that repeats the commands of a transcript."""
+
+    name, model, history = "recorded", "", 0
+
+    def __init__(self, link: ReplayedLink) -> None:
+        self._link = link
+
+    def reset(self, task: Task | None, seed: int) -> None:
+        """Nothing: recorded commands cannot change."""
+
+    def act(self, past: Past) -> Command:
+        """The next recorded command.
+
+        Raises:
+          LinkError: the transcript has ended.
+        """
+        return Command(np.array([self._link.coming(Send).controls]))
 
 
 def _go(
@@ -292,30 +290,6 @@ class Planner:
         self._plan = _Plan(np.concatenate([controls, tail]))
 
 
-class _Repeated:
-    """Replacement for a planner: returns the commands of a transcript."""
-
-    late = 0
-
-    def __init__(self, link: ReplayedLink) -> None:
-        self._link = link
-        self.commands: dict[float, Command] = {}
-
-    def command(self) -> Floats:
-        """The next recorded command (W,).
-
-        Raises:
-          LinkError: the transcript has ended.
-        """
-        return np.array(self._link.coming(Send).controls)
-
-    def begin(self, task: Task) -> None:
-        """Nothing: recorded plans cannot change."""
-
-    def close(self) -> None:
-        """Nothing: no thread is running."""
-
-
 @dataclass(frozen=True)
 class _Plan:
     """Commands (n, W) starting at a given control step."""
@@ -353,9 +327,7 @@ def _hold_still(link: RobotLink) -> None:
         return  # it holds still by itself once the last command is not valid any more
 
 
-def _episode(
-    going: _Going, episode_id: str, provenance: Provenance, split: Split, why: str
-) -> Episode:
+def _episode(going: _Going, episode_id: str, provenance: Provenance, split: Split) -> Episode:
     log, task = going.log, going.task
     outcome = None
     if task is not None:
