@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import mujoco
@@ -38,11 +39,11 @@ def read_cables(
         for index, winch in enumerate(winches)
         for cable, actuator in zip(winch.cables, winch.actuators, strict=True)
     }
-    problems, cables = Problems(), []
+    problems, cables, tendons = Problems(), [], _Tendons(model, data, bodies, points)
     for tendon in range(model.ntendon):
-        read = partial(_passive, model, data, bodies, points, tendon)
+        read = partial(tendons.passive, tendon)
         if tendon in actuators:
-            read = partial(_winched, model, data, bodies, points, tendon, *actuators[tendon], act)
+            read = partial(tendons.winched, tendon, *actuators[tendon], act)
         cables.append(problems.attempt(read))
     problems.check()
     return tuple(cable for cable in cables if cable is not None)
@@ -58,59 +59,92 @@ def refuse_without_cables(model: mujoco.MjModel) -> None:
         raise RobotError("The MJCF has no tendon; a cable-driven robot needs at least one cable.")
 
 
-def _winched(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    bodies: tuple[Body, ...],
-    points: tuple[TrackedPoint, ...],
-    tendon: int,
-    winch: int,
-    actuator: int,
-    act: Floats,
-) -> Cable:
-    name = model.tendon(tendon).name
-    if model.tendon_stiffness[tendon] != 0:
-        raise RobotError(
-            f"The tendon {name!r} has a winch and its own stiffness; a winched cable's stiffness "
-            "is its actuator's gainprm. Put a parallel spring on a separate tendon."
-        )
-    return Cable(
-        name=name,
-        ends=_ends(model, data, bodies, points, tendon),
-        stiffness=float(model.actuator_gainprm[actuator, 0]),
-        damping=float(model.tendon_damping[tendon] - model.actuator_biasprm[actuator, 2]),
-        rest_length=float(act[model.actuator_actadr[actuator]]),
-        winch=winch,
-    )
+@dataclass(frozen=True)
+class _Tendons:
+    """The tendons of a robot at its keyframe, with kinematics computed, each as a cable."""
 
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    bodies: tuple[Body, ...]
+    points: tuple[TrackedPoint, ...]
 
-def _passive(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    bodies: tuple[Body, ...],
-    points: tuple[TrackedPoint, ...],
-    tendon: int,
-) -> Cable:
-    name = model.tendon(tendon).name
-    ends = _ends(model, data, bodies, points, tendon)
-    stiffness, damping = model.tendon_stiffness[tendon], model.tendon_damping[tendon]
-    low, rest = model.tendon_lengthspring[tendon]
-    clamped = _clamped_actuator(model, tendon)
-    if clamped is not None:
-        pull, minus_k, minus_c = model.actuator_biasprm[clamped, :3]
-        if stiffness == 0 and minus_k < 0:
-            return Cable(name, ends, -minus_k, damping - minus_c, -pull / minus_k, -1)
-    elif stiffness > 0 and low == 0 < rest:
-        return Cable(name, ends, float(stiffness), float(damping), float(rest), -1)
-    elif stiffness > 0:
-        raise RobotError(
-            f"The tendon {name!r} would push when shorter than {low:g} m; a cable only pulls: "
-            f'write springlength="0 {rest:g}".'
+    def winched(self, tendon: int, winch: int, actuator: int, act: Floats) -> Cable:
+        """A cable with a winch, given the keyframe's activations (na,)."""
+        model, name = self.model, self.model.tendon(tendon).name
+        if model.tendon_stiffness[tendon] != 0:
+            raise RobotError(
+                f"The tendon {name!r} has a winch and its own stiffness; a winched cable's stiffness "
+                "is its actuator's gainprm. Put a parallel spring on a separate tendon."
+            )
+        return Cable(
+            name=name,
+            ends=self._ends(tendon),
+            stiffness=float(model.actuator_gainprm[actuator, 0]),
+            damping=float(model.tendon_damping[tendon] - model.actuator_biasprm[actuator, 2]),
+            rest_length=float(act[model.actuator_actadr[actuator]]),
+            winch=winch,
         )
-    raise RobotError(
-        f"Nothing pulls the tendon {name!r}: it needs a winch, a stiffness, or one passive actuator "
-        'with gainprm "0", biastype "affine", biasprm "k*L -k -c" and forcerange "-F 0".'
-    )
+
+    def passive(self, tendon: int) -> Cable:
+        """A cable that no winch drives."""
+        model, name, ends = self.model, self.model.tendon(tendon).name, self._ends(tendon)
+        stiffness, damping = model.tendon_stiffness[tendon], model.tendon_damping[tendon]
+        low, rest = model.tendon_lengthspring[tendon]
+        clamped = _clamped_actuator(model, tendon)
+        if clamped is not None:
+            pull, minus_k, minus_c = model.actuator_biasprm[clamped, :3]
+            if stiffness == 0 and minus_k < 0:
+                return Cable(name, ends, -minus_k, damping - minus_c, -pull / minus_k, -1)
+        elif stiffness > 0 and low == 0 < rest:
+            return Cable(name, ends, float(stiffness), float(damping), float(rest), -1)
+        elif stiffness > 0:
+            raise RobotError(
+                f"The tendon {name!r} would push when shorter than {low:g} m; a cable only pulls: "
+                f'write springlength="0 {rest:g}".'
+            )
+        raise RobotError(
+            f"Nothing pulls the tendon {name!r}: it needs a winch, a stiffness, or one passive actuator "
+            'with gainprm "0", biastype "affine", biasprm "k*L -k -c" and forcerange "-F 0".'
+        )
+
+    def _ends(self, tendon: int) -> tuple[Attachment, Attachment]:
+        model, name = self.model, self.model.tendon(tendon).name
+        if model.tendon_limited[tendon] and model.tendon_range[tendon, 0] > 0:
+            raise RobotError(
+                f"The tendon {name!r} would push when shorter than {model.tendon_range[tendon, 0]:g} m (its "
+                "range); a cable only pulls: begin its range with 0."
+            )
+        path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+        kinds = [
+            mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower()
+            for k in model.wrap_type[path]
+        ]
+        if kinds != ["site", "site"]:
+            raise RobotError(
+                f"The tendon {name!r} passes {' -> '.join(kinds)}; a cable is straight between exactly two "
+                "sites (no joints, pulleys or wrapping)."
+            )
+        first, second = (self._attachment(int(site)) for site in model.wrap_objid[path])
+        if first.body == second.body:
+            where = "the world" if first.body < 0 else f"the body {self.bodies[first.body].name!r}"
+            raise RobotError(
+                f"The tendon {name!r} has both ends on {where}; a cable must connect two bodies, or one "
+                "body with the world."
+            )
+        return first, second
+
+    def _attachment(self, site: int) -> Attachment:
+        body = body_index(self.model, self.model.site_bodyid[site])
+        offset = in_body_frame(self.model, self.data, body, self.data.site_xpos[site])
+        if body < 0:
+            return Attachment(-1, offset, -1)
+
+        def gap(point: int) -> tuple[float, ...]:
+            """Distance to a point; ties are broken by position, not by number."""
+            place = self.points[point].offset
+            return round(float(np.linalg.norm(place - offset)), 9), *place
+
+        return Attachment(body, offset, min(self.bodies[body].points, key=gap))
 
 
 def _clamped_actuator(model: mujoco.MjModel, tendon: int) -> int | None:
@@ -125,57 +159,3 @@ def _clamped_actuator(model: mujoco.MjModel, tendon: int) -> int | None:
         and model.actuator_forcerange[a, 1] <= 0
     ]
     return found[0] if len(found) == 1 else None
-
-
-def _ends(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    bodies: tuple[Body, ...],
-    points: tuple[TrackedPoint, ...],
-    tendon: int,
-) -> tuple[Attachment, Attachment]:
-    name = model.tendon(tendon).name
-    if model.tendon_limited[tendon] and model.tendon_range[tendon, 0] > 0:
-        raise RobotError(
-            f"The tendon {name!r} would push when shorter than {model.tendon_range[tendon, 0]:g} m (its "
-            "range); a cable only pulls: begin its range with 0."
-        )
-    path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-    kinds = [
-        mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower() for k in model.wrap_type[path]
-    ]
-    if kinds != ["site", "site"]:
-        raise RobotError(
-            f"The tendon {name!r} passes {' -> '.join(kinds)}; a cable is straight between exactly two "
-            "sites (no joints, pulleys or wrapping)."
-        )
-    first, second = (
-        _attachment(model, data, bodies, points, int(site)) for site in model.wrap_objid[path]
-    )
-    if first.body == second.body:
-        where = "the world" if first.body < 0 else f"the body {bodies[first.body].name!r}"
-        raise RobotError(
-            f"The tendon {name!r} has both ends on {where}; a cable must connect two bodies, or one "
-            "body with the world."
-        )
-    return first, second
-
-
-def _attachment(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    bodies: tuple[Body, ...],
-    points: tuple[TrackedPoint, ...],
-    site: int,
-) -> Attachment:
-    body = body_index(model, model.site_bodyid[site])
-    offset = in_body_frame(model, data, body, data.site_xpos[site])
-    if body < 0:
-        return Attachment(-1, offset, -1)
-
-    def gap(point: int) -> tuple[float, ...]:
-        """Distance to a point; ties are broken by position, not by number."""
-        place = points[point].offset
-        return round(float(np.linalg.norm(place - offset)), 9), *place
-
-    return Attachment(body, offset, min(bodies[body].points, key=gap))
