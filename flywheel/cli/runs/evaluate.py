@@ -83,7 +83,7 @@ def _rows(
     from flywheel.runtime.pool.progress import console_progress
     from flywheel.runtime.run.folder import name_of
     from flywheel.runtime.workers.episode_plan import derive_seed
-    from flywheel.runtime.workers.sim_worker import Baseline, SimWorker
+    from flywheel.runtime.workers.sim_worker import SimWorker
 
     config, apart = run.config, list(groups) != ["all"]
     worker = SimWorker(config, run.folder.store_url(config), run.robot)
@@ -99,12 +99,7 @@ def _rows(
         for done, (name, group) in enumerate(asked):
             stage.update(done, f"{name}, {group}" if apart else name)
             effects = known.get(name, latest)
-            subject, share = subjects[name], (groups[group], seed, full, effects)
-            found = (
-                worker.score_baseline(subject, *share)
-                if isinstance(subject, Baseline)
-                else worker.score_model(subject, *share)
-            )
+            found = worker.score(subjects[name], groups[group], seed, full, effects)
             rows.append((*((group,) if apart else ()), name, *_row(found)))
     return rows
 

@@ -12,32 +12,30 @@ repair: []                         # mask exchanged markers instead of putting t
 from __future__ import annotations
 
 import math
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from flywheel.data.recordings.table import LONGEST_NAME, is_plain
 from flywheel.errors import ConfigError
 from flywheel.files import read_yaml, shown
 from flywheel.quantities import Bounds, ControlStep
 from flywheel.records import Floats
-from flywheel.validation import Frozen
+from flywheel.validation import Frozen, validated
 
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}  # angle of a winch's drum
 LONGEST_WORDS = 1000  # characters of a note
-MOST_PROBLEMS = 8  # problems of a map listed in a message
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Repair = Literal["swaps"]
 
 
 def _plain(text: str) -> str:
     if not is_plain(text):
-        raise ValueError("control characters are not allowed")
+        raise ValueError(f"control characters are not allowed; got {shown(text)}")
     return text
 
 
@@ -153,30 +151,5 @@ def read_map(path: Path) -> RecordingMap:
         wrong value.
     """
     values = read_yaml(path, "map", ConfigError)
-    try:
-        return RecordingMap.model_validate({} if values is None else values)
-    except ValidationError as error:
-        problems = [f"\n  {_explained(each)}" for each in error.errors()[:MOST_PROBLEMS]]
-        more = error.error_count() - len(problems)
-        raise ConfigError(
-            f"{path} is not a map of a recording:{''.join(problems)}"
-            + (f"\n  and {more} more." if more else "")
-        ) from None
-
-
-def _explained(error: Any) -> str:
-    where = ".".join(_key(part) for part in error["loc"]) or "(the whole)"
-    if error["type"] != "extra_forbidden":
-        return f"{where}: {error['msg']}; got {shown(error['input'])}."
-    parts: dict[str, type[BaseModel]] = {"units": Units, "axes": Axes}
-    owner = parts.get(str(error["loc"][0]), RecordingMap) if len(error["loc"]) > 1 else RecordingMap
-    allowed = list(owner.model_fields)
-    near = get_close_matches(str(error["loc"][-1])[:LONGEST_NAME], allowed, n=1)
-    hint = f" Did you mean {near[0]!r}?" if near else ""
-    return f"{where}: unknown key.{hint} Allowed: {', '.join(allowed)}."
-
-
-def _key(part: int | str) -> str:
-    """A part of a setting's path, shortened and escaped if necessary."""
-    text = str(part)
-    return text if len(text) <= LONGEST_NAME and text.isprintable() else shown(text)
+    complaint = f"{path} is not a map of a recording"
+    return validated(RecordingMap, {} if values is None else values, complaint, ConfigError)

@@ -15,8 +15,9 @@ from flywheel.results import DiagnosisNote
 from flywheel.runtime.pool.jobs import Job
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.stages.outcomes import Tally
-from flywheel.runtime.stages.scoring import KnownPlant, score_jobs, scored
+from flywheel.runtime.stages.scoring import score_jobs, scored
 from flywheel.runtime.workers.episode_plan import Effects
+from flywheel.runtime.workers.sim_worker import KnownPlant
 
 EXPECTED_SECONDS = 60.0  # of one diagnosis; for the remaining time that is shown
 

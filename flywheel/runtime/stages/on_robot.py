@@ -11,9 +11,9 @@ from flywheel.runtime.pool.jobs import Job, PoolReport
 from flywheel.runtime.run.context import Model, Run, usable
 from flywheel.runtime.stages.collect import valid_notes
 from flywheel.runtime.stages.outcomes import ArmOutcome, Tally
-from flywheel.runtime.stages.scoring import KnownPlant, navigation, score_jobs, scored
+from flywheel.runtime.stages.scoring import navigation, score_jobs, scored
 from flywheel.runtime.workers.episode_plan import EpisodePlan, robot_drives
-from flywheel.runtime.workers.sim_worker import Baseline
+from flywheel.runtime.workers.sim_worker import Baseline, KnownPlant
 
 GIVEN, PLANT, RESIDUAL, NETWORK, NOISE = "given", "plant", "residual", "network", "noise"
 

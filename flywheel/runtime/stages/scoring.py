@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
@@ -14,18 +13,11 @@ from flywheel.results import ErrorNumbers, Errors, Navigation
 from flywheel.runtime.pool.jobs import Job, PoolReport
 from flywheel.runtime.run.context import Model, Run, episode_notes
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan, derive_seed
-from flywheel.runtime.workers.sim_worker import Baseline, Scores, added
+from flywheel.runtime.workers.sim_worker import Baseline, KnownPlant, Scores, added
 
 EPISODES_PER_JOB = 8  # fixed, so that the size of a batch does not depend on the number of workers
 PLANS_KEPT = 2000
 _NOT_FINITE = Errors(short=ErrorNumbers(e_pos_mse=math.nan, e_pos_rmse=math.nan, e_rot=math.nan))
-
-
-@dataclass(frozen=True)
-class KnownPlant:
-    """The MJCF with known effects, restarted from measurements."""
-
-    effects: Effects
 
 
 def score_jobs(
@@ -48,7 +40,9 @@ def score_jobs(
     """
     full = run.config.evaluate.full if full is None else full
     seed = derive_seed(run.config.seed, "score")
-    method, subject = _method(run, dynamics)
+    subject: Any = dynamics
+    if not isinstance(dynamics, Baseline | KnownPlant):
+        subject = run.shared_weights(dynamics)
     shares = [
         tuple(episodes[i : i + EPISODES_PER_JOB]) for i in range(0, len(episodes), EPISODES_PER_JOB)
     ]
@@ -56,21 +50,12 @@ def score_jobs(
         Job(
             f"score-{name}-{i:03d}",
             "sim",
-            method,
+            "score",
             (subject, share, seed, full, effects),
             size=len(share),
         )
         for i, share in enumerate(shares)
     ]
-
-
-def _method(run: Run, dynamics: Model | Baseline | KnownPlant) -> tuple[str, Any]:
-    """The worker's method that scores a dynamics model, and its first argument."""
-    if isinstance(dynamics, Baseline):
-        return "score_baseline", dynamics
-    if isinstance(dynamics, KnownPlant):
-        return "score_plant", dynamics.effects
-    return "score_model", run.shared_weights(dynamics)
 
 
 def scored(report: PoolReport, jobs: Sequence[Job]) -> Errors | None:

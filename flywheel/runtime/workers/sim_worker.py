@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from flywheel.data import TrajectoryStore
-from flywheel.diagnosis import Diagnosis
+from flywheel.diagnosis import Diagnosis, diagnose
 from flywheel.diagnosis.fitting.windows import noise_floor
 from flywheel.dynamics import Persistence
 from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
@@ -37,7 +37,6 @@ from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.heartbeat import Heartbeat
 from flywheel.runtime.pool.jobs import Beat
-from flywheel.runtime.workers.diagnosis_job import diagnose_plant
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
@@ -46,6 +45,7 @@ from flywheel.runtime.workers.stored_episodes import (
     EpisodeWinches,
     committed,
     effects_of,
+    excerpt,
     overlay,
 )
 
@@ -66,6 +66,14 @@ class Baseline(StrEnum):
     INFORMED_FLOOR = "informed floor"
 
 
+@dataclass(frozen=True)
+class KnownPlant:
+    """The MJCF with known effects, restarted from measurements."""
+
+    effects: Effects
+
+
+Subject = AnyWeights | Baseline | KnownPlant
 ROLLS: dict[Baseline, Literal["random", "relaxed"]] = {
     Baseline.FLOOR: "random",
     Baseline.INFORMED_FLOOR: "relaxed",
@@ -136,55 +144,35 @@ class SimWorker:
         self._store.commit(plan.id, [episode])
         return EpisodeNote.of(episode, self._recorder.walk(plan, episode))
 
-    def score_model(
+    def score(
         self,
-        weights: AnyWeights,
+        subject: Subject,
         episodes: Sequence[str],
         seed: int,
         full: bool,
         effects: Effects = (),
     ) -> Scores:
-        """Score a trained model on episodes of the store.
+        """Score a model, a baseline or the plant on episodes of the store.
 
         Args:
-          weights: of the model.
+          subject: of the score.
           episodes: ids.
           seed: of the starts of the predictions.
           full: also predict whole episodes.
           effects: adopted so far.
         """
-        self._heartbeat.start(f"scoring {weights.digest[:8]}")
+        self._heartbeat.start("scoring")
         found = [self._store.read(name) for name in episodes]
-        return self._scores([(self._model(weights), found)], seed, full, effects)
-
-    def score_baseline(
-        self,
-        baseline: Baseline,
-        episodes: Sequence[str],
-        seed: int,
-        full: bool,
-        effects: Effects = (),
-    ) -> Scores:
-        """Score a baseline; the arguments are those of `score_model`."""
-        self._heartbeat.start(f"scoring {baseline}")
-        found = [self._store.read(name) for name in episodes]
-        if baseline is Baseline.NOISE:
+        if subject is Baseline.NOISE:
             return noise_scores(self._recorder.robot, found, seed)
-        return self._scores(self._baselines(baseline, found), seed, full, effects)
-
-    def score_plant(
-        self,
-        known: Effects,
-        episodes: Sequence[str],
-        seed: int,
-        full: bool,
-        effects: Effects = (),
-    ) -> Scores:
-        """Score the MJCF with known effects, restarted from measurements; the rest as in `score_model`."""
-        self._heartbeat.start("scoring the plant")
-        found = [self._store.read(name) for name in episodes]
-        plant = RestartedPlant.from_measurements(self._recorder.plant(0, known))
-        return self._scores([(plant, found)], seed, full, effects)
+        if isinstance(subject, Baseline):
+            return self._scores(self._baselines(subject, found), seed, full, effects)
+        if isinstance(subject, KnownPlant):
+            plant = self._recorder.plant(0, subject.effects)
+            return self._scores(
+                [(RestartedPlant.from_measurements(plant), found)], seed, full, effects
+            )
+        return self._scores([(self._model(subject), found)], seed, full, effects)
 
     def diagnose(self, effects: Effects, fit: Sequence[str], held_out: Sequence[str]) -> Diagnosis:
         """Identify effects missing from the plant with these effects, with recordings.
@@ -199,15 +187,19 @@ class SimWorker:
           DataError: the recordings cannot be used.
         """
         self._heartbeat.start("diagnosing")
-        named, asked = self._config.diagnose.effects, self._config.library(EFFECTS)
-        return diagnose_plant(
-            self._config.diagnose,
+        config, has = self._config.diagnose, {effect.effect for effect in effects}
+        logs, kept_aside = (
+            excerpt(map(self._store.read, names), config.seconds, config.episode_seconds)
+            for names in (fit, held_out)
+        )
+        return diagnose(
             self._recorder.plant(0, effects, threads=len(os.sched_getaffinity(0))),
-            effects,
-            (self._store.read(name) for name in fit),
-            (self._store.read(name) for name in held_out),
-            self._heartbeat,
-            {name: self._library[name] for name in named or asked},
+            logs,
+            kept_aside,
+            {name: self._library[name] for name in config.effects or self._config.library(EFFECTS)},
+            window_seconds=config.window_seconds,
+            progress=self._heartbeat.progress,
+            unsure={name: share for name, share in config.unsure.items() if name not in has},
         )
 
     def overlay(self, weights: AnyWeights, episode: str, effects: Effects = ()) -> Overlay | None:

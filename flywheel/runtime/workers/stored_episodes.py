@@ -1,9 +1,9 @@
-"""Quantities derived from stored episodes: effects of their plant, winch positions, a predicted window."""
+"""Quantities derived from stored episodes: effects, winch positions, excerpts, a predicted window."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +14,7 @@ from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import NAMED, Effect, WrittenTerm
 from flywheel.errors import DataError
 from flywheel.evaluation import past_at
-from flywheel.records import Episode, Floats, KnownWinch
+from flywheel.records import Episode, Floats, KnownWinch, Trajectory
 from flywheel.results import Overlay
 from flywheel.robots import Robot
 from flywheel.runtime.workers.episode_plan import Effects
@@ -125,6 +125,27 @@ def overlay(
 
 def _places(points: np.ndarray) -> tuple[tuple[tuple[float, float, float], ...], ...]:
     return tuple(tuple((x, y, z) for x, y, z in frame) for frame in points.round(4).tolist())
+
+
+def excerpt(episodes: Iterable[Episode], seconds: float, each: float | None) -> list[Trajectory]:
+    """The first episodes, up to `seconds` [s] in all; the last of them is cut.
+
+    Args:
+      episodes: recordings.
+      seconds: largest total duration [s].
+      each: longest part of each of them [s]; None for all of it.
+    """
+    taken, left = [], seconds
+    for episode in episodes:
+        trajectory = episode.trajectory
+        most = left if each is None else min(left, each)
+        steps = min(trajectory.steps, round(most / trajectory.dt))
+        if steps < 1:
+            break
+        seen = trajectory.observations[: steps + 1]
+        taken.append(Trajectory(seen, trajectory.controls[:steps], trajectory.dt))
+        left -= steps * trajectory.dt
+    return taken
 
 
 def effects_of(episode: Episode) -> Effects:

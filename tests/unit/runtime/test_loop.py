@@ -223,10 +223,10 @@ def test_predictions_are_judged_by_what_happened_not_by_what_was_measured(tmp_pa
     names = [e.id for e in bench.store.snapshot("i0000-mppi").episodes]
     robot = load_robot(bench.config.model)
     worker = SimWorker(bench.config, bench.files.store_url(bench.config), robot)
-    informed = worker.score_baseline(Baseline.INFORMED_FLOOR, names, 0, False).short
+    informed = worker.score(Baseline.INFORMED_FLOOR, names, 0, False).short
     noisy = RunConfig.model_validate({**bench.config.model_dump(), "measurement": {}})
     measured = SimWorker(noisy, bench.files.store_url(bench.config), robot)
-    blurred = measured.score_baseline(Baseline.INFORMED_FLOOR, names, 0, False).short
+    blurred = measured.score(Baseline.INFORMED_FLOOR, names, 0, False).short
     noise_of_a_centre = 100 * 0.05 / np.sqrt(2)  # of two caps [% of L]
     expected = np.hypot(informed.e_pos_rmse, np.sqrt(3) * noise_of_a_centre)
     assert blurred.e_pos_rmse == pytest.approx(expected, rel=0.1)

@@ -14,7 +14,7 @@ from flywheel.effects import WrittenTerm
 from flywheel.results import DiagnosisNote
 from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.workers import diagnosis_job
+from flywheel.runtime.workers import sim_worker
 from flywheel.runtime.workers.stored_episodes import effects_of
 from flywheel.truth_simulator import hidden_effect
 from flywheel.truth_simulator.recording import record
@@ -29,7 +29,7 @@ LEAST = {"evaluate": {**TINY["evaluate"], "floor": False}}
 @pytest.fixture(autouse=True)
 def quick(monkeypatch) -> None:
     """Searches without robots whose numbers are all off."""
-    monkeypatch.setattr(diagnosis_job, "diagnose", partial(diagnose, settings=QUICK))
+    monkeypatch.setattr(sim_worker, "diagnose", partial(diagnose, settings=QUICK))
 
 
 def stored_logs(folder, store, *names: str) -> list[str]:

@@ -227,10 +227,10 @@ def test_commands_may_be_angles_of_a_drum(sheet: Callable[..., Sheet]) -> None:
         ('conditions: "\\e[31m"', "control characters are not allowed; got '\\x1b[31m'"),
         (f"conditions: {'x' * 1001}", "at most 1000 characters"),
         (f"ignore: [{'x' * 201}]", "at most 200 characters; got 'xxx"),
-        ("\n".join(f"k{i}: 1" for i in range(1000)), "and 992 more."),
+        ("\n".join(f"k{i}: 1" for i in range(1000)), "and 980 more"),
         ("a: &a [*a]", "contains itself"),
         (BOMB, "more than 1,000,000 values"),
-        ("[1, 2]", "valid dictionary"),
+        ("[1, 2]", "must be a mapping"),
         ("a: [", "log.yaml is not YAML"),
     ],
 )
