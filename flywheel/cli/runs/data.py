@@ -42,21 +42,19 @@ def verify(
     faults = look.faults() if look else _in_store(store, chosen)
     out = console()
     for name in look.strangers() if look else ():
-        out.print(f"note: {name} is not the run's.", markup=False, highlight=False)
+        out.say(f"note: {name} is not the run's.")
     for fault in faults:
-        line = f"{fault.kind} {fault}"
-        out.print(line, style="red", markup=False, soft_wrap=True, highlight=False)
+        out.say(f"{fault.kind} {fault}", style="red")
     if faults:
         many = "1 fault" if len(faults) == 1 else f"{len(faults)} faults"
-        out.print(f"{many}; the rest is as it was committed.", highlight=False)
-        words = f"{_idle(faults)} {look.remedy(faults) if look else ''}"
-        out.print(words.strip(), markup=False, soft_wrap=True, highlight=False)
+        out.say(f"{many}; the rest is as it was committed.")
+        out.say(f"{_idle(faults)} {look.remedy(faults) if look else ''}".strip())
         raise typer.Exit(FAILED)
     count = len(chosen.episodes) if chosen else len(store.committed())
     what = f"{count} episodes of {snapshot}" if chosen else f"{count} segments"
     if look:
         what += " and all files of the run"
-    out.print(f"All {what} are as they were committed.", style="green", highlight=False)
+    out.say(f"All {what} are as they were committed.", style="green")
 
 
 @app.command()
@@ -98,19 +96,16 @@ def rewind(
     moved = rewinding.rewind(RunFolder(run.absolute()), open_store(run), iteration)
     out = console()
     for name in moved:
-        out.print(f"set aside: {name}", markup=False, soft_wrap=True, highlight=False)
-    out.print(
+        out.say(f"set aside: {name}")
+    out.say(
         f"{len(moved)} set aside, in {run / 'aside'} and the store's quarantine/. `flywheel run "
-        f"CONFIG --folder {run} --resume` continues from iteration {iteration}.",
-        markup=False,
-        soft_wrap=True,
-        highlight=False,
+        f"CONFIG --folder {run} --resume` continues from iteration {iteration}."
     )
 
 
 def _show_episodes(chosen: Snapshot) -> None:
     out = console()
-    out.print(f"{chosen.name}: digest {chosen.digest}, parent {chosen.parent or 'none'}")
+    out.say(f"{chosen.name}: digest {chosen.digest}, parent {chosen.parent or 'none'}")
     out.print(
         table(
             f"Episodes of {chosen.name}",
@@ -142,9 +137,9 @@ def _show_snapshots(run: Path, store: TrajectoryStore) -> None:
     columns = ["snapshot", "digest", "parent", "#episodes", "#train", "#validation", "#test"]
     out = console()
     out.print(table(f"Snapshots of {run}", columns, rows))
-    out.print(f"{len(store.committed())} segments are committed.", highlight=False)
+    out.say(f"{len(store.committed())} segments are committed.")
     for words in damaged:
-        out.print(words, style="red", markup=False, soft_wrap=True, highlight=False)
+        out.say(words, style="red")
     if damaged:
         raise typer.Exit(FAILED)
 
@@ -157,12 +152,8 @@ def _in_store(store: TrajectoryStore, chosen: Snapshot | None) -> list[Fault]:
     """Faults in a store without a run."""
     from flywheel.runtime.run.inventory import Fault
 
-    return [
-        Fault(
-            damage.kind, damage.segment, str(damage).removeprefix(f"{damage.segment}: "), idle=True
-        )
-        for damage in store.verify(chosen)
-    ]
+    found = [(each, str(each).removeprefix(f"{each.segment}: ")) for each in store.verify(chosen)]
+    return [Fault(each.kind, each.segment, words, idle=True) for each, words in found]
 
 
 def _idle(faults: list[Fault]) -> str:
