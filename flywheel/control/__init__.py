@@ -4,7 +4,7 @@ from flywheel.control.closed_loop import record_episode
 from flywheel.control.gaits import Gait
 from flywheel.control.mppi import Mppi
 from flywheel.control.mppi_config import MppiConfig
-from flywheel.control.open_loop import Hold, OpenLoop, Playback, RandomConfig, RandomControls
+from flywheel.control.open_loop import Hold, Playback, RandomControls
 from flywheel.control.protocol import Command, Controller
 from flywheel.control.starts import above_ground, random_drop, refuse_fixed, standing
 
@@ -24,9 +24,7 @@ __all__ = [
     "Hold",
     "Mppi",
     "MppiConfig",
-    "OpenLoop",
     "Playback",
-    "RandomConfig",
     "RandomControls",
     "above_ground",
     "random_drop",

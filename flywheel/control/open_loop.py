@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
-from pydantic import model_validator
 
 from flywheel.control.protocol import Command
 from flywheel.errors import ConfigError
-from flywheel.quantities import HorizonSeconds, Share
 from flywheel.records import Floats, Past
 from flywheel.robots import Robot
 from flywheel.tasks import Task
-from flywheel.validation import Frozen
-
-
-class OpenLoop(Protocol):
-    """A controller whose commands depend only on the first winch positions."""
-
-    @property
-    def name(self) -> str: ...
-
-    def sequence(self, winch: Floats, steps: int, seed: int) -> Floats:
-        """Commands (steps, W) for an episode that starts at winch positions (W,) [m]."""
-        ...
 
 
 class Hold:
@@ -85,36 +69,32 @@ class Playback:
         return Command(rest if len(rest) else self.robot.holding(past.winch[0, -1])[None])
 
 
-class RandomConfig(Frozen):
-    """Settings of random excitation.
+class RandomControls:
+    """Random winch commands, to collect data before a model exists.
 
     Each winch independently alternates between moving at a random rate and moving to a random rest
     length and staying there; it switches after a random time.
 
-    Attributes:
+    Args:
+      robot: commanded robot.
+      dt: control step [s].
       seconds: (least, most) time between switches [s].
       drive: probability that a winch moves at a rate; else it moves to a rest length.
       slowest: speeds are drawn between this fraction of the fastest and the fastest.
     """
 
-    seconds: tuple[HorizonSeconds, HorizonSeconds] = (0.3, 3.0)
-    drive: Share = 0.4
-    slowest: Share = 0.3
-
-    @model_validator(mode="after")
-    def _times_rise_from_zero(self) -> RandomConfig:
-        if not 0 < self.seconds[0] <= self.seconds[1]:
-            raise ValueError(f"seconds needs 0 < least <= most, got {self.seconds}")
-        return self
-
-
-class RandomControls:
-    """Random winch commands, to collect data before a model exists."""
-
     name, model, history = "random", "", 0
 
-    def __init__(self, robot: Robot, dt: float, config: RandomConfig = RandomConfig()) -> None:
-        self.robot, self.dt, self.config = robot, dt, config
+    def __init__(
+        self,
+        robot: Robot,
+        dt: float,
+        seconds: tuple[float, float] = (0.3, 3.0),
+        drive: float = 0.4,
+        slowest: float = 0.3,
+    ) -> None:
+        self.robot, self.dt = robot, dt
+        self.seconds, self.drive, self.slowest = seconds, drive, slowest
         self._rng = np.random.default_rng(0)
 
     def reset(self, task: Task | None, seed: int) -> None:
@@ -123,7 +103,7 @@ class RandomControls:
 
     def act(self, past: Past) -> Command:
         """Random commands for the longest time between switches."""
-        steps = max(1, round(self.config.seconds[1] / self.dt))
+        steps = max(1, round(self.seconds[1] / self.dt))
         return Command(self.sequence(past.winch[0, -1], steps, int(self._rng.integers(2**63))))
 
     def sequence(self, winch: Floats, steps: int, seed: int) -> Floats:
@@ -140,7 +120,7 @@ class RandomControls:
 
     def _whims(self, steps: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Target and fastest rate of each winch: (steps, W) [m], [m/s]."""
-        robot, (least, most) = self.robot, self.config.seconds
+        robot, (least, most) = self.robot, self.seconds
         winches, number = len(robot.winches), int(np.ceil(steps * self.dt / least)) + 1
         shape = (number, winches)
         ends = np.cumsum(rng.uniform(least, most, shape), axis=0)
@@ -148,9 +128,9 @@ class RandomControls:
         whim = now.sum(axis=1), np.arange(winches)
 
         rate = np.where(robot.rate_driven, robot.control_high, robot.rest_high - robot.rest_low)
-        speed = rng.uniform(self.config.slowest, 1.0, shape) * rate
+        speed = rng.uniform(self.slowest, 1.0, shape) * rate
         # Driving at a rate is hurrying towards an end of the range.
         end = np.where(rng.random(shape) < 0.5, robot.rest_low, robot.rest_high)
         target = rng.uniform(robot.rest_low, robot.rest_high, shape)
-        wish = np.where(rng.random(shape) < self.config.drive, end, target)
+        wish = np.where(rng.random(shape) < self.drive, end, target)
         return wish[whim], speed[whim]

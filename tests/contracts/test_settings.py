@@ -12,7 +12,6 @@ import pytest
 from pydantic import BaseModel
 
 import flywheel
-from flywheel.control.open_loop import RandomConfig
 from flywheel.diagnosis.results.answer import Answer
 from flywheel.dynamics.residual import CorrectedPlant, ResidualConfig
 from flywheel.effects import AdoptedPlant
@@ -23,7 +22,7 @@ from flywheel.runtime.config.run_config import RunConfig
 from flywheel.training.residual import ResidualTraining
 from flywheel.validation import validated
 
-SETTINGS = (RunConfig, RandomConfig, AdoptedPlant, ResidualConfig, ResidualTraining, CorrectedPlant)
+SETTINGS = (RunConfig, AdoptedPlant, ResidualConfig, ResidualTraining, CorrectedPlant)
 NOT_ALLOWED = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**30, 10**400, True, "5", [1])
 # Evidence, which is shown, and compared at most.
 SHOWN_ONLY = ("Fitted.low", "Fitted.high", "HeldOut.")
