@@ -167,14 +167,13 @@ def _about(
     plant: Plant, found: Diagnosis, recordings: Sequence[Path], others: Sequence[Path]
 ) -> dict[str, str]:
     """Lines about a diagnosis, for the head of its page."""
-    robot = plant.robot
+    from flywheel.cli.models import about_plant
+
     return {
-        "robot": f"{robot.name} ({robot.digest[:12]})",
         "model under test": found.model or "the plant",
         "recordings": ", ".join(path.name for path in recordings),
         "held out": ", ".join(path.name for path in others) or "none",
-        "effects it had": ", ".join(t.label(robot) for t in plant.terms) or "none",
-        "control step": f"{plant.dt:g} s, MuJoCo steps of {robot.timestep:g} s",
+        **about_plant(plant),
         **about_settings(found.settings),
     }
 
@@ -242,42 +241,28 @@ def _again(robot: str, effects_from: Sequence[Path]) -> str:
 
 def _show(out: Out, found: Diagnosis, options: str) -> None:
     from flywheel.diagnosis import Verdict
-    from flywheel.reports.diagnosis_page import (
-        as_built,
-        at_bounds,
-        failures,
-        first_lengths,
-        forms,
-        gains,
-        held_back,
-        interrupted,
-        numbers,
-        other_form,
-        scale,
-        sentence,
-        suspects,
-    )
+    from flywheel.reports import diagnosis_page as words
 
-    out.say(f"{found.verdict}: {sentence(found)}", style="bold")
+    out.say(f"{found.verdict}: {words.sentence(found)}", style="bold")
     if any(found.answers) or found.calibration:
         out.print(effects_table(found))
-    if form := other_form(found):
+    if form := words.other_form(found):
         out.say(f"its form differs from the effects of the library: {form}")
     for note in (
-        interrupted(found),
-        failures(found),
-        scale(found),
-        forms(found),
-        gains(found),
-        as_built(found),
-        at_bounds(found),
-        first_lengths(found),
-        suspects(found),
-        held_back(found),
-        numbers(found),
+        words.interrupted,
+        words.failures,
+        words.scale,
+        words.forms,
+        words.gains,
+        words.as_built,
+        words.at_bounds,
+        words.first_lengths,
+        words.suspects,
+        words.held_back,
+        words.numbers,
     ):
-        if note:
-            out.say(note)
+        if said := note(found):
+            out.say(said)
     scores = [
         (s.candidate.effect.name, s.candidate.location, s.score, s.sizes[0], s.smallest)
         for s in found.ranking[:SHOWN]
