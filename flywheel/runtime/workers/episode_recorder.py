@@ -38,40 +38,11 @@ SETTLE_SECONDS = 2.0
 RECORDING = "recording"  # source and data set of what a robot measured
 WALK_SECONDS = 0.5  # between two points of a path [s]
 GROUND = 1  # added to a seed, so that the ground has random numbers of its own
-
-
-Told = Callable[[float], None]
+OnProgress = Callable[[float], None]
 
 
 def _nobody(done: float) -> None:
     """Ignore the progress."""
-
-
-def controller_of(
-    plan: EpisodePlan, config: RunConfig, robot: Robot, dynamics: Dynamics | None, model: str
-) -> Controller:
-    """Controller of a planned episode, on a plant or on a robot.
-
-    Args:
-      plan: of the episode.
-      config: of the run.
-      robot: of the run.
-      dynamics: for MPPI; None without planning.
-      model: digest of its weights, or "".
-    """
-    kind, _, gait = plan.controller.partition(":")
-    dt = config.network.dt
-    if kind == "gait":
-        return Gait(robot, gait, dt, variation=config.collect.gait_variation)
-    if kind == "random":
-        return RandomControls(robot, dt)
-    if kind == "drop":
-        return Hold(robot, dt)
-    assert dynamics is not None, "MPPI plans with a model"
-    search = config.mppi
-    if plan.samples is not None:
-        search = search.model_copy(update={"samples": plan.samples})
-    return Mppi(dynamics, search, plan.controller, model)
 
 
 class _Recorder:
@@ -128,6 +99,28 @@ class _Recorder:
             seed=plan.seed,
             obstacles=task.obstacles,
         )
+
+    def controller(self, plan: EpisodePlan, dynamics: Dynamics | None, model: str) -> Controller:
+        """Controller of a planned episode.
+
+        Args:
+          plan: of the episode.
+          dynamics: for MPPI; None without planning.
+          model: digest of its weights, or "".
+        """
+        kind, _, gait = plan.controller.partition(":")
+        dt = self.config.network.dt
+        if kind == "gait":
+            return Gait(self.robot, gait, dt, variation=self.config.collect.gait_variation)
+        if kind == "random":
+            return RandomControls(self.robot, dt)
+        if kind == "drop":
+            return Hold(self.robot, dt)
+        assert dynamics is not None, "MPPI plans with a model"
+        search = self.config.mppi
+        if plan.samples is not None:
+            search = search.model_copy(update={"samples": plan.samples})
+        return Mppi(dynamics, search, plan.controller, model)
 
     def provenance(self, plan: EpisodePlan, model: str, **more: Any) -> Provenance:
         """The provenance of a planned episode, with `more` about its plant or robot."""
@@ -203,7 +196,7 @@ class EpisodeRecorder(_Recorder):
         plan: EpisodePlan,
         dynamics: Dynamics | None,
         model: str,
-        progress: Told = _nobody,
+        progress: OnProgress = _nobody,
         on_piece: OnPiece | None = None,
     ) -> Episode:
         """Record an episode.
@@ -233,7 +226,7 @@ class EpisodeRecorder(_Recorder):
         return record_episode(
             plant,
             self.config.measurement,
-            controller_of(plan, self.config, self.robot, dynamics, model),
+            self.controller(plan, dynamics, model),
             task,
             start=self._start(plan, plant, task),
             seconds=plan.seconds,
@@ -317,7 +310,7 @@ class RobotRecorder(_Recorder):
         plan: EpisodePlan,
         dynamics: Dynamics | None,
         model: str,
-        progress: Told = _nobody,
+        progress: OnProgress = _nobody,
     ) -> Drive:
         """Record an episode; however it ends, the measurements are in the result.
 
@@ -338,7 +331,7 @@ class RobotRecorder(_Recorder):
         return drive(
             link,
             self.robot,
-            controller_of(plan, self.config, self.robot, dynamics, model),
+            self.controller(plan, dynamics, model),
             lambda points: self.task_from(plan, points),
             seconds=plan.seconds,
             seed=plan.seed,
