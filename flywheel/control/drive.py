@@ -114,20 +114,8 @@ def drive(
     log = EpisodeLog(robot, link.info.period, steps, reckoning, dataset=dataset)
     log.see(_observation(first), 0)
     controller.reset(task, seed)
-    going, why = _Going(log, Planner(controller, log, lead), task, seen), ""
-    try:
-        ended = _go(link, going, first, steps, on_step)
-    except (LinkError, ModelError) as error:
-        if not going.log.done:
-            raise
-        ended, why = "lost" if isinstance(error, LinkError) else "failed", str(error)
-    except KeyboardInterrupt:
-        if not going.log.done:
-            raise
-        ended = "stopped"
-    finally:
-        _hold_still(link)
-        going.planner.close()
+    going = _Going(log, Planner(controller, log, lead), task, seen)
+    ended, why = _to_the_end(link, going, first, steps, on_step)
     episode = _episode(going, episode_id, provenance, split)
     return Drive(episode, ended, why, going.planner.late, going.skipped)
 
@@ -183,6 +171,25 @@ class _Recorded:
           LinkError: the transcript has ended.
         """
         return Command(np.array([self._link.coming(Send).controls]))
+
+
+def _to_the_end(
+    link: RobotLink, going: _Going, first: Sample, steps: int, on_step: OnStep | None
+) -> tuple[Ending, str]:
+    """Drive, whatever ends it, and hold still; the ending, and the message if something failed."""
+    try:
+        return _go(link, going, first, steps, on_step), ""
+    except (LinkError, ModelError) as error:
+        if not going.log.done:
+            raise
+        return "lost" if isinstance(error, LinkError) else "failed", str(error)
+    except KeyboardInterrupt:
+        if not going.log.done:
+            raise
+        return "stopped", ""
+    finally:
+        _hold_still(link)
+        going.planner.close()
 
 
 def _go(
