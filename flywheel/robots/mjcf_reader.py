@@ -69,10 +69,12 @@ def read_robot(source: str | Path) -> Robot:
     _refuse_tilted(model)
     keyframe = _keyframe(model)
     bodies, points, winches, cables = _parts(spec, model, keyframe, misfit)
+    # The digest is independent of comments, layout and the order of attributes.
+    canonical = ElementTree.canonicalize(xml, strip_text=True, with_comments=False)
     return Robot(
         name=root.attrib["model"],
         xml=xml,
-        digest=hashlib.sha256(_canonical(xml).encode()).hexdigest(),
+        digest=hashlib.sha256(canonical.encode()).hexdigest(),
         bodies=bodies,
         points=points,
         cables=cables,
@@ -137,11 +139,6 @@ def _parts(
     problems.check(bad_input=bool(misfit))
     assert seen is not None and winches is not None and cables is not None
     return *seen, winches, cables
-
-
-def _canonical(xml: str) -> str:
-    """The MJCF without comments, layout and attribute order, for the digest."""
-    return ElementTree.canonicalize(xml, strip_text=True, with_comments=False)
 
 
 def _refuse_tilted(model: mujoco.MjModel) -> None:

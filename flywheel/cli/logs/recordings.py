@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -337,7 +337,7 @@ def _stored(store: TrajectoryStore, log: Read, read: Callable[[Path], Imported])
 
 
 def _as_json(log: Read, state: str, segment: str) -> dict[str, Any]:
-    return {"state": state, "segment": segment, "split": log.split, **log.report.as_dict()}
+    return {"state": state, "segment": segment, "split": log.split, **asdict(log.report)}
 
 
 def _show(out: Out, log: Read, state: str) -> None:

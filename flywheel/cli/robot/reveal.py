@@ -37,7 +37,10 @@ def reveal(run: RunArgument) -> None:
         effect.truth(opened.robot) for effect in hidden_effects(stand_in.hidden, opened.robot)
     ]
     found = opened.result.effects_before(opened.config.iterations + 1)
-    rows = [(_named(truth), _true(truth), _found(truth, found)) for truth in hidden]
+    rows = [
+        (_named(truth), _numbers(truth.values, truth.units), _found(truth, found))
+        for truth in hidden
+    ]
     rows += [
         (effect.label, "not there", _written(effect))
         for effect in found
@@ -52,10 +55,6 @@ def reveal(run: RunArgument) -> None:
 def _named(truth: EffectTruth) -> str:
     """In the format of `WrittenTerm.label`."""
     return f"{truth.name} at {truth.place}" if truth.place else truth.name
-
-
-def _true(truth: EffectTruth) -> str:
-    return _numbers(truth.values, truth.units)
 
 
 def _found(truth: EffectTruth, found: tuple[WrittenTerm, ...]) -> str:
