@@ -22,16 +22,8 @@ from flywheel.cli.driving.navigate import (
 )
 from flywheel.cli.exits import FAILED, INTERRUPTED
 from flywheel.cli.options import CHAMPION, Overrides
-from flywheel.cli.robot.stand_in import (
-    DropoutOption,
-    EncodersOption,
-    HiddenOption,
-    LatencyOption,
-    NoiseOption,
-    RateOption,
-    ToldOption,
-    stand_in_config,
-)
+from flywheel.cli.records import with_records
+from flywheel.cli.robot.stand_in import StandInOptions
 
 if TYPE_CHECKING:
     from flywheel.cli.driving.driver import RobotDriver
@@ -76,6 +68,7 @@ LogsOption = Annotated[
 CODES = {"lost": FAILED, "failed": FAILED, "stopped": INTERRUPTED}
 
 
+@with_records
 def drive(
     source: SourceArgument,
     overrides: Overrides = None,
@@ -83,13 +76,7 @@ def drive(
     model: ModelOption = CHAMPION,
     seed: SeedOption = 0,
     episodes: EpisodesOption = 1,
-    hidden: HiddenOption = None,
-    noise: NoiseOption = 0.003,
-    rate: RateOption = None,
-    latency: LatencyOption = 0.0,
-    latency_told: ToldOption = True,
-    dropout: DropoutOption = 0.0,
-    encoders: EncodersOption = False,
+    stand_in: StandInOptions = StandInOptions(),
     arguments: ArgumentsOption = None,
     logs: LogsOption = Path("drives"),
     results: ResultsOption = None,
@@ -117,9 +104,8 @@ def drive(
     out = console()
     place = checked_source(source, {"results": results, "picture": picture}, logs)
     there = read_drives(results) if results else []
-    stand_in = stand_in_config(hidden, noise, rate, latency, latency_told, dropout, encoders)
     way = _arguments(arguments or [])
-    driver = RobotDriver(place, tuple(overrides or ()), model, robot, stand_in, way)
+    driver = RobotDriver(place, tuple(overrides or ()), model, robot, stand_in.config(), way)
     try:
         driven = {drive.seed for drive in there if drive.setting == driver.setting}
         seeds = [each for each in range(seed, seed + episodes) if each not in driven]

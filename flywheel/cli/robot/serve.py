@@ -8,17 +8,8 @@ import typer
 
 from flywheel.cli.console import console
 from flywheel.cli.options import within
-from flywheel.cli.robot.stand_in import (
-    DropoutOption,
-    EncodersOption,
-    HiddenOption,
-    LatencyOption,
-    NoiseOption,
-    PeriodOption,
-    RateOption,
-    ToldOption,
-    stand_in_config,
-)
+from flywheel.cli.records import with_records
+from flywheel.cli.robot.stand_in import PeriodOption, StandInOptions
 from flywheel.quantities import Bounds
 
 LOOPBACK = "127.0.0.1"
@@ -36,15 +27,10 @@ PortOption = Annotated[
 ]
 
 
+@with_records
 def serve(
     robot: RobotArgument,
-    hidden: HiddenOption = None,
-    noise: NoiseOption = 0.003,
-    rate: RateOption = None,
-    latency: LatencyOption = 0.0,
-    latency_told: ToldOption = True,
-    dropout: DropoutOption = 0.0,
-    encoders: EncodersOption = False,
+    stand_in: StandInOptions = StandInOptions(),
     period: PeriodOption = 0.01,
     real_time: PaceOption = True,
     host: HostOption = LOOPBACK,
@@ -67,9 +53,8 @@ def serve(
     from flywheel.robots import load_robot
 
     out = console()
-    config = stand_in_config(hidden, noise, rate, latency, latency_told, dropout, encoders)
     found = load_robot(robot)
-    server = RobotServer(StandIn(found, config, period), real_time, say=out.say)
+    server = RobotServer(StandIn(found, stand_in.config(), period), real_time, say=out.say)
     if host != LOOPBACK:
         out.say(
             f"Everybody with access to {host} can drive this robot: there is no password.",
