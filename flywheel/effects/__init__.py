@@ -4,6 +4,15 @@ A new one is a class in the file of its family, and one line in `EFFECTS`; the c
 it.
 """
 
+from flywheel.effects import (
+    body_effects,
+    build_effects,
+    cable_effects,
+    forms,
+    ground_effects,
+    sensing_effects,
+    winch_effects,
+)
 from flywheel.effects.adopted import AdoptedPlant
 from flywheel.effects.as_built import (
     AsBuilt,
@@ -14,26 +23,6 @@ from flywheel.effects.as_built import (
     taken_apart,
     together,
     usual,
-)
-from flywheel.effects.body_effects import AirDrag, BodyMass, Payload
-from flywheel.effects.build_effects import (
-    CableEnd,
-    CableLength,
-    CableLoss,
-    CentreOfMass,
-    DrumRadius,
-    InertiaOfBody,
-    MassOfBody,
-)
-from flywheel.effects.cable_effects import (
-    CableDamping,
-    CableFriction,
-    CableStiffness,
-    Capstan,
-    Creep,
-    Hysteresis,
-    Stiffening,
-    WeakCable,
 )
 from flywheel.effects.effect import (
     Cables,
@@ -49,21 +38,7 @@ from flywheel.effects.effect import (
     parts_of,
     place_name,
 )
-from flywheel.effects.forms import (
-    CableDampingByStiffness,
-    CableFrictionByStiffness,
-    CreepOnLength,
-    HysteresisByStiffness,
-    OtherForm,
-    StiffeningByStrain,
-    WinchGainOnLength,
-)
-from flywheel.effects.ground_effects import (
-    ContactSoftness,
-    GroundFriction,
-    RollingResistance,
-    Slope,
-)
+from flywheel.effects.forms import OtherForm
 from flywheel.effects.per_part import (
     PerPart,
     acts_on_same_parts,
@@ -74,58 +49,50 @@ from flywheel.effects.per_part import (
     with_shares,
 )
 from flywheel.effects.scales import Scales
-from flywheel.effects.sensing_effects import MarkerOffset, SensorLatency
-from flywheel.effects.winch_effects import (
-    ActuatorLag,
-    CommandDelay,
-    TorqueSpeed,
-    WinchBacklash,
-    WinchGain,
-)
 from flywheel.effects.written import WrittenTerm
 
 EFFECTS: dict[str, Effect] = {
-    "cable_damping": CableDamping(),
-    "cable_friction": CableFriction(),
-    "capstan": Capstan(),
-    "hysteresis": Hysteresis(),
-    "creep": Creep(),
-    "stiffening": Stiffening(),
-    "weak_cable": WeakCable(),
-    "winch_backlash": WinchBacklash(),
-    "command_delay": CommandDelay(),
-    "actuator_lag": ActuatorLag(),
-    "winch_gain": WinchGain(),
-    "torque_speed": TorqueSpeed(),
-    "ground_friction": GroundFriction(),
-    "rolling_resistance": RollingResistance(),
-    "slope": Slope(),
-    "contact_softness": ContactSoftness(),
-    "air_drag": AirDrag(),
-    "payload": Payload(),
-    "marker_offset": MarkerOffset(),
-    "sensor_latency": SensorLatency(),
+    "cable_damping": cable_effects.CableDamping(),
+    "cable_friction": cable_effects.CableFriction(),
+    "capstan": cable_effects.Capstan(),
+    "hysteresis": cable_effects.Hysteresis(),
+    "creep": cable_effects.Creep(),
+    "stiffening": cable_effects.Stiffening(),
+    "weak_cable": cable_effects.WeakCable(),
+    "winch_backlash": winch_effects.WinchBacklash(),
+    "command_delay": winch_effects.CommandDelay(),
+    "actuator_lag": winch_effects.ActuatorLag(),
+    "winch_gain": winch_effects.WinchGain(),
+    "torque_speed": winch_effects.TorqueSpeed(),
+    "ground_friction": ground_effects.GroundFriction(),
+    "rolling_resistance": ground_effects.RollingResistance(),
+    "slope": ground_effects.Slope(),
+    "contact_softness": ground_effects.ContactSoftness(),
+    "air_drag": body_effects.AirDrag(),
+    "payload": body_effects.Payload(),
+    "marker_offset": sensing_effects.MarkerOffset(),
+    "sensor_latency": sensing_effects.SensorLatency(),
 }
 # Corrections of numbers in the MJCF. Only considered where they are named.
 CALIBRATIONS: dict[str, Effect] = {
-    "cable_stiffness": CableStiffness(),
-    "body_mass": BodyMass(),
-    "cable_length": CableLength(),
-    "cable_loss": CableLoss(),
-    "cable_end": CableEnd(),
-    "drum_radius": DrumRadius(),
-    "mass_of_body": MassOfBody(),
-    "inertia_of_body": InertiaOfBody(),
-    "centre_of_mass": CentreOfMass(),
+    "cable_stiffness": cable_effects.CableStiffness(),
+    "body_mass": body_effects.BodyMass(),
+    "cable_length": build_effects.CableLength(),
+    "cable_loss": build_effects.CableLoss(),
+    "cable_end": build_effects.CableEnd(),
+    "drum_radius": build_effects.DrumRadius(),
+    "mass_of_body": build_effects.MassOfBody(),
+    "inertia_of_body": build_effects.InertiaOfBody(),
+    "centre_of_mass": build_effects.CentreOfMass(),
 }
 # Other laws of effects of the library. Tried in the place of these, or where they are named.
 FORMS: dict[str, OtherForm] = {
-    "cable_damping_by_stiffness": CableDampingByStiffness(),
-    "cable_friction_by_stiffness": CableFrictionByStiffness(),
-    "hysteresis_by_stiffness": HysteresisByStiffness(),
-    "creep_on_length": CreepOnLength(),
-    "stiffening_by_strain": StiffeningByStrain(),
-    "winch_gain_on_length": WinchGainOnLength(),
+    "cable_damping_by_stiffness": forms.CableDampingByStiffness(),
+    "cable_friction_by_stiffness": forms.CableFrictionByStiffness(),
+    "hysteresis_by_stiffness": forms.HysteresisByStiffness(),
+    "creep_on_length": forms.CreepOnLength(),
+    "stiffening_by_strain": forms.StiffeningByStrain(),
+    "winch_gain_on_length": forms.WinchGainOnLength(),
 }
 NAMED: dict[str, Effect] = {**EFFECTS, **CALIBRATIONS, **FORMS}
 

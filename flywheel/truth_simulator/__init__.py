@@ -10,73 +10,49 @@ it should report an unknown, and `OTHER_FORMS` those that it can name, but with 
 """
 
 from flywheel.registry import lookup
-from flywheel.truth_simulator.body_effects import AirDrag, Payload
+from flywheel.truth_simulator import (
+    body_effects,
+    cable_effects,
+    ground_effects,
+    outside,
+    sensing_effects,
+    winch_effects,
+)
 from flywheel.truth_simulator.built_robot import AsBuilt, Spread
-from flywheel.truth_simulator.cable_effects import (
-    CableDamping,
-    CableFriction,
-    Capstan,
-    Creep,
-    Hysteresis,
-    Stiffening,
-    WeakCable,
-)
 from flywheel.truth_simulator.effect import EffectTruth, HiddenEffect
-from flywheel.truth_simulator.ground_effects import (
-    ContactSoftness,
-    GroundFriction,
-    RollingResistance,
-    Slope,
-)
 from flywheel.truth_simulator.other_laws import OTHER_FORMS, UNKNOWN_LAWS
-from flywheel.truth_simulator.outside import (
-    CableSlip,
-    Cogging,
-    Gust,
-    QuadraticDamping,
-    RodFlex,
-    StiffnessDrift,
-)
-from flywheel.truth_simulator.sensing_effects import MarkerOffset, SensorLatency
 from flywheel.truth_simulator.simulator import HiddenMotion, Simulation, TruthSimulator
-from flywheel.truth_simulator.winch_effects import (
-    ActuatorLag,
-    CommandDelay,
-    TorqueSpeed,
-    WinchBacklash,
-    WinchGain,
-)
 
 HIDDEN: dict[str, type[HiddenEffect]] = {
-    "cable_damping": CableDamping,
-    "cable_friction": CableFriction,
-    "capstan": Capstan,
-    "hysteresis": Hysteresis,
-    "creep": Creep,
-    "stiffening": Stiffening,
-    "weak_cable": WeakCable,
-    "winch_backlash": WinchBacklash,
-    "command_delay": CommandDelay,
-    "actuator_lag": ActuatorLag,
-    "winch_gain": WinchGain,
-    "torque_speed": TorqueSpeed,
-    "ground_friction": GroundFriction,
-    "rolling_resistance": RollingResistance,
-    "slope": Slope,
-    "contact_softness": ContactSoftness,
-    "air_drag": AirDrag,
-    "payload": Payload,
-    "marker_offset": MarkerOffset,
-    "sensor_latency": SensorLatency,
+    "cable_damping": cable_effects.CableDamping,
+    "cable_friction": cable_effects.CableFriction,
+    "capstan": cable_effects.Capstan,
+    "hysteresis": cable_effects.Hysteresis,
+    "creep": cable_effects.Creep,
+    "stiffening": cable_effects.Stiffening,
+    "weak_cable": cable_effects.WeakCable,
+    "winch_backlash": winch_effects.WinchBacklash,
+    "command_delay": winch_effects.CommandDelay,
+    "actuator_lag": winch_effects.ActuatorLag,
+    "winch_gain": winch_effects.WinchGain,
+    "torque_speed": winch_effects.TorqueSpeed,
+    "ground_friction": ground_effects.GroundFriction,
+    "rolling_resistance": ground_effects.RollingResistance,
+    "slope": ground_effects.Slope,
+    "contact_softness": ground_effects.ContactSoftness,
+    "air_drag": body_effects.AirDrag,
+    "payload": body_effects.Payload,
+    "marker_offset": sensing_effects.MarkerOffset,
+    "sensor_latency": sensing_effects.SensorLatency,
 }
 
 OUTSIDE: dict[str, type[HiddenEffect]] = {
-    "gust": Gust,
-    "cogging": Cogging,
-    "cable_slip": CableSlip,
-    "quadratic_damping": QuadraticDamping,
-    "stiffness_drift": StiffnessDrift,
-    "rod_flex": RodFlex,
+    "gust": outside.Gust,
+    "cogging": outside.Cogging,
+    "cable_slip": outside.CableSlip,
+    "quadratic_damping": outside.QuadraticDamping,
+    "stiffness_drift": outside.StiffnessDrift,
+    "rod_flex": outside.RodFlex,
 }
 
 
