@@ -35,7 +35,7 @@ from flywheel.robot_link.opening import SIMULATED
 from flywheel.runtime.config.run_config import RunConfig, load_config
 from flywheel.runtime.config.shipped import config_file
 from flywheel.runtime.loop import run
-from flywheel.runtime.pool.progress import PieceOfStage, Progress, console_progress
+from flywheel.runtime.pool.progress import Progress, Stage, console_progress
 from flywheel.truth_simulator.written import hidden_effects
 
 CONFIG = "prism3_robot"
@@ -59,6 +59,23 @@ GIVEN, KNOWS, NETWORK = "given", "knows", "network"
 UNTAUGHT = (GIVEN, KNOWS)  # have nothing from a run: with each seed they drive the same
 DRIVES, FIRST_SEED = 24, 1000
 FIRST_SECOND = 1.0  # lead time of the nearer errors [s]
+
+
+@dataclass(frozen=True)
+class PieceOfStage:
+    """A stage that is one piece of a longer one.
+
+    Attributes:
+      whole: the longer one.
+      before: amount of it done at the beginning of the piece.
+    """
+
+    whole: Stage
+    before: float
+
+    def update(self, done: float, note: str = "") -> None:
+        """Report that `done` of the piece is done."""
+        self.whole.update(self.before + done, note)
 
 
 @dataclass(frozen=True)

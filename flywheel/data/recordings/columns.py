@@ -40,13 +40,7 @@ class Log:
 
     def __getitem__(self, rows: Any) -> Log:
         """Some of the rows."""
-        return Log(
-            self.time[rows],
-            self.controls[rows],
-            self.points[rows],
-            self.winch[rows],
-            self.lines[rows],
-        )
+        return Log(**{name: values[rows] for name, values in vars(self).items()})
 
 
 def control_names(robot: Robot) -> list[str]:

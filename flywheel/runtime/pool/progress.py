@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from typing import Protocol
 
 from rich.console import Console
@@ -44,23 +43,6 @@ class Progress(Protocol):
     def stage(self, title: str, total: float) -> AbstractContextManager[Stage]:
         """Show a stage while a block runs: `with progress.stage("collect", 12) as stage: stage.update(3)`."""
         ...
-
-
-@dataclass(frozen=True)
-class PieceOfStage:
-    """A stage that is one piece of a longer one.
-
-    Attributes:
-      whole: the longer one.
-      before: amount of it done at the beginning of the piece.
-    """
-
-    whole: Stage
-    before: float
-
-    def update(self, done: float, note: str = "") -> None:
-        """Report that `done` of the piece is done."""
-        self.whole.update(self.before + done, note)
 
 
 class Quiet:

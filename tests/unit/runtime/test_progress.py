@@ -1,6 +1,7 @@
 """What people see while they wait."""
 
-from flywheel.runtime.pool.progress import Lines, PieceOfStage, clock_face
+from benchmarks.robot import PieceOfStage
+from flywheel.runtime.pool.progress import Lines, clock_face
 
 
 def test_plain_lines_tell_share_rate_and_time_left():
