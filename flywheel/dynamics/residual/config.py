@@ -35,7 +35,3 @@ class ResidualConfig(Frozen):
     def past_knots(self) -> int:
         """Number of corrections in the past."""
         return round(self.past / self.interval)
-
-    def past_steps(self, robot: Robot, dt: float) -> int:
-        """Control steps in the past."""
-        return self.past_knots() * self.every(robot, dt)

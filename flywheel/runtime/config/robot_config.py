@@ -77,11 +77,6 @@ class RobotConfig(StandInConfig):
         """Description of the stand-in."""
         return StandInConfig(**{name: getattr(self, name) for name in STAND_IN})
 
-    @property
-    def public(self) -> RobotConfig:
-        """The same without the secrets of the stand-in."""
-        return RobotConfig.model_validate(self.model_dump())
-
     @model_validator(mode="after")
     def _can_be_driven(self) -> RobotConfig:
         if len(set(self.planners)) < len(self.planners):
