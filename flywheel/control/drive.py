@@ -247,7 +247,7 @@ class Planner:
         self._thread = ThreadPoolExecutor(1) if lead else None
         self._asked: Future[Command] | None = None
         hold = log.robot.holding(log.past().winch[0, -1])
-        self._plan, self._begin, self._next = _Plan(np.repeat(hold[None], lead, axis=0)), 0, lead
+        self._plan, self._begin, self._next = np.repeat(hold[None], lead, axis=0), 0, lead
         self._tasks = 0
         self.late = 0
         self.commands: dict[float, Command] = {}
@@ -271,7 +271,7 @@ class Planner:
                 self._take(self._controller.act(self._log.past()), now)
         else:
             self._ask_ahead(now, self._thread)
-        return self._plan.at(now - self._begin, self._log.robot)
+        return self._at(now)
 
     def close(self) -> None:
         """Wait for the plan in progress, and discard it."""
@@ -285,8 +285,7 @@ class Planner:
             self._asked = None
         if self._asked is None and now >= self._next - self._lead:
             self._next = max(self._next, now + self._lead)
-            rows = range(now - self._begin, self._next - self._begin)
-            planned = np.array([self._plan.at(row, self._log.robot) for row in rows])
+            planned = np.array([self._at(step) for step in range(now, self._next)])
             self._asked = thread.submit(self._controller.act, self._log.past(planned=planned))
 
     def _take(self, command: Command, begin: int) -> None:
@@ -294,25 +293,17 @@ class Planner:
         self.commands[begin * self._log.dt] = command
         self._begin, self._next = begin, begin + len(controls)
         tail = controls[:0] if command.tail is None else command.tail
-        self._plan = _Plan(np.concatenate([controls, tail]))
+        self._plan = np.concatenate([controls, tail])
 
-
-@dataclass(frozen=True)
-class _Plan:
-    """Commands (n, W) starting at a given control step."""
-
-    controls: Floats
-
-    def at(self, row: int, robot: Robot) -> Floats:
-        """(W,) of a control step; holding commands after the last one."""
-        if row < len(self.controls):
-            return self.controls[row]
-        return np.where(robot.rate_driven, 0.0, self.controls[-1])
+    def _at(self, step: int) -> Floats:
+        """(W,) of a control step by the plan; holding commands after its last one."""
+        row = step - self._begin
+        return self._plan[row] if row < len(self._plan) else self._log.robot.holding(self._plan[-1])
 
 
 def _obeyed(control: Floats, passed: int, valid: float, dt: float, robot: Robot) -> Floats:
     """(passed, W) commands executed while control periods passed: holding ones after `valid` [s]."""
-    still = np.where(robot.rate_driven, 0.0, control)
+    still = robot.holding(control)
     return np.array([control if row * dt < valid - 1e-9 else still for row in range(passed)])
 
 

@@ -24,7 +24,7 @@ class WinchBacklash(CommandEffect):
 
     def command(self, controls: Floats, values: Values, robot: Robot, dt: float) -> Floats:
         half = values["width"] / 2
-        motor = drum = np.where(robot.rate_driven, 0.0, controls[:, 0])
+        motor = drum = robot.holding(controls[:, 0])
         told = np.empty_like(controls)
         for step in range(controls.shape[1]):  # each position needs the one before
             motor = motor + robot.rates(motor, controls[:, step], dt) * dt
@@ -63,7 +63,7 @@ class ActuatorLag(CommandEffect):
         # the mean over a step of the exact response
         kept = np.exp(-dt / np.maximum(lag, 1e-9))
         mean = lag / dt * (1 - kept)
-        state = np.where(robot.rate_driven, 0.0, controls[:, 0])
+        state = robot.holding(controls[:, 0])
         told = np.empty_like(controls)
         for step in range(controls.shape[1]):  # each rate needs the one before
             wanted = controls[:, step]
@@ -90,7 +90,7 @@ class WinchGain(CommandEffect):
         faster = 1.0 + values["share"]
         if robot.rate_driven.all():
             return controls * faster[:, None]
-        drum = np.where(robot.rate_driven, 0.0, controls[:, 0])
+        drum = robot.holding(controls[:, 0])
         told = np.empty_like(controls)
         for step in range(controls.shape[1]):  # each rate of a position winch needs where it is
             rates = robot.rates(drum, controls[:, step], dt, faster)
@@ -127,7 +127,7 @@ def delayed(controls: Floats, steps: Floats, robot: Robot) -> Floats:
     """Commands (n, T, W), `steps` (n, W) control steps later; fractions of a step are interpolated."""
     steps = np.round(steps, 9)  # 0.07 / 0.01 is a little more than seven
     total = controls.shape[1]
-    first = np.where(robot.rate_driven, 0.0, controls[:, :1])
+    first = robot.holding(controls[:, :1])
     padded = np.concatenate([first, controls], axis=1)
     whole = np.floor(steps)
     part = (steps - whole)[:, None]

@@ -141,7 +141,7 @@ class RosLink:
 
     def stop(self) -> None:
         """Publish a holding command."""
-        self._publish(np.where(self._robot.rate_driven, 0.0, self._command))
+        self._publish(self._robot.holding(self._command))
 
     def close(self) -> None:
         """Stop, and disconnect from rosbridge."""

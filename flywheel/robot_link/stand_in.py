@@ -167,7 +167,7 @@ class StandIn:
 
     def _still(self) -> Floats:
         """The command that holds the winches: zero rate, or the last commanded position."""
-        return np.where(self._robot.rate_driven, 0.0, self._command)
+        return self._robot.holding(self._command)
 
     def _measured(self, period: int) -> Sample:
         """The measurement of this instant; its time is that of its arrival."""
