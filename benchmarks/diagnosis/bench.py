@@ -31,7 +31,8 @@ from flywheel.runtime.pool.jobs import Group, Job
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import console_progress
 from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
-from flywheel.runtime.tracking.mlflow_client import open_tracker
+from flywheel.runtime.tracking.mlflow_client import Board
+from flywheel.runtime.tracking.tracker import TrackingConfig
 from flywheel.runtime.workers.model_weights import TrainedModel
 from flywheel.truth_simulator.built_robot import Spread
 from flywheel.validation import validated
@@ -79,9 +80,8 @@ def examine(
     lines = summary([CaseRow.of(result) for result in _kept(folder, wanted, tested, told)])
     show(lines)
     written = write_table(lines, folder / "table.md")
-    tracker = open_tracker(folder, f"diagnose-bench-{robot}", robot)
-    publish_examination(tracker, lines, [written.absolute()])
-    tracker.close()
+    board = Board(folder, TrackingConfig(), robot)
+    publish_examination(board, f"diagnose-bench-{robot}", lines, [written.absolute()])
 
 
 def listed(sizes: str) -> list[float]:

@@ -6,25 +6,25 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from benchmarks.diagnosis.rates import Line
-from flywheel.runtime.tracking.tracker import Tracker
+from flywheel.runtime.tracking.mlflow_client import Board
 
 
 def publish_examination(
-    tracker: Tracker, lines: Sequence[Line], files: Iterable[str | Path] = ()
+    board: Board, key: str, lines: Sequence[Line], files: Iterable[str | Path] = ()
 ) -> None:
     """Log the table; the step of its numbers is the number of cases, so that rates become charts.
 
     Args:
-      tracker: of the folder of the cases.
+      board: of the folder of the cases.
+      key: of the examination.
       lines: of the table, see `summary`.
       files: inside the folder.
     """
-    tracker.open(tracker.key, tracker.key, {"flywheel.kind": "examination"})
-    for line in lines:
-        tracker.log(tracker.key, _values(line), line.cases)
+    run = board.run(key, key, {"flywheel.kind": "examination"})
+    board.log(run, [(line.cases, _values(line)) for line in lines])
     for file in files:
-        tracker.artifact(tracker.key, file)
-    tracker.end(tracker.key)
+        board.artifact(run, file)
+    board.status(run, "FINISHED")
 
 
 def _values(line: Line) -> dict[str, float]:

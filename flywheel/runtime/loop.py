@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from flywheel.data import TrajectoryStore
@@ -31,7 +31,7 @@ from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import check_sound
-from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far, start_tags
+from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far
 from flywheel.runtime.run.suitability import check_reached, check_suits
 from flywheel.runtime.stages import (
     Tally,
@@ -47,9 +47,9 @@ from flywheel.runtime.stages.final_evaluation import evaluate_finally
 from flywheel.runtime.stages.on_robot import score_finally
 from flywheel.runtime.stages.video import filmed
 from flywheel.runtime.tracking.dashboard import DATABASE, database_uri
-from flywheel.runtime.tracking.mlflow_client import open_tracker
-from flywheel.runtime.tracking.publish import publish_end, publish_iteration_start, publish_start
-from flywheel.runtime.tracking.tracker import OUTBOX_FILE, Tracker, TrackingConfig
+from flywheel.runtime.tracking.mlflow_client import Board
+from flywheel.runtime.tracking.publish import Page
+from flywheel.runtime.tracking.tracker import Tracker
 from flywheel.runtime.workers.robot_worker import RobotWorker
 from flywheel.runtime.workers.sim_worker import SimWorker
 from flywheel.runtime.workers.trainer_worker import TrainerWorker
@@ -57,7 +57,6 @@ from flywheel.runtime.workers.trainer_worker import TrainerWorker
 OVERBOOKED = 16  # most configured cores per core of this machine; each is a process of about 300 MB
 # Longest that the tracker may deliver when a run ends early; a resumed run delivers the rest.
 EARLY_END_DELIVERY_SECONDS = 3.0
-OpenTracker = Callable[[Path, str, str, TrackingConfig], Tracker]
 
 
 def run(
@@ -66,8 +65,8 @@ def run(
     *,
     resume: bool = False,
     address: str | None = None,
-    tracker: OpenTracker | None = open_tracker,
-    progress: Progress | None = None,
+    tracked: bool = True,
+    progress: Progress = Quiet(),
 ) -> RunResult:
     """Run `config.iterations` iterations after iteration 0.
 
@@ -76,7 +75,7 @@ def run(
       folder: of the run; made if it is missing.
       resume: continue the run in the folder, or start one if there is none.
       address: of an existing Ray cluster; by default a local one is started.
-      tracker: opens the tracker of the run; None for a run that is not tracked.
+      tracked: publish the results at MLflow, and write the page of the run.
       progress: display for people.
 
     Raises:
@@ -93,7 +92,7 @@ def run(
     check_folder(files.path, "folder of the run", ConfigError)
     if (episodes := local_folder(files.store_url(config))) is not None:
         check_folder(episodes, "store", ConfigError)
-    if tracker is not None and not config.tracking.uri:
+    if tracked and not config.tracking.uri:
         database_uri(files.path / DATABASE)  # refused before anything is there
     if not files.config_file.exists():  # a run that is refused leaves nothing
         check_suits(config, load_robot(config.model))
@@ -102,23 +101,24 @@ def run(
         identity = files.begin(config, resume)
         config = files.config()  # from here on only the robot's workers know the stand-in
         robot = files.robot(config)
-        shown = progress or Quiet()
         check_sound(files, TrajectoryStore(files.store_url(config)))
         if (done := finished_run(files)) is not None:
-            with _tracked(config, files, identity, tracker, shown):  # delivers what is waiting
+            with _tracking(config, files, robot, tracked, progress) as tracker:
+                if tracker is not None:  # delivers what is waiting
+                    tracker.show(done)
                 return done
         files.check_space(config.workers.least_free_gb)
         check_reached(config, robot)
-        shown.say(f"The run is in {folder}. Ctrl-C stops it; --resume continues it.")
+        progress.say(f"The run is in {folder}. Ctrl-C stops it; --resume continues it.")
         with (
             Cluster(cluster) as ray,
             StopRequest() as stop,  # after Ray, which catches signals, too
-            _tracked(config, files, identity, tracker, shown) as log,
+            _tracking(config, files, robot, tracked, progress) as tracker,
         ):
             cores = config.workers.cores or ray.cpus
             with _pool(config, files, robot, ray, cores, stop) as pool:
                 store = TrajectoryStore(files.store_url(config))
-                return finish(Run(config, files, robot, store, pool, log, shown), identity)
+                return finish(Run(config, files, robot, store, pool, tracker, progress), identity)
 
 
 def finished_run(files: RunFolder) -> RunResult | None:
@@ -131,21 +131,20 @@ def finished_run(files: RunFolder) -> RunResult | None:
 
 def finish(run: Run, identity: Identity) -> RunResult:
     """Complete the unfinished part of a run, and return its result."""
-    if run.tracker is not None:
-        plain = run.config.model_dump(mode="json")
-        publish_start(run.tracker, plain, start_tags(run.config, identity, run.robot.digest))
     result = result_so_far(run, identity, [])
+    run.show(result)
     for iteration in range(run.config.iterations + 1):
         problems = run_iteration(run, iteration)
         for problem in problems:
             run.progress.say(problem)
         result = result_so_far(run, identity, problems)
         result.save(run.folder.path)
+        run.show(result)
     result = score_finally(run, evaluate_finally(run, result))
     if run.tracker is not None:
-        videos = [run.folder.path / each.video for each in result.unseen if each.video]
-        publish_end(run.tracker, result, [*write_report(result, run.folder.path), *videos])
+        write_report(result, run.folder.path)
     result.save(run.folder.path, end_rests_on(run, result))
+    run.show(result)
     return result
 
 
@@ -187,33 +186,28 @@ def _pool(
 
 
 @contextmanager
-def _tracked(
-    config: RunConfig,
-    files: RunFolder,
-    identity: Identity,
-    tracker: OpenTracker | None,
-    progress: Progress,
+def _tracking(
+    config: RunConfig, files: RunFolder, robot: Robot, tracked: bool, progress: Progress
 ) -> Iterator[Tracker | None]:
-    """Open the tracker; at the end of the block log the outcome, and deliver for some time."""
-    if tracker is None:
+    """A tracker; at the end of the block the outcome is published, which may take some time."""
+    if not tracked:
         yield None
         return
-    robot = Path(config.model).stem
-    log = tracker(files.path, identity.key, robot, config.tracking)
-    patience: float | None = EARLY_END_DELIVERY_SECONDS
+    board = Board(files.path, config.tracking, Path(config.model).stem)
+    tracker = Tracker(Page(board, files, (len(robot.points), len(robot.winches))).publish)
+    patience = EARLY_END_DELIVERY_SECONDS
     try:
-        yield log
-        patience = None  # as configured
+        yield tracker
+        patience = config.tracking.close_seconds
     except BaseException as error:
         stopped = isinstance(error, (Interrupted, KeyboardInterrupt))
-        with suppress(OSError):  # a full disk: what ended the run is what is to be said
-            log.end(log.key, "KILLED" if stopped else "FAILED")
+        tracker.end("KILLED" if stopped else "FAILED")
         raise
     finally:
-        if not log.close(patience):
+        if not tracker.close(patience):
             progress.say(
-                f"tracking: {log.pending()} records were not delivered. They are kept in "
-                f"{files.path / OUTBOX_FILE}; the same command with --resume delivers them."
+                f"tracking: not everything has reached MLflow ({tracker.problem or 'no time was left'}). "
+                f"It is kept in {files.path}; the same command with --resume delivers it."
             )
 
 
@@ -243,9 +237,6 @@ def run_iteration(run: Run, iteration: int) -> list[str]:
     if not arms:
         return []
     tally = Tally()
-    if run.tracker is not None:
-        for arm in arms:
-            publish_iteration_start(run.tracker, iteration, arm)
     if run.config.diagnose.on and iteration:
         with tally.timed("diagnose"):
             diagnose(run, iteration, tally)

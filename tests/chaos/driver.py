@@ -15,7 +15,7 @@ if __name__ == "__main__":
     path, folder, *overrides = sys.argv[1:]
     say = Lines(lambda line: sys.stderr.write(line + "\n"), every=5.0)
     try:
-        run(load_config(path, overrides), folder, resume=True, tracker=None, progress=say)
+        run(load_config(path, overrides), folder, resume=True, tracked=False, progress=say)
     except Interrupted as stopped:
         sys.stderr.write(f"{stopped}\n")
         sys.exit(EXIT_CODE)

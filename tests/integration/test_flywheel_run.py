@@ -125,7 +125,7 @@ def test_the_control_arm_trains_on_as_many_episodes_and_steps_of_the_optimiser(p
 def test_a_finished_run_that_is_resumed_is_left_as_it_is(finished):
     before, said = (finished / "result.json").read_bytes(), []
     config = load_config(ROOT / "configs" / f"{finished.name}.yaml")
-    run(config, finished, resume=True, tracker=None, progress=Lines(said.append))
+    run(config, finished, resume=True, tracked=False, progress=Lines(said.append))
     assert (finished / "result.json").read_bytes() == before
     assert said == [], "no stage was begun"
 
@@ -160,7 +160,7 @@ def test_a_tormented_run_comes_to_the_same_outcome(peaceful, killed):
     assert "finished work is kept" in words_of(folder)
 
     with pytest.raises(ConfigError, match="mppi.samples: 8 -> 9"):
-        run(load_config(CONFIG, ["mppi.samples=9"]), folder, resume=True, tracker=None)
+        run(load_config(CONFIG, ["mppi.samples=9"]), folder, resume=True, tracked=False)
 
     driver = start_driver(CONFIG, folder, (*FEW_WORKERS, "workers.cores=4"))
     assert driver.wait(LONG) == 0, words_of(folder)[-3000:]

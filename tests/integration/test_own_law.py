@@ -91,7 +91,7 @@ def test_a_run_simulates_with_a_law_of_ones_own_in_other_processes(tmp_path: Pat
     (tmp_path / "mine.yaml").write_text(SMALL)
     config, folder = load_config(tmp_path / "mine.yaml"), tmp_path / "run"
     law.unlink()  # nothing but the configuration knows it now
-    result = run(config, folder, tracker=None)
+    result = run(config, folder, tracked=False)
     assert result.finished
     store = TrajectoryStore(str(folder / "store"))
     names = store.snapshot("i0000-mppi").episodes
@@ -99,4 +99,4 @@ def test_a_run_simulates_with_a_law_of_ones_own_in_other_processes(tmp_path: Pat
     shutil.move(folder, tmp_path / "elsewhere")
     again = load_config(tmp_path / "elsewhere" / "config.yaml")
     assert again.effects_from == config.effects_from
-    assert run(again, tmp_path / "elsewhere", resume=True, tracker=None).finished
+    assert run(again, tmp_path / "elsewhere", resume=True, tracked=False).finished

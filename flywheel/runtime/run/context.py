@@ -15,7 +15,7 @@ from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.errors import LinkError, RunError
 from flywheel.faults import fault_of, told
 from flywheel.records import Split
-from flywheel.results import Arm, Errors, IterationResult
+from flywheel.results import Arm, Errors, IterationResult, RunResult
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.pool.jobs import Job, JobFailed, PoolReport
@@ -127,6 +127,11 @@ class Run:
             return None
         weights = ResidualWeights.read(path, self.robot, library=self.config.library())
         return Model("mppi", iteration, weights.digest, path)
+
+    def show(self, result: RunResult) -> None:
+        """Publish the result so far, if the run is tracked."""
+        if self.tracker is not None:
+            self.tracker.show(result)
 
     def snapshot(self, name: str) -> Snapshot | None:
         """A sealed snapshot, or None."""

@@ -170,7 +170,7 @@ class RunFolder:
         """The result of an iteration with its seal, which names all its dependencies; None if it is
         not complete.
         """
-        path = self._result(iteration, arm)
+        path = self.result_file(iteration, arm)
         if not os.path.lexists(path):
             return None
         return read(IterationResult, path, Seal(ITERATION, path.stem, self.begun().identity.key))
@@ -182,7 +182,7 @@ class RunFolder:
           result: of the iteration.
           rests_on: name -> digest of the iteration's other files, for the seal.
         """
-        path = self._result(result.iteration, result.arm)
+        path = self.result_file(result.iteration, result.arm)
         save(result, path, Seal(ITERATION, path.stem, self.begun().identity.key, rests_on))
 
     def diagnosis(self, iteration: int) -> DiagnosisNote | None:
@@ -344,7 +344,8 @@ class RunFolder:
     def _diagnosis(self, iteration: int) -> Path:
         return self.path / "iterations" / f"i{iteration:04d}-diagnosis"
 
-    def _result(self, iteration: int, arm: Arm) -> Path:
+    def result_file(self, iteration: int, arm: Arm) -> Path:
+        """The result of an iteration, which is complete when this file is there."""
         return self.path / "iterations" / f"{name_of(iteration, arm)}.json"
 
 

@@ -38,7 +38,7 @@ from flywheel.seals import Kind, Seal, Unsound, file_sha256, misplaced
 TOLD = 8  # faults, and episodes of one, that a message names
 OURS = re.compile(
     r"config\.yaml|robot\.xml|run\.json|store|cache|models|iterations|videos|figures|aside|result\.json|"
-    rf"robot|report\.html|{re.escape(DATABASE)}.*|mlflow-artifacts|outbox\..*"
+    rf"robot|report\.html|{re.escape(DATABASE)}.*|mlflow-artifacts|published\.txt"
 )
 _TURN = re.compile(r"i(\d{4,})-(mppi|control)")
 _DIAGNOSIS = re.compile(r"i(\d{4,})-diagnosis")

@@ -12,10 +12,8 @@ from pathlib import Path
 from flywheel import __version__
 from flywheel.results import RESULT_FILE, IterationResult, RunResult
 from flywheel.run_identity import Identity
-from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import ARMS, POOLED, SEGMENT, SNAPSHOT, name_of
-from flywheel.runtime.tracking.publish import publish_iteration
 from flywheel.runtime.workers.episode_plan import robot_prefix
 from flywheel.seals import file_sha256
 
@@ -23,23 +21,9 @@ ENGINES = ("mujoco", "torch", "ray", "zarr", "mlflow", "numpy")
 
 
 def keep(run: Run, result: IterationResult) -> None:
-    """Publish an iteration, then write its result; with that, it is done."""
-    if run.tracker is not None:
-        publish_iteration(
-            run.tracker,
-            result,
-            files=[run.folder.path / name for name in _beside(result)],
-            model_folder=run.model_of(result).path.parent if result.model else None,
-            model_shape=(len(run.robot.points), len(run.robot.winches)),
-        )
+    """Write the result of an iteration; with that, it is done."""
     run.folder.finish(result, rests_on(run, result))
     shutil.rmtree(run.folder.cache / name_of(result.iteration, result.arm), ignore_errors=True)
-
-
-def _beside(result: IterationResult) -> list[str]:
-    """The video of an iteration and the page of its diagnosis, where there are some."""
-    page = result.diagnosis.page if result.diagnosis is not None and result.arm == "mppi" else ""
-    return [name for name in (result.video, page) if name]
 
 
 def rests_on(run: Run, result: IterationResult) -> dict[str, str]:
@@ -103,17 +87,6 @@ def result_so_far(run: Run, identity: Identity, notes: list[str]) -> RunResult:
 def _before(run: Run) -> tuple[str, ...]:
     path = run.folder.path
     return RunResult.load(path).notes if (path / RESULT_FILE).exists() else ()
-
-
-def start_tags(config: RunConfig, identity: Identity, robot_digest: str) -> dict[str, str]:
-    """The tags of the run for the tracker."""
-    return {
-        "config": identity.config_digest,
-        "robot": robot_digest,
-        "code": code_version(),
-        "seed": str(config.seed),
-        **{f"version.{name}": number for name, number in versions().items()},
-    }
 
 
 def versions() -> dict[str, str]:

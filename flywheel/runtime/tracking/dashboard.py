@@ -62,8 +62,13 @@ def damage(database: Path) -> str:
         return ""
     return (
         f"MLflow's database {database} is damaged: {found}. Nothing else is lost: move it away, and the "
-        "run's command with --resume makes a new one of outbox.jsonl."
+        "run's command with --resume makes a new one."
     )
+
+
+def is_missing(database: Path) -> bool:
+    """True if the file is missing, or was left empty by a full disk."""
+    return not database.exists() or (database.is_file() and database.stat().st_size == 0)
 
 
 def _checked(database: Path) -> str:

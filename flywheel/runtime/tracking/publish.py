@@ -1,4 +1,4 @@
-"""Logging of a run at MLflow: mapping of numbers to metrics, and of facts to tags.
+"""A run at MLflow: mapping of its results to runs, metrics, tags and files.
 
 One parent run stands for the whole run. Its step is the iteration, and its lines are those of the
 MPPI arm. Each iteration has a child run with its training curve, errors by lead time, data, model
@@ -12,137 +12,170 @@ alphabetical order, and named so that the most important come first.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+import hashlib
+import time
+from collections.abc import Iterator, Mapping
 from typing import Any
 
+from flywheel.reports.page import PAGE_FILE
 from flywheel.reports.style import COLOURS
 from flywheel.results import (
-    Arm,
     DiagnosisNote,
     ErrorNumbers,
     Errors,
     IterationResult,
     LeadTimes,
     Navigation,
+    ResultRecord,
     RobotResult,
     RunResult,
     TrainingPoint,
     UnseenCourse,
 )
-from flywheel.runtime.tracking.tracker import Tracker
+from flywheel.runtime.run.folder import RunFolder, name_of
+from flywheel.runtime.tracking.dashboard import DATABASE, is_missing
+from flywheel.runtime.tracking.mlflow_client import Board, Run
+from flywheel.runtime.tracking.tracker import Status
 
 Values = dict[str, float]
+PUBLISHED = "flywheel.published"  # tag of a run with everything about a result: its digest
+MARK = "published.txt"  # in the folder of a run with nothing left to publish: where, and the digest
 
 
-def publish_start(
-    tracker: Tracker, config: Mapping[str, Any], tags: Mapping[str, str], name: str = ""
-) -> None:
-    """Open the run, or reopen it.
-
-    Args:
-      tracker: of the run.
-      config: resolved configuration; becomes parameters.
-      tags: digests and versions, e.g. {"config": ..., "robot": ..., "code": ...}; logged as
-        `flywheel.<name>`.
-      name: for people; the run's key by default.
-    """
-    prefixed = {f"flywheel.{key}": value for key, value in tags.items()}
-    look = {"flywheel.kind": "run", "mlflow.runColor": COLOURS["mppi"]}
-    tracker.open(tracker.key, name or tracker.key, look | prefixed)
-    tracker.describe(tracker.key, params=flattened(config))
-
-
-def publish_iteration_start(tracker: Tracker, iteration: int, arm: Arm = "mppi") -> None:
-    """Open the run of an iteration, or reopen it."""
-    name = f"iteration {iteration}" + ("" if arm == "mppi" else f" ({arm} arm)")
-    tags = {"kind": "iteration", "iteration": str(iteration), "arm": arm}
-    prefixed = {f"flywheel.{key}": value for key, value in tags.items()}
-    tracker.open(_iteration_run(tracker, iteration, arm), name, prefixed, parent=tracker.key)
-
-
-def publish_iteration(
-    tracker: Tracker,
-    result: IterationResult,
-    *,
-    files: Iterable[str | Path] = (),
-    model_folder: str | Path | None = None,
-    model_shape: tuple[int, int] = (0, 0),
-) -> None:
-    """Log everything about an iteration, end its run, and make its model champion if the gate
-    decided so.
+class Page:
+    """A run's results at MLflow. Publishing them again changes nothing.
 
     Args:
-      tracker: of the run.
-      result: of the iteration.
-      files: figures and videos inside the run folder.
-      model_folder: inside the run folder, written by `pyfunc_model.write_model`; None logs no model.
-      model_shape: (tracked points, winches) of the model's robot.
+      board: for the results.
+      folder: of the run, with its models, figures and videos.
+      shape: (tracked points, winches) of the robot, for the signatures of the models.
     """
-    iteration, arm = result.iteration, result.arm
-    child = _iteration_run(tracker, iteration, arm)
-    publish_iteration_start(tracker, iteration, arm)
-    values = iteration_values(result)
-    tracker.log(_arm_run(tracker, arm), values, iteration)
-    tracker.log(child, {f"final/{name}": value for name, value in values.items()}, iteration)
-    tracker.log_rows(child, [(point.step, curve_values(point)) for point in result.curve])
-    if result.test is not None and result.test.by_lead_time is not None:
-        tracker.log_rows(child, lead_time_values(result.test.by_lead_time))
-    tags = _tags(result)
-    tracker.describe(child, tags=tags)
-    profile = {"episodes": result.episodes, "steps": result.steps}
-    tracker.dataset(child, f"iteration-{iteration}-{arm}", result.snapshot, profile)
-    for path in files:
-        tracker.artifact(child, path)
-    if model_folder is not None:
-        name = f"{arm}-{iteration:04d}"
-        tracker.model(child, name, result.model, model_folder, model_shape, tags, iteration)
-        if result.gate is not None and result.gate.promoted:
-            tracker.promote(result.model, result.gate)
-    tracker.end(child)
+
+    def __init__(self, board: Board, folder: RunFolder, shape: tuple[int, int]) -> None:
+        self._board, self._folder, self._shape = board, folder, shape
+        self._done: set[str] = set()  # what this process has published or found there
+        self._mark = folder.path / MARK
+
+    def publish(self, result: RunResult, status: Status) -> None:
+        """Publish everything that is not there yet.
+
+        Raises:
+          Exception: MLflow cannot be reached, or its database is damaged. A repetition goes on
+            from there.
+        """
+        mark = f"{self._board.uri} {_digest(result)}"
+        if self._is_complete(mark):
+            return
+        parent = self._parent(result)
+        if result.key not in self._done:
+            self._board.describe(parent, params=flattened(result.config))
+            self._done.add(result.key)
+        for each in result.iterations:
+            if (name := name_of(each.iteration, each.arm)) not in self._done:
+                self._iteration(result, each)
+                self._done.add(name)
+        if result.finished:
+            self._end(result)
+            self._mark.write_text(mark)
+        else:
+            self._board.status(parent, status)
+
+    def _is_complete(self, mark: str) -> bool:
+        lost = self._board.uri.startswith("sqlite") and is_missing(self._folder.path / DATABASE)
+        return not lost and self._mark.exists() and self._mark.read_text() == mark
+
+    def _iteration(self, result: RunResult, each: IterationResult) -> None:
+        """Publish everything about an iteration; its model becomes champion if the gate decided so."""
+        board, parent, name = self._board, self._parent(result), name_of(each.iteration, each.arm)
+        child = self._child(result, each)
+        digest, step = _digest(each), each.iteration
+        if child.tags.get(PUBLISHED) == digest:
+            return
+        values, tags = iteration_values(each), _tags(each)
+        board.log(self._line(result, each.arm), [(step, values)], since=child)
+        final = {f"final/{name}": value for name, value in values.items()}
+        board.log(child, [(step, final), *((p.step, curve_values(p)) for p in each.curve)])
+        if each.test is not None and each.test.by_lead_time is not None:
+            board.log(child, lead_time_values(each.test.by_lead_time))
+        board.describe(child, tags=tags)
+        profile = {"episodes": each.episodes, "steps": each.steps}
+        board.dataset(child, f"iteration-{step}-{each.arm}", each.snapshot, profile)
+        page = each.diagnosis.page if each.diagnosis is not None and each.arm == "mppi" else ""
+        for path in filter(None, (each.video, page)):
+            board.artifact(child, path)
+        if each.model:
+            served = self._folder.weights(step, each.arm).parent
+            key = f"{result.key}/{name}/{each.model}"
+            board.model(child, key, name, each.model, served, self._shape, tags, step)
+        if each.gate is not None:
+            board.promote(parent, each.model, each.gate)
+        board.status(child, "FINISHED", self._ended(each))
+        board.describe(child, tags={PUBLISHED: digest})
+
+    def _end(self, result: RunResult) -> None:
+        """Publish the final numbers: the pooled test errors, floors, oracle, and the control arm's line."""
+        board, parent = self._board, self._parent(result)
+        last = max((i.iteration for i in result.iterations), default=0)
+        if parent.tags.get(PUBLISHED) == _digest(result):
+            return
+        for arm in result.arms:
+            for each in result.of_arm(arm):
+                values = iteration_values(each)
+                if (errors := result.pooled_errors(each)) is not None:
+                    values |= error_values("error_pooled", errors)
+                since = self._child(result, each)
+                board.log(self._line(result, arm), [(each.iteration, values)], since)
+        for name, values in _constant_lines(result):
+            board.log(self._line(result, name), [(step, values) for step in range(last + 1)])
+        board.log(parent, final_rows(result, last))
+        figures = sorted((self._folder.path / "figures").glob("*.png"))
+        videos = [each.video for each in result.unseen if each.video]
+        for path in (PAGE_FILE, *map(str, figures), *videos):
+            board.artifact(parent, path)
+        board.status(parent, "FINISHED")
+        board.describe(parent, tags={PUBLISHED: _digest(result)})
+
+    def _parent(self, result: RunResult) -> Run:
+        tags = {
+            "kind": "run",
+            "config": result.config_digest,
+            "robot": result.robot_digest,
+            "code": result.code,
+            "seed": str(result.config.get("seed", "")),
+            **{f"version.{name}": number for name, number in result.versions.items()},
+        }
+        look = {"mlflow.runColor": COLOURS["mppi"]}
+        look |= {f"flywheel.{key}": value for key, value in tags.items()}
+        return self._board.run(result.key, result.name or result.key, look)
+
+    def _child(self, result: RunResult, each: IterationResult) -> Run:
+        """The run of an iteration."""
+        step, arm = each.iteration, each.arm
+        tags = {"kind": "iteration", "iteration": str(step), "arm": arm}
+        tags = {f"flywheel.{key}": value for key, value in tags.items()}
+        name = f"iteration {step}" + ("" if arm == "mppi" else f" ({arm} arm)")
+        begun = self._ended(each) - sum(each.seconds.values())
+        parent = self._parent(result)
+        return self._board.run(f"{result.key}/{arm}-{step:04d}", name, tags, parent, begun)
+
+    def _ended(self, each: IterationResult) -> float:
+        """When an iteration was completed, in seconds since 1970."""
+        path = self._folder.result_file(each.iteration, each.arm)
+        return path.stat().st_mtime if path.exists() else time.time()
+
+    def _line(self, result: RunResult, name: str) -> Run:
+        """The run with the line of an arm, a floor or the oracle in the common charts."""
+        if name == "mppi":
+            return self._parent(result)
+        name = f"{name} arm" if name == "control" else name
+        tags = {"flywheel.kind": "line", "flywheel.beside": result.key}
+        tags |= {"mlflow.runColor": COLOURS[name]}
+        key = f"{result.key}/{name.replace(' ', '-')}"
+        return self._board.run(key, f"{name}, {result.key}", tags)
 
 
-def publish_end(tracker: Tracker, result: RunResult, files: Iterable[str | Path] = ()) -> None:
-    """Log the final numbers, and end the run.
-
-    These are the pooled test errors, and the lines of the floors, the oracle and the control arm.
-
-    Args:
-      tracker: of the run.
-      result: of the finished run.
-      files: report, figures and videos inside the run folder.
-    """
-    for arm in result.arms:
-        for iteration in result.of_arm(arm):
-            tracker.log(_arm_run(tracker, arm), iteration_values(iteration), iteration.iteration)
-            if (errors := result.pooled_errors(iteration)) is not None:
-                values = error_values("error_pooled", errors)
-                tracker.log(_arm_run(tracker, arm), values, iteration.iteration)
-    steps = sorted({iteration.iteration for iteration in result.iterations})
-    for name, floor in (("floor", result.floor), ("informed floor", result.informed_floor)):
-        if floor is not None:
-            _log_line(tracker, name, error_values("error_pooled", floor), steps)
-    if result.oracle is not None:
-        _log_line(tracker, "oracle", navigation_values(result.oracle), steps)
-    for unseen in result.unseen:
-        tracker.log(tracker.key, unseen_values(unseen), max(steps, default=0))
-    _log_robot(tracker, result, max(steps, default=0))
-    if result.persistence is not None:
-        values = error_values("persistence", result.persistence)
-        tracker.log(tracker.key, values, max(steps, default=0))
-    for path in files:
-        tracker.artifact(tracker.key, path)
-    tracker.end(tracker.key)
-
-
-def _log_robot(tracker: Tracker, result: RunResult, last: int) -> None:
-    """Log every model's errors on all of the robot's held-out recordings, and the robot time before it."""
-    for score in result.on_robot:
-        values = robot_errors({score.model: score.errors}, "robot_pooled")
-        tracker.log(tracker.key, values, score.iteration)
-    for model in sorted({score.model for score in result.on_robot} - {"given"}):
-        if (minutes := result.minutes_to_best(model)) is not None:
-            tracker.log(tracker.key, {f"robot/minutes_to_best/{model}": minutes}, last)
+def _digest(result: ResultRecord) -> str:
+    return hashlib.sha256(result.model_dump_json().encode()).hexdigest()
 
 
 def _tags(result: IterationResult) -> dict[str, str]:
@@ -159,24 +192,31 @@ def _tags(result: IterationResult) -> dict[str, str]:
     return tags
 
 
-def _log_line(tracker: Tracker, name: str, values: Mapping[str, float], steps: list[int]) -> None:
-    """Log numbers that are equal in every iteration, as lines for comparison."""
-    tracker.log_rows(_line_run(tracker, name), [(step, values) for step in steps])
+def _constant_lines(result: RunResult) -> Iterator[tuple[str, Values]]:
+    """Names and numbers of the lines that are equal in every iteration."""
+    for name, floor in (("floor", result.floor), ("informed floor", result.informed_floor)):
+        if floor is not None:
+            yield name, error_values("error_pooled", floor)
+    if result.oracle is not None:
+        yield "oracle", navigation_values(result.oracle)
 
 
-def _arm_run(tracker: Tracker, arm: Arm) -> str:
-    return tracker.key if arm == "mppi" else _line_run(tracker, f"{arm} arm")
+def final_rows(result: RunResult, last: int) -> list[tuple[int, Values]]:
+    """The parent's numbers of the end of a run: unseen courses, the robot, persistence.
 
-
-def _line_run(tracker: Tracker, name: str) -> str:
-    run = f"{tracker.key}/{name.replace(' ', '-')}"
-    tags = {"flywheel.kind": "line", "flywheel.beside": tracker.key}
-    tracker.open(run, f"{name}, {tracker.key}", tags | {"mlflow.runColor": COLOURS[name]})
-    return run
-
-
-def _iteration_run(tracker: Tracker, iteration: int, arm: Arm) -> str:
-    return f"{tracker.key}/{arm}-{iteration:04d}"
+    Every model's errors are on all of the robot's held-out recordings.
+    """
+    rows = [
+        (score.iteration, robot_errors({score.model: score.errors}, "robot_pooled"))
+        for score in result.on_robot
+    ]
+    rows += [(last, unseen_values(unseen)) for unseen in result.unseen]
+    for model in sorted({score.model for score in result.on_robot} - {"given"}):
+        if (minutes := result.minutes_to_best(model)) is not None:
+            rows.append((last, {f"robot/minutes_to_best/{model}": minutes}))
+    if result.persistence is not None:
+        rows.append((last, error_values("persistence", result.persistence)))
+    return rows
 
 
 def iteration_values(result: IterationResult) -> Values:

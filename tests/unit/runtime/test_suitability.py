@@ -101,5 +101,5 @@ def test_a_run_that_is_refused_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(
         ConfigError, match=r"platform4 cannot do this run:\n  collect.gaits=1: The gaits"
     ):
-        run(config, tmp_path / "run", tracker=None)
+        run(config, tmp_path / "run", tracked=False)
     assert list(tmp_path.iterdir()) == []

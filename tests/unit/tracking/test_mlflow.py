@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import math
 import os
 import shutil
 import socket
@@ -12,10 +13,11 @@ import urllib.request
 
 import pytest
 
-from flywheel.results import GateDecision
+from flywheel.results import GateDecision, RunResult
+from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.tracking.dashboard import ui_command
-from flywheel.runtime.tracking.mlflow_client import MlflowReceiver, open_tracker
-from flywheel.runtime.tracking.publish import publish_end, publish_iteration, publish_start
+from flywheel.runtime.tracking.mlflow_client import Board
+from flywheel.runtime.tracking.publish import Page
 from flywheel.runtime.tracking.tracker import Tracker, TrackingConfig
 from tests.full_disk import files_end_at
 from tests.unit.reports.fake_run import fake_run
@@ -25,22 +27,28 @@ pytestmark = pytest.mark.slow
 FAST = (0.05, 0.5)
 
 
-def publish(tracker, run, folder, files=True):
-    """All that a run logs, files and models included."""
-    (folder / "models").mkdir(parents=True, exist_ok=True)
-    (folder / "models" / "weights.txt").write_text("weights")
-    (folder / "figure.svg").write_text("<svg/>")
-    publish_start(tracker, run.config, {"config": run.config_digest}, run.name)
-    for iteration in run.iterations:
-        model = folder / "models" if iteration.arm == "mppi" and files else None
-        publish_iteration(
-            tracker,
-            iteration,
-            files=["figure.svg"] if files else [],
-            model_folder=model,
-            model_shape=(6, 6),
-        )
-    publish_end(tracker, run, files=["figure.svg"] if files else [])
+def written(folder, run):
+    """The files of a run that are published."""
+    for each in run.iterations:
+        weights = RunFolder(folder).weights(each.iteration, each.arm)
+        weights.parent.mkdir(parents=True, exist_ok=True)
+        weights.write_text("weights")
+    for name in ("report.html", *(each.video for each in (*run.iterations, *run.unseen))):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if name:
+            (folder / name).write_text("file")
+    return folder
+
+
+def board_of(folder, config=TrackingConfig()):
+    folder.mkdir(parents=True, exist_ok=True)
+    return Board(folder, config, "prism3")
+
+
+def tracker_of(folder, config=TrackingConfig(), board=Board):
+    folder.mkdir(parents=True, exist_ok=True)
+    page = Page(board(folder, config, "prism3"), RunFolder(folder), (6, 6))
+    return Tracker(page.publish, FAST)
 
 
 def contents(uri):
@@ -68,6 +76,7 @@ def contents(uri):
             "files": [a.path for a in client.list_artifacts(run.info.run_id)],
             "parent": run.data.tags.get("mlflow.parentRunId", "") != "",
             "snapshot": run.data.tags.get("flywheel.snapshot"),
+            "tags": run.data.tags,
         }
     name = "flywheel-prism3"
     versions = client.search_model_versions(f"name = '{name}'")
@@ -93,7 +102,7 @@ def check(held, run):
         (i.iteration, i.test.short.e_rot) for i in run.of_arm("mppi")
     ]
     assert parent["params"]["mppi.samples"] == "64"
-    assert parent["files"] == ["figure.svg"]
+    assert "report.html" in parent["files"]
     for iteration in run.iterations:
         child = held[f"{key}/{iteration.arm}-{iteration.iteration:04d}"]
         assert child["parent"]
@@ -101,10 +110,9 @@ def check(held, run):
         assert child["snapshots"] == [iteration.snapshot[:36]]
         assert child["snapshot"] == iteration.snapshot
         assert len(child["metrics"]["training/loss"]) == len(iteration.curve)
-        assert child["models"] == (iteration.arm == "mppi")
-    mine = [i for i in run.iterations if i.arm == "mppi"]
-    assert held["registry"] == sorted(i.model for i in mine)
-    best = [i for i in mine if i.gate.promoted][-1]
+        assert child["models"] == 1
+    assert held["registry"] == sorted(i.model for i in run.iterations)
+    best = [i for i in run.of_arm("mppi") if i.gate.promoted][-1]
     assert held["champion"] == {"model": best.model, "number": str(best.gate.number)}
 
 
@@ -162,63 +170,65 @@ def run():
 
 
 def test_a_run_lands_in_its_own_sqlite_file_once_however_often_it_is_delivered(tmp_path, run):
-    class Twice(MlflowReceiver):
-        """Delivers every record, loses MLflow's first answer, and so delivers it again."""
+    class Breaks(Board):
+        """Does everything, loses MLflow's answer now and then, and so everything is done again."""
 
-        answered = False
+        calls = 0
 
-        def deliver(self, record):
-            super().deliver(record)
-            self.answered = not self.answered
-            if self.answered:
+        def log(self, run, rows, since=None):
+            super().log(run, rows, since)
+            Breaks.calls += 1
+            if Breaks.calls in (2, 6):
                 raise ConnectionError("the answer was lost")
 
-    receiver = Twice(tmp_path, TrackingConfig(), "prism3")
-    tracker = Tracker(tmp_path, run.key, receiver, retry_seconds=(0.001, 0.001))
-    publish(tracker, run, tmp_path)
+    folder = written(tmp_path, run)
+    tracker = tracker_of(folder, board=Breaks)
+    tracker.show(run)
     assert tracker.close(120), tracker.problem
-    assert not (tmp_path / "outbox.rejected.jsonl").exists()
     held = contents(f"sqlite:///{tmp_path / 'mlflow.db'}")
     check(held, run)
 
-    again = open_tracker(tmp_path, run.key, "prism3", retry_seconds=FAST)  # a resume logs all again
-    publish(again, run, tmp_path)
+    (folder / "published.txt").unlink()
+    again = tracker_of(folder)
+    again.show(run)
     assert again.close(120), again.problem
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}") == held
 
 
-def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path, run):
+def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path):
     uri = f"sqlite:///{tmp_path / 'mlflow.db'}"
     states = []
-    for status in ("KILLED", "FINISHED"):
-        tracker = open_tracker(tmp_path, run.key, "prism3", retry_seconds=FAST)
-        publish_start(tracker, run.config, {})
-        tracker.end(run.key, status)
+    for finished in (False, True):
+        tracker = tracker_of(tmp_path)
+        tracker.show(RunResult(name="name", key="key"))
+        assert tracker.flush(120), tracker.problem
+        states.append(contents(uri)["key"]["status"])
+        if finished:
+            tracker.show(RunResult(name="name", key="key", finished=True))
+        else:
+            tracker.end("KILLED")
         assert tracker.close(120), tracker.problem
-        states.append(
-            {key: held["status"] for key, held in contents(uri).items() if key == run.key}
-        )
-    assert states == [{run.key: "KILLED"}, {run.key: "FINISHED"}]
+        states.append(contents(uri)["key"]["status"])
+    assert states == ["RUNNING", "KILLED", "RUNNING", "FINISHED"]
 
 
 def test_a_dead_server_delays_no_call_and_gets_everything_once_when_it_comes_up(tmp_path, run):
     port = free_port()
-    folder = tmp_path / "run"
+    folder = written(tmp_path / "run", run)
     config = TrackingConfig(uri=f"http://127.0.0.1:{port}", request_seconds=2)
-    tracker = open_tracker(folder, run.key, "prism3", config, FAST)
+    tracker = tracker_of(folder, config)
     start = time.monotonic()
-    publish(tracker, run, folder)
-    assert time.monotonic() - start < 5
+    tracker.show(run)
+    assert time.monotonic() - start < 1
     assert "refused" in first_problem(tracker)
-    waiting = tracker.pending()
-    assert waiting > 20
     assert not tracker.close(0.1)
     with mlflow_server(tmp_path / "server", port):
-        later = open_tracker(folder, run.key, "prism3", config, FAST)
-        publish(later, run, folder)  # what a resumed loop logs again changes nothing
-        assert later.close(120), later.problem
-        check(contents(config.uri), run)
-    assert not (folder / "outbox.rejected.jsonl").exists()
+        for _ in range(2):  # what a resumed run publishes again changes nothing
+            later = tracker_of(folder, config)
+            later.show(run)
+            assert later.close(120), later.problem
+            check(contents(config.uri), run)
+            (folder / "published.txt").unlink()
 
 
 def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
@@ -228,97 +238,126 @@ def test_a_server_that_accepts_and_never_answers_blocks_nobody(tmp_path, run):
         config = TrackingConfig(
             uri=f"http://127.0.0.1:{listener.getsockname()[1]}", request_seconds=1
         )
-        tracker = open_tracker(tmp_path, run.key, "prism3", config, FAST)
+        tracker = tracker_of(tmp_path, config)
         start = time.monotonic()
-        publish(tracker, run, tmp_path)
-        assert time.monotonic() - start < 5
+        tracker.show(run)
+        assert time.monotonic() - start < 1
         assert "timed out" in first_problem(tracker)
         start = time.monotonic()
         assert not tracker.close(0.5)
         assert time.monotonic() - start < 3
-        assert tracker.pending() > 20
 
 
 def test_the_database_is_whole_even_if_another_process_makes_it_at_the_same_time(tmp_path):
     script = (
         "import sys; from pathlib import Path; from flywheel.runtime.tracking import mlflow_client;"
-        "mlflow_client._configure(5); mlflow_client._database(Path(sys.argv[1]) / 'mlflow.db')"
+        "mlflow_client._configure(5); mlflow_client._make_database(Path(sys.argv[1]) / 'mlflow.db')"
     )
     with subprocess.Popen([sys.executable, "-c", script, str(tmp_path)]) as other:
-        tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
-        tracker.open("key", "name", {})
-        assert tracker.close(120), tracker.problem
+        board_of(tmp_path).run("key", "name", {})
         assert other.wait(180) == 0
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]["status"] == "RUNNING"
     assert sorted(path.name for path in tmp_path.glob("*mlflow*")) == ["mlflow.db"]
 
 
-def test_a_database_that_was_lost_is_made_anew_and_told_everything(tmp_path):
-    tracker = open_tracker(tmp_path / "run", "key", "prism3", retry_seconds=FAST)
-    tracker.open("key", "name", {})
-    tracker.log("key", {"closed_loop/success_rate": 0.5}, step=2)
+def test_a_database_that_was_lost_is_made_anew_and_told_everything(tmp_path, run):
+    original = written(tmp_path / "run", run)
+    tracker = tracker_of(original)
+    tracker.show(run)
     assert tracker.close(120), tracker.problem
     for name in ("removed", "emptied"):  # a copy: MLflow keeps the files it knows open
         folder = tmp_path / name
-        shutil.copytree(tmp_path / "run", folder)
+        shutil.copytree(original, folder)
         (folder / "mlflow.db").unlink()
         if name == "emptied":
             (folder / "mlflow.db").touch()
-        again = open_tracker(folder, "key", "prism3", retry_seconds=FAST)
+        again = tracker_of(folder)
+        again.show(run)
         assert again.close(120), again.problem
-        held = contents(f"sqlite:///{folder / 'mlflow.db'}")
-        assert held["key"]["metrics"] == {"closed_loop/success_rate": [(2, 0.5)]}
-        assert not (folder / "outbox.rejected.jsonl").exists()
+        check(contents(f"sqlite:///{folder / 'mlflow.db'}"), run)
 
 
 def test_a_damaged_database_delays_nobody_and_is_told_in_one_line(tmp_path, caplog, capfd):
     for damaged in (b"no database", bytes(8192)):
         (tmp_path / "mlflow.db").write_bytes(damaged)
-        tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
-        tracker.open("key", "name", {})
+        tracker = tracker_of(tmp_path)
+        tracker.show(RunResult(name="name", key="key"))
         assert "is damaged" in first_problem(tracker)
         start = time.monotonic()
-        assert not tracker.close()
+        assert not tracker.close(60)
         assert time.monotonic() - start < 10
-        assert tracker.pending() > 0
     assert [record.levelname for record in caplog.records] == ["WARNING", "WARNING"]
     assert "--resume makes a new one" in caplog.text
     assert capfd.readouterr().err == ""
     (tmp_path / "mlflow.db").unlink()  # moved away: nothing was lost
-    later = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    later = tracker_of(tmp_path)
+    later.show(RunResult(name="name", key="key"))
     assert later.close(120), later.problem
     assert contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]["status"] == "RUNNING"
 
 
 def test_a_disk_that_fills_up_while_the_database_is_used_is_told_in_one_line(
-    tmp_path, caplog, capfd
+    tmp_path, run, caplog, capfd
 ):
     # As it is unless another test imported MLflow before a tracker could tell it to be quiet.
     caplog.set_level(logging.CRITICAL, logger="mlflow")
     caplog.handler.setLevel(logging.NOTSET)
-    tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
-    tracker.open("key", "name", {})
+    folder = written(tmp_path, run)
+    tracker = tracker_of(folder)
+    tracker.show(RunResult(name=run.name, key=run.key))
     assert tracker.flush(120), tracker.problem
     with files_end_at((tmp_path / "mlflow.db").stat().st_size):
-        tracker.log_rows("key", [(step, {"training/loss": 0.5}) for step in range(3000)])
+        tracker.show(run)
         assert first_problem(tracker)
         assert not tracker.close(0.5)
     ours = [record for record in caplog.records if record.name.startswith("flywheel")]
     assert len(ours) == 1, caplog.text
     assert capfd.readouterr().err == ""
-    later = open_tracker(tmp_path, "key", "prism3", retry_seconds=FAST)
+    later = tracker_of(folder)
+    later.show(run)
     assert later.close(120), later.problem
+    check(contents(f"sqlite:///{tmp_path / 'mlflow.db'}"), run)
+
+
+@pytest.mark.parametrize("odd", [math.nan, math.inf, -math.inf])
+def test_a_number_that_is_not_finite_becomes_a_tag_and_a_health_warning(tmp_path, odd):
+    board = board_of(tmp_path)
+    board.log(board.run("key", "name", {}), [(7, {"error/e_rot": odd, "error/e_pos": 2.0})])
     held = contents(f"sqlite:///{tmp_path / 'mlflow.db'}")["key"]
-    assert len(held["metrics"]["training/loss"]) == 3000
+    assert held["metrics"] == {"error/e_pos": [(7, 2.0)], "health/nonfinite": [(7, 1.0)]}
+    assert held["tags"]["nonfinite/error/e_rot"] == f"{odd} at 7"
 
 
-def test_a_champion_that_mlflow_does_not_know_is_set_aside_and_the_rest_goes_on(tmp_path):
-    tracker = open_tracker(tmp_path, "key", "it's my robot", retry_seconds=FAST)
-    tracker.open("key", "name", {})
+def test_only_a_decision_for_a_model_with_a_finite_number_makes_a_champion(tmp_path, run):
+    best = run.iterations[0]
+    folder, board = written(tmp_path, run), board_of(tmp_path)
+    parent = board.run("key", "name", {})
+    served = RunFolder(folder).weights(0, "mppi").parent
+    board.model(parent, "key/model", "model", best.model, served, (6, 6), {})
+    refused = GateDecision(promoted=False, measure="e_rot [deg]", number=3.0)
+    for decision in (refused, refused.model_copy(update={"promoted": True, "number": math.nan})):
+        board.promote(parent, best.model, decision)
+        assert "flywheel.champion" not in held_tags(tmp_path)
+    board.promote(parent, best.model, refused.model_copy(update={"promoted": True, "number": 2.5}))
+    assert held_tags(tmp_path)["flywheel.champion.number"] == "2.5"
+
+
+def held_tags(folder):
+    from mlflow import MlflowClient  # slow to import
+
+    client = MlflowClient(tracking_uri=f"sqlite:///{folder / 'mlflow.db'}")
+    experiment = client.get_experiment_by_name("flywheel").experiment_id
+    (run,) = client.search_runs([experiment])
+    return run.data.tags
+
+
+def test_a_champion_that_mlflow_does_not_know_is_left_out_and_the_rest_goes_on(tmp_path, caplog):
+    board = Board(tmp_path, TrackingConfig(), "it's my robot")
+    run = board.run("key", "name", {})
     odd = GateDecision(promoted=True, measure="e_rot [deg]", number=1.0, reference=float("nan"))
-    tracker.promote("unknown", odd)
-    tracker.log("key", {"closed_loop/success_rate": 0.5})
-    assert tracker.close(120), tracker.problem
-    assert "no version" in (tmp_path / "outbox.rejected.jsonl").read_text()
+    board.promote(run, "unknown", odd)
+    board.artifact(run, "nowhere.svg")
+    board.log(run, [(0, {"closed_loop/success_rate": 0.5})])
+    assert "no version" in caplog.text and "nowhere.svg is missing" in caplog.text
     held = contents(f"sqlite:///{tmp_path / 'mlflow.db'}")
     assert held["key"]["metrics"] == {"closed_loop/success_rate": [(0, 0.5)]}

@@ -9,8 +9,9 @@ from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.errors import DataError
 from flywheel.records import Observation, Past
 from flywheel.results import GateDecision
-from flywheel.runtime.tracking.mlflow_client import open_tracker
+from flywheel.runtime.tracking.mlflow_client import Board
 from flywheel.runtime.tracking.pyfunc_model import PyfuncDynamics, read_model, write_model
+from flywheel.runtime.tracking.tracker import TrackingConfig
 from tests import draws
 
 
@@ -48,13 +49,12 @@ def test_the_champion_loaded_from_mlflow_predicts_what_the_network_predicts(
     tmp_path, robot, network
 ):
     digest = write_model(tmp_path / "model", robot, network, snapshot="s" * 64)
-    tracker = open_tracker(tmp_path, "key", "prism3", retry_seconds=(0.05, 0.5))
-    tracker.open("key", "name", {})
+    board = Board(tmp_path, TrackingConfig(), "prism3")
+    run = board.run("key", "name", {})
     shape = (len(robot.points), len(robot.winches))
-    tracker.model("key", "mppi-0000", digest, tmp_path / "model", shape, {})
+    board.model(run, "model", "mppi-0000", digest, tmp_path / "model", shape, {})
     decision = GateDecision(promoted=True, measure="validation e_rot [deg]", number=3.25)
-    tracker.promote(digest, decision)
-    assert tracker.close(120), tracker.problem
+    board.promote(run, digest, decision)
 
     import mlflow
 

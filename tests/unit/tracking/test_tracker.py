@@ -1,161 +1,119 @@
-"""The tracker's records, with a list in MLflow's place."""
+"""The tracker's thread: nobody waits for the receiver, and the newest state arrives in the end."""
 
-import math
+import threading
+import time
 
 import pytest
 
-from flywheel.errors import ConfigError
-from flywheel.results import GateDecision
-from flywheel.runtime.tracking.publish import (
-    publish_end,
-    publish_iteration,
-    publish_start,
-)
+from flywheel.errors import DataError
+from flywheel.results import RunResult
 from flywheel.runtime.tracking.tracker import Tracker
-from tests.unit.reports.fake_run import fake_iteration, fake_run
+
+FAST = (0.01, 0.05)
+FIRST, SECOND = RunResult(name="first", key="key"), RunResult(name="second", key="key")
 
 
-class Notes:
-    """A receiver that keeps the records."""
+class Receiver:
+    """Notes what it is given; fails as long as it is told to."""
 
     def __init__(self):
-        self.records = []
+        self.got = []
+        self.error = None
 
-    def deliver(self, record):
-        self.records.append(record)
-
-    def is_permanent(self, error):
-        return False
-
-    def of(self, kind):
-        return [record for record in self.records if record["kind"] == kind]
-
-    def points(self):
-        """(run, name, step) -> value of every number, each seen once."""
-        points = {}
-        for record in self.of("log"):
-            for name, step, value in record["values"]:
-                assert (record["run"], name, step) not in points
-                points[record["run"], name, step] = value
-        return points
+    def publish(self, result, status):
+        if self.error is not None:
+            raise self.error
+        self.got.append((result.name, status))
 
 
 @pytest.fixture
-def notes():
-    return Notes()
+def receiver():
+    return Receiver()
 
 
-def test_a_number_is_logged_once_per_run_name_and_step_even_after_a_restart(tmp_path, notes):
-    for value in (1.0, 2.0):
-        tracker = Tracker(tmp_path, "key", notes)
-        tracker.log("key", {"a": value}, step=3)
-        tracker.log("key", {"a": value, "b": value}, step=4)
-        tracker.log("other", {"a": value}, step=3)
-        assert tracker.close(5)
-    assert notes.points() == {
-        ("key", "a", 3): 1.0,
-        ("key", "a", 4): 1.0,
-        ("key", "b", 4): 1.0,
-        ("other", "a", 3): 1.0,
-    }
-
-
-@pytest.mark.parametrize("odd", [math.nan, math.inf, -math.inf])
-def test_a_number_that_is_not_finite_becomes_a_tag_and_a_health_warning(tmp_path, notes, odd):
-    tracker = Tracker(tmp_path, "key", notes)
-    tracker.log("key", {"error/e_rot": odd, "error/e_pos": 2.0}, step=7)
+def test_a_state_and_how_the_run_ended_arrive(receiver):
+    tracker = Tracker(receiver.publish, FAST)
+    tracker.show(FIRST)
+    assert tracker.flush(5)
+    tracker.show(SECOND)
+    tracker.end("KILLED")
     assert tracker.close(5)
-    assert notes.points() == {("key", "error/e_pos", 7): 2.0, ("key", "health/nonfinite", 7): 1.0}
-    assert notes.of("describe")[0]["tags"] == {"nonfinite/error/e_rot": f"{odd} at 7"}
+    assert receiver.got[0] == ("first", "RUNNING")
+    assert receiver.got[-1] == ("second", "KILLED")
 
 
-def test_only_the_gate_makes_a_champion_and_only_with_a_finite_number(tmp_path, notes):
-    tracker = Tracker(tmp_path, "key", notes)
-    refused = GateDecision(promoted=False, measure="e_rot [deg]", number=3.0)
-    odd = GateDecision(promoted=True, measure="e_rot [deg]", number=math.nan)
-    good = GateDecision(promoted=True, measure="e_rot [deg]", number=2.5, reason="lower")
-    for decision in (refused, odd):
-        with pytest.raises(ConfigError, match="passed the gate"):
-            tracker.promote("weights", decision)
-    tracker.promote("weights", good)
+def test_a_run_that_ends_before_it_showed_anything_publishes_nothing(receiver):
+    tracker = Tracker(receiver.publish, FAST)
+    tracker.end("FAILED")
     assert tracker.close(5)
-    assert [record["decision"]["number"] for record in notes.of("promote")] == ["2.5"]
+    assert receiver.got == []
 
 
-def test_the_end_of_the_parent_ends_every_run_still_open(tmp_path, notes):
-    tracker = Tracker(tmp_path, "key", notes)
-    tracker.open("key", "name", {})
-    tracker.open("key/a", "a", {}, parent="key")
-    tracker.open("key/b", "b", {}, parent="key")
-    tracker.end("key/a")
-    tracker.end("key", "KILLED")
+def test_a_receiver_that_recovers_gets_only_the_newest_state(receiver):
+    receiver.error = TimeoutError("refused")
+    tracker = Tracker(receiver.publish, FAST)
+    tracker.show(FIRST)
+    tracker.show(SECOND)
+    assert not tracker.flush(0.1)
+    assert "refused" in tracker.problem
+    receiver.error = None
+    assert tracker.flush(5)
+    assert tracker.problem == ""
+    assert tracker.close(1)
+    assert receiver.got == [("second", "RUNNING")]
+
+
+def test_a_new_state_is_tried_at_once_however_long_the_pause_is(receiver):
+    receiver.error = ConnectionError()
+    tracker = Tracker(receiver.publish, (60.0, 60.0))
+    tracker.show(FIRST)
+    limit = time.monotonic() + 5
+    while not tracker.problem and time.monotonic() < limit:
+        time.sleep(0.01)
+    receiver.error = None
+    tracker.show(SECOND)
     assert tracker.close(5)
-    ends = [(record["run"], record["status"]) for record in notes.of("end")]
-    assert ends == [("key/a", "FINISHED"), ("key/b", "KILLED"), ("key", "KILLED")]
+    assert receiver.got == [("second", "RUNNING")]
 
 
-def test_files_outside_the_run_folder_and_odd_keys_are_refused(tmp_path, notes):
-    tracker = Tracker(tmp_path / "run", "key", notes)
-    with pytest.raises(ConfigError, match="inside"):
-        tracker.artifact("key", tmp_path / "elsewhere.png")
-    tracker.artifact("key", tmp_path / "run" / "figures" / "a.png")
+def test_a_receiver_that_hangs_blocks_nobody():
+    release = threading.Event()
+    tracker = Tracker(lambda result, status: release.wait(30) and None, FAST)
+    start = time.monotonic()
+    tracker.show(FIRST)
+    assert not tracker.flush(0.3)
+    assert not tracker.close(0.3)
+    assert time.monotonic() - start < 3
+    release.set()
+
+
+def test_a_problem_that_waiting_does_not_mend_is_not_waited_for_and_told_once(receiver, caplog):
+    receiver.error = DataError("The database is damaged: move it away.")
+    tracker = Tracker(receiver.publish, FAST)
+    tracker.show(FIRST)
+    start = time.monotonic()
+    assert not tracker.flush(30)
+    assert time.monotonic() - start < 10
+    time.sleep(0.1)  # it goes on trying
+    assert [r.message.partition("again: ")[2] for r in caplog.records] == [
+        "The database is damaged: move it away."
+    ]
+    receiver.error = None  # somebody moved it away
+    limit = time.monotonic() + 10
+    while not receiver.got and time.monotonic() < limit:
+        time.sleep(0.01)
     assert tracker.close(5)
-    assert notes.of("artifact")[0]["path"] == "figures/a.png"
-    with pytest.raises(ConfigError, match="letters"):
-        Tracker(tmp_path, "it's", notes)
 
 
-def test_an_iteration_makes_a_child_and_lines_that_share_their_names(tmp_path, notes):
-    run = fake_run(iterations=3)
-    tracker = Tracker(tmp_path, "key", notes)
-    publish_start(tracker, run.config, {"config": run.config_digest})
-    for iteration in run.iterations:
-        publish_iteration(tracker, iteration)
-    publish_end(tracker, run)
-    assert tracker.close(5)
-    opened = {record["run"]: record["parent"] for record in notes.of("open")}
-    children = {f"key/{i.arm}-{i.iteration:04d}" for i in run.iterations}
-    assert len(children) == 5
-    assert {key for key, parent in opened.items() if parent == "key"} == children
-    beside = {key for key, parent in opened.items() if not parent}
-    lines = ("control-arm", "floor", "informed-floor", "oracle")
-    assert beside == {"key", *(f"key/{line}" for line in lines)}
-    points = notes.points()
-    for line in ("key", "key/control-arm", "key/floor"):
-        steps = [s for (r, n, s) in points if r == line and n == "error_pooled/short_e_rot_deg"]
-        assert sorted(steps) == [0, 1, 2], line
-    assert points["key", "closed_loop/success_rate", 2] == run.iterations[2].navigation.success.rate
-    assert (
-        points["key/control-arm", "closed_loop/success_rate", 0]
-        == points["key", "closed_loop/success_rate", 0]
-    )
-    digests = {record["digest"] for record in notes.of("dataset")}
-    assert digests == {iteration.snapshot for iteration in run.iterations}
-    params = notes.of("describe")[0]["params"]
-    assert params["mppi.beta"] == "0.05" and params["seed"] == "0"
-
-
-def test_publishing_a_resumed_run_again_adds_no_number(tmp_path, notes):
-    run = fake_run(iterations=2)
-    counts = []
-    for _ in range(2):
-        tracker = Tracker(tmp_path, "key", notes)
-        publish_start(tracker, run.config, {})
-        for iteration in run.iterations:
-            publish_iteration(tracker, iteration)
-        publish_end(tracker, run)
-        assert tracker.close(5)
-        counts.append(len(notes.points()))
-    assert counts[0] == counts[1] > 100
-
-
-def test_a_refused_model_is_logged_but_not_promoted(tmp_path, notes):
-    (tmp_path / "models").mkdir()
-    tracker = Tracker(tmp_path, "key", notes)
-    tracker.open("key", "name", {})
-    good, refused = fake_iteration(2), fake_iteration(3)
-    for result in (good, refused):
-        publish_iteration(tracker, result, model_folder=tmp_path / "models", model_shape=(6, 6))
-    assert tracker.close(5)
-    assert [record["digest"] for record in notes.of("model")] == [good.model, refused.model]
-    assert [record["digest"] for record in notes.of("promote")] == [good.model]
+def test_the_first_cause_of_a_problem_is_told_not_what_clients_make_of_it(receiver):
+    try:
+        try:
+            raise OSError("disk I/O error")
+        except OSError as error:
+            raise RuntimeError("(raised as a result of Query-invoked autoflush)\nmore") from error
+    except RuntimeError as error:
+        receiver.error = error
+    tracker = Tracker(receiver.publish, FAST)
+    tracker.show(FIRST)
+    tracker.close(0.2)
+    assert tracker.problem == "OSError: disk I/O error"
