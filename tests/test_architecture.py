@@ -1,6 +1,7 @@
 """The house stays as drawn: who may import whom, which door leads where, and how long a file is."""
 
 import ast
+import functools
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -47,6 +48,7 @@ ADDING = {
     for name in dir(kind)
     if name.startswith("add_")
 }
+parsed = functools.cache(ast.parse)
 LONGEST_FILE = 600
 LONGEST_FUNCTION = 60
 ABSOLUTE = re.compile(r"^/(work|home|root|tmp|usr|opt|var|mnt|data|Users)\b|^[A-Z]:\\")
@@ -83,7 +85,7 @@ def wrong_imports(path: str, source: str) -> list[str]:
     inside = path.startswith("flywheel/") and package_of(path) != "__init__"
     own = package_of(path) if inside else ""
     row = LAYERS.get(own, ENTRY_POINTS)
-    for name, line in imports(ast.parse(source)):
+    for name, line in imports(parsed(source)):
         top, *rest = name.split(".")
         where = f"{path}:{line} imports {name}"
         if top == "":
@@ -156,7 +158,7 @@ def import_graph(sources: Mapping[str, str]) -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for module, source in sources.items():
         found = set()
-        for name, _ in imports(ast.parse(source)):
+        for name, _ in imports(parsed(source)):
             owner = name if name in sources else name.rpartition(".")[0]
             if owner in sources:
                 found.add(owner)
@@ -197,7 +199,7 @@ def silent_imports(source: str) -> list[str]:
     functions = (ast.FunctionDef, ast.AsyncFunctionDef)
     inside = {
         node.lineno: node.end_lineno or node.lineno
-        for function in ast.walk(ast.parse(source))
+        for function in ast.walk(parsed(source))
         if isinstance(function, functions)
         for node in ast.walk(function)
         if isinstance(node, ast.Import | ast.ImportFrom)
@@ -237,7 +239,7 @@ def test_files_and_functions_stay_short() -> None:
     for path in sources("flywheel", "benchmarks", "pipelines"):
         source, name = path.read_text(), relative(path)
         assert len(source.splitlines()) <= LONGEST_FILE, f"{name}: so long, it is missing a noun"
-        for node in ast.walk(ast.parse(source)):
+        for node in ast.walk(parsed(source)):
             if isinstance(node, functions):
                 length = (node.end_lineno or node.lineno) - node.lineno + 1
                 assert length <= LONGEST_FUNCTION, f"{name}: {node.name} has {length} lines"
@@ -245,7 +247,7 @@ def test_files_and_functions_stay_short() -> None:
 
 def test_no_path_of_one_machine_is_written_down() -> None:
     for path in sources("flywheel", "benchmarks", "pipelines", "tests"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path.read_text())):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 where = f"{relative(path)}:{node.lineno} {node.value!r}"
                 assert not ABSOLUTE.match(node.value), where
@@ -255,7 +257,7 @@ def added_with_the_mjcfs_defaults(source: str) -> list[str]:
     """Calls of MuJoCo's own ways to add an element, which begin with what the MJCF's <default> says."""
     return [
         f"{node.lineno}: {node.func.attr}"
-        for node in ast.walk(ast.parse(source))
+        for node in ast.walk(parsed(source))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Attribute)
         and node.func.attr in ADDING
@@ -275,7 +277,7 @@ def test_an_element_added_in_mujocos_own_way_is_found() -> None:
 
 def test_the_library_does_not_print() -> None:
     for path in sources("flywheel"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path.read_text())):
             called = node.func if isinstance(node, ast.Call) else None
             printing = isinstance(called, ast.Name) and called.id in {"print", "breakpoint"}
             assert not printing, f"{relative(path)}:{node.lineno}"
@@ -301,7 +303,7 @@ def phrases(docstring: str) -> list[str]:
 
 def openings(source: str) -> list[str]:
     """Phrases of docstrings, texts below fields, and help texts that begin with no noun."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     texts: list[str] = []
     for node in ast.walk(tree):
         value = node.value if isinstance(node, ast.Expr | ast.keyword) else None

@@ -2,12 +2,12 @@
 
 `xml`, and `python` whose first line is the name of a file, is saved under that name. Other `python` and
 `bash` blocks run in order in one folder per document. `console` and `text` blocks are only shown.
-Lines of `bash` that are nothing but a `flywheel` command run in this process, which has imported everything.
+Commands of flywheel in `bash` run in this process, which has imported everything. A run that is not refused
+has processes of its own, and so a real shell.
 """
 
 import os
 import re
-import shlex
 import subprocess
 import sys
 import tomllib
@@ -22,8 +22,11 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(p for p in (ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", flags=re.MULTILINE | re.DOTALL)
 NAMED = re.compile(r"# (\w+\.py)\n")  # a file of Python, in its first line
-# A run has processes of its own, and so a real shell.
-LINE = re.compile(r"flywheel (?!run \w)([^|<>$&;\n]+)(?: && exit 1\ntest \$\? -eq (\d+))?\n|(.*\n)")
+# A command, where its output or its errors go, and whether it is refused, with which code; or another line.
+LINE = re.compile(
+    r"(?:PYTHONPATH=\. )?flywheel ((?:\$\([^)\n]*\)|[^|<>&;\n])+?)(?: (\| tee|2>) (\S+))?"
+    r"( && exit 1(?:\ntest \$\? -eq (\d+))?)?\n|.*\n"
+)
 # Pages with a search over all effects, a whole run, and what tests/unit has in a smaller size.
 LONG = {"own_effect", "robot_runs", "wrong_in_many_ways", "demo"}
 LINK = re.compile(r"\]\(([^)#]+?)(?:#[^)]*)?\)")
@@ -41,6 +44,7 @@ HASH = re.compile(r"`(?=[0-9a-f]*[0-9])(?=[0-9a-f]*[a-f])[0-9a-f]{7,40}`")
 def test_the_code_in_a_document_runs(document, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     names: dict[str, object] = {"__name__": "__main__"}
     for match in BLOCK.finditer(document.read_text()):
@@ -61,23 +65,27 @@ def test_the_code_in_a_document_runs(document, tmp_path, monkeypatch):
 def run_bash(code: str, where: str) -> None:
     """Run a block; fail with all that it said."""
     script = ""
-    for words, expected, line in LINE.findall(re.sub(r" +#.*", "", code.replace("\\\n", " "))):
-        if words:
-            in_a_shell(script, where)
-            script, said = "", CliRunner().invoke(app, shlex.split(words))
-            assert said.exit_code == int(expected or 0), (
-                f"{where}\n{said.output}\n{said.exception!r}"
-            )
-        script += line
+    for line in LINE.finditer(re.sub(r" +#.*", "", code.replace("\\\n", " "))):
+        words, to, file, refused, expected = line.groups()
+        if not words or (re.match(r"run \w", words) and not refused):
+            script += line[0]
+            continue
+        in_a_shell(script, where)
+        script, arguments = "", in_a_shell(f"printf '%s\\n' {words}", where).splitlines()
+        said = CliRunner().invoke(app, arguments)
+        wanted = int(expected or (2 if refused else 0))
+        assert said.exit_code == wanted, f"{where}\n{said.output}\n{said.exception!r}"
+        if file:
+            Path(file).write_text(said.stderr if to == "2>" else said.stdout)
     in_a_shell(script, where)
 
 
-def in_a_shell(script: str, where: str) -> None:
-    """Run what is no command of flywheel alone."""
-    done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", script], capture_output=True, text=True, timeout=600
-    )
+def in_a_shell(script: str, where: str) -> str:
+    """What bash prints, which makes of words what they stand for."""
+    command = ["bash", "-euo", "pipefail", "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, f"{where}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
 
 
 @pytest.mark.parametrize(

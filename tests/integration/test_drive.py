@@ -78,6 +78,7 @@ def rows(folder: Path) -> list[list[str]]:
         return list(csv.reader(lines))
 
 
+@pytest.mark.nightly
 def test_a_drive_in_real_time_leaves_a_whole_log(server, tmp_path):
     _, address, said = server
     with driver(address, tmp_path / "logs", 2.0) as driving:

@@ -134,6 +134,7 @@ assert not bench.tree.exists()
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_trial_tells_what_tests_notice_and_leaves_no_trace(tmp_path: Path) -> None:
     toy = {

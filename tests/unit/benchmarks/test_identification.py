@@ -83,6 +83,7 @@ def pair() -> tuple[Plant, Plant]:
     return Plant(robot), Plant(replace(robot, xml=spec.to_xml()))
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @NEEDED
 def test_numbers_are_fitted_down_to_the_noise(pair: tuple[Plant, Plant], seed: int) -> None:

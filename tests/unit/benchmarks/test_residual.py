@@ -12,6 +12,7 @@ from flywheel.runtime.pool.progress import Quiet
 from flywheel.training.residual import ResidualTraining
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_study_becomes_a_row_and_nothing_is_recorded_twice(tmp_path, monkeypatch):
     monkeypatch.setattr(residual, "SECONDS", 3.3)

@@ -80,6 +80,7 @@ def test_the_server_and_its_children_end_with_the_command(run, end, code):
         assert not any(map(alive, pids))
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_server_of_mlflow_ends_with_the_command(run):
     with socket.socket() as found:

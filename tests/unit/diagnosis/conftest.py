@@ -11,12 +11,18 @@ from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import AugmentedPlant, MeasurementModel, Plant
 from flywheel.effects import Terms
 from flywheel.records import Observation, Trajectory
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
 from tests import draws
 
 SECONDS = 0.8
 # For searches that are about something else than pairs of effects, or robots whose numbers are all off.
 QUICK = changed(Settings(), {"selection.pairs.more": 1e6})
+
+
+@pytest.fixture(scope="module")
+def robot(request: pytest.FixtureRequest) -> Robot:
+    """The one that a file names; platform4 is the smallest, where nothing is about contacts or rods."""
+    return load_robot(getattr(request.module, "ROBOT", "prism3"))
 
 
 @pytest.fixture(scope="session")

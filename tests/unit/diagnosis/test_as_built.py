@@ -10,10 +10,9 @@ import pytest
 
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.adoption import adoptable
-from flywheel.diagnosis.fitting.least_squares import Fit, Fitter, JacobianCache
+from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
 from flywheel.diagnosis.fitting.model import ModelUnderTest
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
-from flywheel.diagnosis.judgement import _from_shorter
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.other_forms import in_other_forms, with_even_sizes
 from flywheel.diagnosis.selection.score_test import ScoredModel
@@ -25,18 +24,15 @@ from flywheel.effects import EFFECTS, PerPart, Term, Terms, per_part_term, taken
 from flywheel.errors import DataError
 from flywheel.records import Trajectory
 from flywheel.reports.diagnosis_page import as_built, diagnosis_page, sentence
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from flywheel.truth_simulator import AsBuilt, hidden_effect
 from flywheel.truth_simulator.effect import HiddenEffect
 from flywheel.truth_simulator.recording import record
 
+ROBOT = "platform4"
+
 pytestmark = pytest.mark.slow
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "cable_damping", "weak_cable")}
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("platform4")
 
 
 def logs_of(robot: Robot, hidden: tuple[HiddenEffect, ...]) -> list[Trajectory]:
@@ -227,6 +223,7 @@ def test_what_an_effect_said_is_said_by_its_number_within_what_is_believed(begun
     assert number.values[0] == pytest.approx(search.fitter.settings.jacobian.believed * 0.08)
 
 
+@pytest.mark.nightly
 def test_sizes_for_each_cable_become_one_where_numbers_explain_what_they_did(robot, begun):
     search, model = begun
     fit = search.fitter.with_terms(model.fit, with_effect(search, model, "capstan").terms)
@@ -289,38 +286,3 @@ def test_effects_alone_leave_no_more_than_numbers_explain_of_noise(begun):
     numbers = sum(len(term.values) for term in begun[0].as_built)
     assert not alone_beside(begun, 0.6, (), numbers)
     assert alone_beside(begun, 0.6, (), 2.0 * numbers)
-
-
-def test_a_model_begins_where_one_without_its_effect_ended_lower(begun):
-    """Nothing costs less without an effect: that it did says that the fit with it is stuck."""
-    search, model = begun
-    fitter, weak = search.fitter, Term(EFFECTS["weak_cable"], 1, (0.6,))
-    stuck = fitter.with_terms(model.fit, (*model.fit.terms, weak))
-    less = replace(model, fit=search.settled(search.fit_until(model.fit)))
-    assert less.fit.cost < stuck.cost - search.threshold
-    found = _from_shorter(search, stuck, [less], [[weak]])
-    assert found is not None
-    assert [term.effect.name for term in asked(found.terms)] == ["weak_cable"]
-    assert found.cost < less.fit.cost + search.threshold
-    as_low = replace(stuck, cost=less.fit.cost)
-    assert _from_shorter(search, as_low, [less], [[weak]]) is None
-
-
-def test_of_many_values_the_step_is_damped_as_suits_them_best(begun, monkeypatch):
-    """Few values take the longest step that makes the cost fall."""
-    search, model = begun
-    fitter = search.fitter
-    least = fitter.settings.least_squares
-    costs = iter([9.0, 5.0, 7.0])
-
-    def stepped(fit: Fit, cache: JacobianCache, *_: object) -> Fit:
-        return replace(fit, cost=next(costs), cache=cache)
-
-    monkeypatch.setattr(fitter, "stepped", stepped)
-    free = fitter.free(model.fit.terms)
-    assert len(free) >= least.reuse_sensitivities_from
-    after = fitter._step(model.fit, free, fitter.by_value(model.fit, free))
-    assert after is not None and after.cost == 5.0
-    costs = iter([9.0, 5.0, 7.0])
-    after = fitter._step(model.fit, free[:1], fitter.by_value(model.fit, free[:1]))
-    assert after is not None and after.cost == 9.0

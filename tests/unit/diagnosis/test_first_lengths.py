@@ -14,14 +14,10 @@ from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.settings import Settings
 from flywheel.dynamics.plant import Plant
 from flywheel.reports.diagnosis_page import first_lengths, sentence
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """A winch of its own for each of two cables, and one for the two others."""
-    return load_robot("platform4")
+ROBOT = "platform4"
 
 
 @pytest.fixture(scope="module")

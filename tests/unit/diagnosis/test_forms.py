@@ -39,14 +39,10 @@ from flywheel.reports.diagnosis_page import diagnosis_page, forms, sentence
 from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import QUICK, recorded
 
+ROBOT = "platform4"
+
 FEW = {name: EFFECTS[name] for name in ("cable_friction", "capstan", "winch_gain", "weak_cable")}
 FACTORS = (0.5, -0.9, 0.3, -0.5)  # logarithms
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
 
 
 def of(robot: Robot, effect: Effect, times: float) -> Term:

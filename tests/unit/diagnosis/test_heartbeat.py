@@ -1,4 +1,3 @@
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from flywheel.diagnosis.heartbeat import (
 from flywheel.diagnosis.results.answer import Answer
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.settings import SelectionSettings, Settings
+from flywheel.diagnosis.settings import changed
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, Term, Terms
 from flywheel.errors import DataError
@@ -136,11 +135,10 @@ def test_a_bug_in_one_rival_costs_that_rival_and_not_the_answer(monkeypatch):
     def no_gains(*_: object, **__: object) -> None:
         raise ZeroDivisionError("of a stage")
 
-    everything = SelectionSettings(share=0.0)
     monkeypatch.setattr(Search, "warm_start", broken)
     monkeypatch.setattr(judgement, "with_gains", no_gains)
-    settings = replace(Settings(), selection=everything)
-    answer = diagnose(Plant(robot), [log], (), few, settings)
+    everything = changed(QUICK, {"selection.share": 0.0})
+    answer = diagnose(Plant(robot), [log], (), few, everything)
     assert [each.effect for each in answer.answers[0]] == ["winch_gain"]
     lost = {each.what for each in answer.failures}
     assert {"slope", "judging the answer: gains on other windows"} <= lost

@@ -16,14 +16,10 @@ from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.errors import DataError
 from flywheel.records import Trajectory
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
 
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
+ROBOT = "platform4"
 
 
 @pytest.mark.slow

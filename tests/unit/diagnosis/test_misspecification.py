@@ -15,14 +15,10 @@ from flywheel.reports.diagnosis_page import diagnosis_page
 from flywheel.robots import Robot, load_robot
 from tests.unit.diagnosis.conftest import QUICK, recorded
 
+ROBOT = "platform4"
+
 FEW = {name: EFFECTS[name] for name in ("cable_damping", "winch_gain")}
 LAW = "damping_by_speed_squared"
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
 
 
 def _of(robot: Robot, kind: str, times: float) -> Term:

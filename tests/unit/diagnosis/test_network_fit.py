@@ -24,6 +24,8 @@ from flywheel.robots import Robot, load_robot
 from tests import draws
 from tests.unit.diagnosis.conftest import recorded
 
+ROBOT = "platform4"
+
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "cable_damping", "air_drag")}
 LENGTH = 0.4  # of the windows [s]
 
@@ -54,12 +56,6 @@ class Drifting:
         way = np.sin(5.0 * made.points[:, :1])  # (B, 1, P, 3)
         off = self.drift * self.robot.length * time[:, None, None] * way
         return Rollout(made.points + off, made.winch)
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
 
 
 @pytest.fixture(scope="module")

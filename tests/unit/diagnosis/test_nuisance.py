@@ -22,14 +22,10 @@ from flywheel.robots import Robot, load_robot
 from tests import draws
 from tests.unit.diagnosis.conftest import QUICK, recorded
 
+ROBOT = "platform4"
+
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "stiffening")}
 SCALES = {"cable_stiffness": "cable_stiffness", "body_mass": "mass"}  # of the plant
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
 
 
 @pytest.mark.slow

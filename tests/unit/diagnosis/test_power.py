@@ -16,8 +16,10 @@ from flywheel.diagnosis.settings import Settings, changed
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.effects import EFFECTS, Effect
 from flywheel.records import Observation, Trajectory
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from flywheel.truth_simulator.recording import record
+
+ROBOT = "platform4"
 
 FEW = (
     "cable_friction",
@@ -28,12 +30,6 @@ FEW = (
     "payload",
     "slope",
 )
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
 
 
 @pytest.fixture(scope="module")

@@ -19,17 +19,13 @@ from flywheel.dynamics.plant import Plant
 from flywheel.effects import NAMED, Term
 from flywheel.errors import DataError
 from flywheel.records import Observation, Trajectory
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import recorded
+
+ROBOT = "platform4"
 
 SELECTION, STOPPING = SelectionSettings(), FitStoppingSettings()
 STEPWISE = "flywheel.diagnosis.selection.stepwise"
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
 
 
 def test_a_model_does_not_begin_where_another_one_was_led_astray(robot, fitter, seed):

@@ -24,17 +24,13 @@ from flywheel.effects import EFFECTS, Cables, Parameter, TensionEffect, Term
 from flywheel.effects.effect import Memory, Values
 from flywheel.records import Floats, Observation, Trajectory
 from flywheel.reports.diagnosis_page import diagnosis_page, sentence
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from tests.unit.diagnosis.conftest import QUICK, recorded
+
+ROBOT = "platform4"
 
 RECORDINGS = 2  # initial states make up for what is missing, in some more than in others
 FEW = {name: EFFECTS[name] for name in ("winch_gain", "slope")}
-
-
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    """The smallest one: nothing here is about contacts or rods."""
-    return load_robot("platform4")
 
 
 class Ratchet(TensionEffect):

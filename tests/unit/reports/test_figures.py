@@ -36,8 +36,8 @@ def test_a_figure_is_the_same_file_for_the_same_run(run):
 
 
 @pytest.mark.parametrize("name", sorted({*FIGURES} - {"ladder", "unseen"}))
-def test_a_figure_of_one_iteration_or_of_an_unfinished_run_is_drawn(name):
-    assert draw(name, with_robot(fake_run(1, finished=False))) is not None
+def test_a_figure_of_one_iteration_of_an_unfinished_run_without_rotations_is_drawn(name):
+    assert draw(name, turnless(with_robot(fake_run(1, finished=False)))) is not None
 
 
 @pytest.mark.slow
@@ -123,12 +123,6 @@ def test_figures_are_written_under_their_names(tmp_path, run):
 def test_an_unknown_figure_is_refused_with_the_known_ones(run):
     with pytest.raises(UnknownNameError, match="success"):
         draw("succes", run)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FIGURES)
-def test_a_robot_that_shows_no_rotation_has_every_figure(name):
-    assert draw(name, turnless(with_robot(fake_run(2)))) is not None
 
 
 def test_what_a_robot_does_not_show_has_no_axes(run):

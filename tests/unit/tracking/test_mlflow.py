@@ -212,6 +212,7 @@ def test_a_killed_run_is_reopened_and_ends_as_finished(tmp_path):
     assert states == ["RUNNING", "KILLED", "RUNNING", "FINISHED"]
 
 
+@pytest.mark.nightly
 def test_a_dead_server_delays_no_call_and_gets_everything_once_when_it_comes_up(tmp_path, run):
     port = free_port()
     folder = written(tmp_path / "run", run)
