@@ -20,9 +20,15 @@ SLOW = ("csv", "map", "answer", "run")
 NAMES = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in KINDS]
 
 
+@pytest.fixture(scope="module")
+def work(tmp_path_factory) -> Path:
+    """Where the samples of all kinds are, each made once."""
+    return tmp_path_factory.mktemp("samples")
+
+
 @pytest.mark.parametrize("name", NAMES)
-def test_good_inputs_are_taken(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    kind = KINDS[name](tmp_path)
+def test_good_inputs_are_taken(name, work, tmp_path, monkeypatch):
+    kind = KINDS[name](work)
     for number, good in enumerate(kind.good):
         inside = tmp_path / f"inside{number}"
         inside.mkdir()
@@ -32,8 +38,8 @@ def test_good_inputs_are_taken(name: str, tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
-def test_spoilt_inputs_do_no_harm(name: str, tmp_path: Path) -> None:
-    verdicts = list(judged(KINDS[name], tmp_path, INPUTS, seed=0))
+def test_spoilt_inputs_do_no_harm(name: str, work: Path) -> None:
+    verdicts = list(judged(KINDS[name], work, INPUTS, seed=0))
     assert len(verdicts) == INPUTS
     assert [v for v in verdicts if not v.right] == []
     assert any(v.outcome == "refused" for v in verdicts)

@@ -54,6 +54,7 @@ def diagnosed(robot: Robot, hidden: Term, seed: int, recordings: int = 2) -> Dia
     return diagnose(Plant(robot), logs, (), FEW, QUICK, window_seconds=0.4, seed=seed)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_friction_that_differs_from_cable_to_cable_is_one_effect(robot: Robot, seed: int) -> None:
     even = of(robot, EFFECTS["cable_friction"], 8.0)

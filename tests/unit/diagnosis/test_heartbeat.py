@@ -137,7 +137,7 @@ def test_a_bug_in_one_rival_costs_that_rival_and_not_the_answer(monkeypatch):
 
     monkeypatch.setattr(Search, "warm_start", broken)
     monkeypatch.setattr(judgement, "with_gains", no_gains)
-    everything = changed(QUICK, {"selection.share": 0.0})
+    everything = changed(QUICK, {"selection.share": 1e-9})
     answer = diagnose(Plant(robot), [log], (), few, everything)
     assert [each.effect for each in answer.answers[0]] == ["winch_gain"]
     lost = {each.what for each in answer.failures}

@@ -35,7 +35,7 @@ def _diagnosed(robot: Robot, hidden: Term, recordings: int, seed: int, strict: L
 @pytest.mark.slow
 def test_damping_of_another_form_is_no_cable_damping(robot: Robot, seed: int) -> None:
     strict = Limits(other=0.0)  # whatever is seen of another law tells
-    found = _diagnosed(robot, _of(robot, LAW, 5.0), 2, seed, strict)
+    found = _diagnosed(robot, _of(robot, LAW, 5.0), 1, seed, strict)
     outside = Verdict.OUTSIDE_LIBRARY, Verdict.PARTIAL
     assert found.verdict in outside, (seed, found.misspecification)
     law = found.summary()["misspecification"]
