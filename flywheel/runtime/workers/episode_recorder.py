@@ -122,6 +122,20 @@ class _Recorder:
             search = search.model_copy(update={"samples": plan.samples})
         return Mppi(dynamics, search, plan.controller, model)
 
+    def check_own(self, episode: Episode) -> None:
+        """Reject an episode of the same name from another run.
+
+        Raises:
+          DataError: its configuration is not this run's.
+        """
+        if episode.provenance.config != self.digest:
+            raise DataError(
+                f"The store has an episode {episode.id} of another run (configuration "
+                f"{episode.provenance.config[:12] or 'unknown'}, this one's is "
+                f"{self.digest[:12]}). Give this run its own store; recordings can be imported "
+                "into that, too."
+            )
+
     def provenance(self, plan: EpisodePlan, model: str, **more: Any) -> Provenance:
         """The provenance of a planned episode, with `more` about its plant or robot."""
         return Provenance(
@@ -245,20 +259,6 @@ class EpisodeRecorder(_Recorder):
             ),
             on_piece=told,
         )
-
-    def check_own(self, episode: Episode) -> None:
-        """Reject an episode of the same name from another run.
-
-        Raises:
-          DataError: its configuration is not this run's.
-        """
-        if episode.provenance.config != self.digest:
-            raise DataError(
-                f"The store has an episode {episode.id} of another run (configuration "
-                f"{episode.provenance.config[:12] or 'unknown'}, this one's is "
-                f"{self.digest[:12]}). Give this run its own store; recordings can be imported "
-                "into that, too."
-            )
 
     def walk(self, plan: EpisodePlan, episode: Episode) -> Walk | None:
         """The episode seen from above; None without a task."""

@@ -42,11 +42,7 @@ class RobotWorker:
         assert config.robot is not None, "only a run with a robot drives one"
         self._config, self._where, self._robot, self._folder = config, config.robot, robot, folder
         self._store = TrajectoryStore(store)
-        self._recorder, self._simulated = (
-            RobotRecorder(config, robot),
-            EpisodeRecorder(config, robot),
-        )
-        self._heartbeat = Heartbeat()
+        self._recorder, self._heartbeat = RobotRecorder(config, robot), Heartbeat()
         self._link: RobotLink | None = None
 
     @property
@@ -68,7 +64,7 @@ class RobotWorker:
         """
         self._heartbeat.start(plan.id)
         if (there := committed(self._store, plan.id)) is not None:
-            self._simulated.check_own(there)
+            self._recorder.check_own(there)
             return self._note(plan, there)
         dynamics = self._dynamics(plan, weights)
         link = self._transcribed(plan)
@@ -90,7 +86,8 @@ class RobotWorker:
         if weights is not None:
             threads, library = self._config.sim_threads, self._config.library()
             return dynamics_of(weights, self._robot, threads, library)
-        return RestartedPlant.from_measurements(self._simulated.plant(0, plan.effects))
+        simulated = EpisodeRecorder(self._config, self._robot).plant(0, plan.effects)
+        return RestartedPlant.from_measurements(simulated)
 
     def _transcribed(self, plan: EpisodePlan) -> RobotLink:
         """The link of an episode with its transcript; or the replayed one of an earlier run."""
