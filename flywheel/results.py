@@ -545,7 +545,7 @@ class RunResult(ResultRecord):
             if error.kind == "missing":
                 raise
             hint = f"`flywheel data verify {folder}` lists remedies."
-            raise Unsound(f"{error} {hint}", error.kind, error.instead) from None
+            raise Unsound(f"{error} {hint}", error.kind) from None
 
     @classmethod
     def read(cls, folder: str | Path) -> tuple[Self, Seal]:

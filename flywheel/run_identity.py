@@ -81,7 +81,7 @@ def _read(path: Path) -> Begun:
     try:
         text = read_bytes(path, "file", DataError)
     except DataError as error:
-        raise Unsound(str(error), "unreadable" if os.path.lexists(path) else "missing") from None
+        raise Unsound(str(error), "altered" if os.path.lexists(path) else "missing") from None
     values, seal = unsealed(text, f"The file {path}")
     try:
         identity = Identity.model_validate(values)

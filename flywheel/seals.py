@@ -25,20 +25,20 @@ from flywheel.files import opened, parsed_json, shown
 FORMAT = 2
 SEAL = "seal"
 _END = b'"\n }\n}\n'  # what follows the sha256
-Kind = Literal["missing", "altered", "renamed", "exchanged", "doubled", "foreign", "unreadable"]
+Kind = Literal["missing", "altered", "foreign"]
 
 
 class Unsound(DataError):
     """A stored item that is not as it was stored.
 
     Attributes:
-      kind: of the fault.
-      instead: true identity, if it is another known item; else "".
+      kind: of the fault. An item is also altered if it cannot be read, and foreign if it is that of
+        another name.
     """
 
-    def __init__(self, message: str, kind: Kind = "altered", instead: str = "") -> None:
+    def __init__(self, message: str, kind: Kind = "altered") -> None:
         super().__init__(message)
-        self.kind, self.instead = kind, instead
+        self.kind = kind
 
 
 @dataclass(frozen=True)
@@ -127,34 +127,9 @@ def check_seal(seal: Seal, kind: str, name: str, what: str) -> None:
       Unsound: its seal identifies another item.
     """
     if seal.kind != kind:
-        raise Unsound(f"{what} is that of {seal.kind} {seal.name}.", "renamed")
+        raise Unsound(f"{what} is that of {seal.kind} {seal.name}.")
     if seal.name != name:
-        raise Unsound(f"{what} is that of {seal.name}.", "renamed", seal.name)
-
-
-def misplaced(found: Mapping[str, str]) -> dict[str, tuple[Kind, str]]:
-    """Files under another's name, and the explanation.
-
-    Args:
-      found: name of a file -> name in its seal, including the correct ones.
-
-    Returns:
-      For each wrong name its kind, and a sentence without a subject.
-    """
-    wrong: dict[str, tuple[Kind, str]] = {}
-    for name, own in found.items():
-        if own == name:
-            continue
-        if own not in found:
-            wrong[name] = ("renamed", f"it is that of {own}, which is missing under its own name")
-        elif found[own] == own:
-            wrong[name] = ("doubled", f"it is that of {own}, a copy")
-        else:
-            wrong[name] = (
-                "exchanged",
-                f"it is that of {own}, which lies under another name itself",
-            )
-    return wrong
+        raise Unsound(f"{what} is that of {seal.name}.", "foreign")
 
 
 def digest_of(values: Any) -> str:
@@ -174,4 +149,4 @@ def file_sha256(path: Path, what: str) -> str:
             return hashlib.file_digest(cast("BufferedReader", file), "sha256").hexdigest()
     except (DataError, OSError) as error:
         there = path.is_symlink() or path.exists()
-        raise Unsound(str(error), "unreadable" if there else "missing") from None
+        raise Unsound(str(error), "altered" if there else "missing") from None

@@ -137,7 +137,7 @@ class Receipt:
         check_seal(seal, "segment", name, what)
         receipt = _read(cls, {**content, "owner": seal.owner}, what)
         if receipt.segment != name:
-            raise Unsound(f"{what} is that of {receipt.segment}.", "renamed", receipt.segment)
+            raise Unsound(f"{what} is that of {receipt.segment}.", "foreign")
         return receipt
 
 
@@ -202,14 +202,12 @@ class Damage:
       episodes: affected ids.
       what: the fault.
       kind: of the fault.
-      instead: true identity, if it is another item of the store; else "".
     """
 
     segment: str
     episodes: tuple[str, ...]
     what: str
     kind: Kind = "altered"
-    instead: str = ""
 
     @property
     def path(self) -> str:
@@ -221,9 +219,8 @@ class Damage:
     @classmethod
     def of(cls, error: DataError, segment: str, episodes: tuple[str, ...] = ()) -> Damage:
         """Message of an error raised on reading."""
-        if isinstance(error, Unsound):
-            return cls(segment, episodes, str(error), error.kind, error.instead)
-        return cls(segment, episodes, str(error), "unreadable")
+        kind = error.kind if isinstance(error, Unsound) else "altered"
+        return cls(segment, episodes, str(error), kind)
 
     def __str__(self) -> str:
         episodes = ", ".join(self.episodes) or "unknown"

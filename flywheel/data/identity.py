@@ -59,7 +59,7 @@ class Ownership:
             except Unsound:
                 raise
             except DataError as error:
-                raise Unsound(f"{_WHAT} cannot be read: {error}", "unreadable") from None
+                raise Unsound(f"{_WHAT} cannot be read: {error}") from None
         return self._known
 
     def check(self, owner: str, what: str) -> None:

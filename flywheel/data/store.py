@@ -186,7 +186,7 @@ class TrajectoryStore:
         return [name.removesuffix(".json") for name in found if name.endswith(".json")]
 
     def verify(self, snapshot: Snapshot | None = None, arrays: bool = True) -> tuple[Damage, ...]:
-        """List all faults: altered, missing, swapped, copied, foreign files.
+        """List all faults: altered, missing and foreign files.
 
         Args:
           snapshot: only it and its segments; all of the store by default.

@@ -1,4 +1,4 @@
-"""Check everything in a store for altered, missing, swapped, copied or foreign files."""
+"""Check everything in a store for altered, missing or foreign files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from flywheel.data.identity import STORE_FILE, Ownership
 from flywheel.data.places import Place
 from flywheel.data.segments import ids_in
 from flywheel.errors import DataError
-from flywheel.seals import Kind, Unsound, misplaced
+from flywheel.seals import Kind, Unsound
 
 _MANIFEST = ".json"
 
@@ -60,10 +60,10 @@ def damages_in(
         yield from _parents(sealed, [name.removesuffix(_MANIFEST) for name in manifests])
     there = [] if isinstance(segments, Damage) else segments
     known = {name for one in sealed for name in one.segments}
-    found = list(_listed(store, sealed, arrays))
+    yield from _listed(store, sealed, arrays)
     for name in there:
-        found += [] if name in known else store.damages(name, arrays=arrays)
-    yield from _told_apart(found, there, lambda name: name)
+        if name not in known:
+            yield from store.damages(name, arrays=arrays)
 
 
 def _identity(ownership: Ownership) -> Iterator[Damage]:
@@ -89,14 +89,12 @@ def _snapshots(
     store: Store, place: Place, files: Sequence[str], sealed: list[Snapshot]
 ) -> Iterator[Damage]:
     """Faults of manifests; undamaged ones are added to `sealed`."""
-    found = []
     names = [file.removesuffix(_MANIFEST) for file in files if file.endswith(_MANIFEST)]
     for name in names:
         try:
             sealed.append(store.snapshot(name))
         except DataError as error:
-            found.append(Damage.of(error, f"snapshot {name}", _ids_of_manifest(place, name)))
-    yield from _told_apart(found, names, lambda damaged: damaged.removeprefix("snapshot "))
+            yield Damage.of(error, f"snapshot {name}", _ids_of_manifest(place, name))
     for file in files:
         if not file.endswith(_MANIFEST):
             yield Damage(f"file snapshots/{file}", (), "it is no snapshot", "foreign")
@@ -137,19 +135,6 @@ def _listed(store: Store, sealed: Iterable[Snapshot], arrays: bool) -> Iterator[
     }
     for (segment, sha256), ids in listed.items():
         yield from store.damages(segment, sha256, ids, arrays)
-
-
-def _told_apart(
-    found: Iterable[Damage], names: Iterable[str], name_of: Callable[[str], str]
-) -> Iterator[Damage]:
-    """Damages, with an explanation for files under another's name."""
-    found = list(found)
-    own = {name: name for name in names}
-    own |= {name_of(each.segment): each.instead for each in found if each.instead}
-    how = misplaced(own)
-    for each in found:
-        kind, what = how.get(name_of(each.segment), (each.kind, each.what))
-        yield replace(each, kind=kind, what=what) if each.instead else each
 
 
 def _ids_of_manifest(place: Place, name: str) -> tuple[str, ...]:

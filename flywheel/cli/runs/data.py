@@ -24,7 +24,7 @@ def verify(
     run: RunArgument,
     snapshot: Annotated[str, typer.Option(help="Only this one; everything by default.")] = "",
 ) -> None:
-    """Read every byte again and compare; lists damaged, swapped, missing or foreign files.
+    """Read every byte again and compare; lists altered, missing and foreign files.
 
     A run's folder is checked with its results, models, configuration and robot; a store with its
     whole content. Faults are printed with their remedies, and the exit code is 1.

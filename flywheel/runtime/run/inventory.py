@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from flywheel.data import Damage, Snapshot, TrajectoryStore
@@ -33,7 +33,7 @@ from flywheel.runtime.run.folder import (
     name_of,
 )
 from flywheel.runtime.tracking.dashboard import DATABASE
-from flywheel.seals import Kind, Seal, Unsound, file_sha256, misplaced
+from flywheel.seals import Kind, Seal, Unsound, file_sha256
 
 TOLD = 8  # faults, and episodes of one, that a message names
 OURS = re.compile(
@@ -134,8 +134,7 @@ class Inventory:
     def _fault(
         self, error: FlywheelError, where: str, since: int | None = None, idle: bool = False
     ) -> Fault:
-        other: Kind = "unreadable" if isinstance(error, DataError) else "altered"
-        kind = error.kind if isinstance(error, Unsound) else other
+        kind = error.kind if isinstance(error, Unsound) else "altered"
         what = str(error).replace(f"The file {self.folder.path / where} ", "it ")
         return Fault(kind, where, what, since, idle)
 
@@ -166,12 +165,10 @@ class Inventory:
         for part in ("iterations", "models"):
             path = self.folder.path / part
             if os.path.lexists(path) and not (path.is_dir() and os.access(path, os.R_OK | os.X_OK)):
-                yield Fault("unreadable", part, "it is no folder that can be read", 0)
+                yield Fault("altered", part, "it is no folder that can be read", 0)
 
     def _iterations(self) -> Iterator[Fault]:
         """Faults of the files of iterations and diagnoses themselves."""
-        found: list[Fault] = []
-        own: dict[str, str] = {}
         for path in _entries(self.folder.path / "iterations"):
             where, name = f"iterations/{path.name}", path.name.removesuffix(".json")
             if path.name == f"{path.stem}.html" and _DIAGNOSIS.fullmatch(path.stem):
@@ -179,13 +176,10 @@ class Inventory:
             if path.suffix != ".json" or not (_TURN.fullmatch(name) or _DIAGNOSIS.fullmatch(name)):
                 yield Fault("foreign", where, "it is no file of a run", idle=True)
                 continue
-            own[name] = name
             try:
                 self._read(name)
             except DataError as error:
-                own[name] = (isinstance(error, Unsound) and error.instead) or name
-                found.append(self._fault(error, where, min(_number(name), self.end)))
-        yield from _told_apart(found, own, lambda where: Path(where).stem)
+                yield self._fault(error, where, min(_number(name), self.end))
 
     def _read(self, name: str) -> None:
         if (turn := _TURN.fullmatch(name)) is None:
@@ -262,11 +256,6 @@ class Inventory:
         """Faults of the files in the folder that a seal lists."""
         wanted = {n: (d, i) for n, d, i in self._seals() if not n.startswith((SEGMENT, SNAPSHOT))}
         wanted |= self._pages
-        names: dict[tuple[str, str], str] = {}
-        for name, (digest, _) in wanted.items():
-            names[digest, _role(name)] = name
-        found: list[Fault] = []
-        own = {name: name for name in wanted}
         for name, (digest, since) in wanted.items():
             idle = "/served/" not in name  # the others are for people, and for doing it again
             if idle and not self.thorough:
@@ -274,12 +263,10 @@ class Inventory:
             try:
                 there = file_sha256(self.folder.path / name, "file")
             except Unsound as error:
-                found.append(self._fault(error, name, since, idle))
+                yield self._fault(error, name, since, idle)
                 continue
             if there != digest:
-                own[name] = names.get((there, _role(name)), name)
-                found.append(Fault("altered", name, "it was altered", since, idle))
-        yield from _told_apart(found, own, lambda where: where)
+                yield Fault("altered", name, "it was altered", since, idle)
 
     def _sound_snapshots(self) -> Iterator[tuple[str, Snapshot]]:
         try:
@@ -341,16 +328,6 @@ def check_sound(folder: RunFolder, store: TrajectoryStore) -> None:
     )
 
 
-def _told_apart(
-    found: Iterable[Fault], own: Mapping[str, str], name_of: Callable[[str], str]
-) -> Iterator[Fault]:
-    """The faults, with a note for swapped files."""
-    how = misplaced(own)
-    for fault in found:
-        kind, what = how.get(name_of(fault.where), (fault.kind, fault.what))
-        yield replace(fault, kind=kind, what=what)
-
-
 def _entries(folder: Path) -> list[Path]:
     """The finished files in a folder; none if it cannot be read."""
     try:
@@ -358,11 +335,6 @@ def _entries(folder: Path) -> list[Path]:
     except OSError:  # a fault of its own
         return []
     return [path for path in found if not UNFINISHED.fullmatch(path.name)]
-
-
-def _role(name: str) -> str:
-    """A file's path in its model's folder, e.g. "served/weights.npz"; "" for other files."""
-    return name.split("/", 2)[-1] if name.startswith("models/") else ""
 
 
 def _number(name: str) -> int:

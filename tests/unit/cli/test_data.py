@@ -54,7 +54,7 @@ def test_verify_names_what_is_wrong_and_what_to_do(run, name, how):
         assert "as they were committed" in ask("data", "verify", run)
         return
     said = ask("data", "verify", run, code=1)
-    kind = {"cut": "altered", "emptied": "altered", "removed": "missing"}.get(how, "unreadable")
+    kind = "missing" if how == "removed" else "altered"
     assert f"{kind} {name}: " in said
     assert "1 fault;" in said
     assert "Restore a copy of it" in said or "data rewind" in said

@@ -110,7 +110,7 @@ def test_a_damaged_identity_is_told_and_hinders_no_reading(filled, make_episode,
 def test_a_file_in_the_place_of_a_folder_is_told(filled, place):
     shutil.rmtree(filled / place)
     (filled / place).write_text("x")
-    assert ("unreadable", place) in found(filled)
+    assert ("altered", place) in found(filled)
 
 
 @pytest.mark.parametrize("name", ["README.txt", "notes.txt", "e9"])
@@ -137,7 +137,7 @@ def test_three_names_that_went_round_are_all_told(filled):
     aside = filled / "aside"
     for source, target in ((one, aside), (two, one), (three, two), (aside, three)):
         source.rename(target)
-    assert found(filled) == [("exchanged", f"snapshots/{n}.json") for n in ("one", "three", "two")]
+    assert found(filled) == [("foreign", f"snapshots/{n}.json") for n in ("one", "three", "two")]
 
 
 def content_of(path: Path) -> dict[str, Any]:

@@ -187,7 +187,7 @@ def test_what_is_exchanged_foreign_or_set_aside_on_s3_is_known(bucket, make_epis
     files.pipe_file(first, texts[1])
     files.pipe_file(second, texts[0])
     kinds = {(d.kind, d.path) for d in TrajectoryStore(bucket).verify()}
-    assert kinds == {("exchanged", "snapshots/one.json"), ("exchanged", "snapshots/two.json")}
+    assert kinds == {("foreign", "snapshots/one.json"), ("foreign", "snapshots/two.json")}
     files.pipe_file(first, files.cat_file(f"{bucket}-other/snapshots/one.json"))
     files.pipe_file(second, texts[1])
     (damage,) = TrajectoryStore(bucket).verify()
