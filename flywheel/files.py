@@ -41,7 +41,16 @@ _KINDS = {
 
 
 class _Loader(yaml.CSafeLoader):
-    """Reads `1e-3` as a number, as YAML 1.2 does."""
+    """Reads `1e-3` as a number and a date as a text, as YAML 1.2 does; refuses a key that stands twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(keys)) < len(keys):
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise yaml.constructor.ConstructorError(
+                None, None, f"found duplicate key {shown(twice)}", node.start_mark
+            )
+        return super().construct_mapping(node, deep)
 
 
 class _Dumper(yaml.CSafeDumper):
@@ -54,6 +63,10 @@ for _each in (_Loader, _Dumper):
         re.compile(r"[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
         list("-+0123456789"),
     )
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, form) for tag, form in forms if not tag.endswith(":timestamp")]
+    for first, forms in _Loader.yaml_implicit_resolvers.items()
+}
 
 
 def file_name(name: str) -> str:

@@ -1,14 +1,12 @@
 """Reads a configuration: YAML files, `key=value` overrides and `${a.b}` references become a validated model.
 
-OmegaConf can do much more with `${...}`: read the environment, run functions, refer to references.
-All of that is rejected, so a run depends only on the content of its files, and a few lines cannot
-become gigabytes.
+References to the environment, to references or to several values are rejected, so a run depends only
+on the content of its files, and a few lines cannot become gigabytes.
 """
 
 from __future__ import annotations
 
 import copy
-import io
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,13 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
 from flywheel.errors import ConfigError
-from flywheel.files import LARGEST_YAML, parsed_yaml, read_text, shown
+from flywheel.files import parsed_yaml, read_yaml, shown, yaml_text
 from flywheel.runtime.config.shipped import shipped_configs
 from flywheel.validation import M, validated
 
@@ -65,7 +60,7 @@ def read_config(
 
 def yaml_of(model: BaseModel) -> str:
     """The YAML text that `read_config` reads as the same model."""
-    return OmegaConf.to_yaml(OmegaConf.create(model.model_dump(mode="json")))
+    return yaml_text(model.model_dump(mode="json"))
 
 
 @dataclass(frozen=True)
@@ -138,21 +133,15 @@ def _identity(path: Path) -> str:
 
 def _values(path: Path) -> dict[Any, Any]:
     """The values of one file alone."""
-    what = f"The configuration {path}"
     try:
-        text = read_text(path, "configuration", ConfigError, LARGEST_YAML)
+        values = read_yaml(path, "configuration", ConfigError, MOST_VALUES)
     except ConfigError as error:
         raise ConfigError(f"{error}{_near(path)}") from None
-    values = parsed_yaml(text, what, ConfigError, MOST_VALUES)
     if not isinstance(values, dict | None):
-        raise ConfigError(f"{what} must hold `key: value` lines, got {shown(values)}.")
-    check_texts(values, what)
-    try:  # again: what YAML 1.2 calls numbers are numbers here, and no key may stand twice
-        loaded = OmegaConf.to_container(OmegaConf.load(io.StringIO(text)))
-    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
-        raise ConfigError(f"{what} cannot be read: {error}") from None
-    assert isinstance(loaded, dict)
-    return loaded
+        raise ConfigError(
+            f"The configuration {path} must hold `key: value` lines, got {shown(values)}."
+        )
+    return values or {}
 
 
 def _names(path: Path, extended: Any) -> list[str]:
@@ -223,14 +212,7 @@ def _parsed(override: str) -> tuple[list[str], Any]:
             f"{shown(override)}."
         )
     what = f"The value of {shown(override)}"
-    check_texts(parsed_yaml(text, what, ConfigError, MOST_VALUES), what)
-    try:
-        parsed = OmegaConf.from_dotlist([f"value={text}"])
-    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
-        raise ConfigError(f"{what} cannot be read: {error}") from None
-    values = OmegaConf.to_container(parsed)
-    assert isinstance(values, dict)
-    return plain.split("."), values["value"]
+    return plain.split("."), parsed_yaml(text, what, ConfigError, MOST_VALUES)
 
 
 def _changed(here: Any, key: list[str], value: Any, default: Any, override: str) -> Any:
@@ -264,12 +246,11 @@ def _place(part: str, entries: list[Any], override: str) -> int:
 MOST_REFERENCES = 100
 LONGEST_WITH_REFERENCES = 500  # characters
 LONGEST_TEXT = 10_000  # characters
-MISSING = "???"
 _BEGIN = "${"
 _REFERENCE = re.compile(r"(?<!\\)\$\{([^${}:\[\]]+)\}")
 
 
-def check_texts(values: Any, what: str) -> None:
+def _check_texts(values: Any, what: str) -> None:
     """Reject long texts, and any `${...}` that is not the key of a value.
 
     Args:
@@ -299,23 +280,32 @@ def resolved(values: dict[Any, Any], what: str) -> Any:
     """The values with each reference replaced by its single value.
 
     Raises:
-      ConfigError: a reference to nothing, to several values, or to a reference; or a missing value
-        ("???").
+      ConfigError: a reference to nothing, to several values, or to a reference.
     """
-    check_texts(values, what)
-    for text in _texts(values):
-        for key in _REFERENCE.findall(text):
-            found = _at(values, key.split("."))
-            if isinstance(found, dict | list) or _BEGIN in str(found):
-                raise ConfigError(
-                    f"{what}: ${{{key}}} refers to {shown(found)}, not to a single value."
-                )
-            if found is None:
-                raise ConfigError(f"{what}: ${{{key}}} refers to a missing value.")
-    try:
-        return OmegaConf.to_container(OmegaConf.create(values), resolve=True, throw_on_missing=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{what}: {str(error).splitlines()[0]}.") from None
+    _check_texts(values, what)
+
+    def single(key: str) -> Any:
+        found = _at(values, key.split("."))
+        if isinstance(found, dict | list) or _BEGIN in str(found):
+            raise ConfigError(
+                f"{what}: ${{{key}}} refers to {shown(found)}, not to a single value."
+            )
+        if found is None:
+            raise ConfigError(f"{what}: ${{{key}}} refers to a missing value.")
+        return found
+
+    def filled(here: Any) -> Any:
+        if isinstance(here, dict):
+            return {key: filled(value) for key, value in here.items()}
+        if isinstance(here, list):
+            return [filled(value) for value in here]
+        if not isinstance(here, str):
+            return here
+        if whole := _REFERENCE.fullmatch(here):
+            return single(whole[1])
+        return _REFERENCE.sub(lambda match: str(single(match[1])), here)
+
+    return filled(values)
 
 
 def _texts(values: Any) -> Iterator[str]:
