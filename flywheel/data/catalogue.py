@@ -264,11 +264,7 @@ def manifest(
         "robot": summaries[0].robot,
         "datasets": list(order),
         "segments": [
-            {
-                "segment": r.segment,
-                "sha256": r.sha256,
-                "episodes": [asdict(s) for s in r.summaries],
-            }
+            {"segment": r.segment, "sha256": r.sha256, "episodes": [asdict(s) for s in r.summaries]}
             for r in receipts
         ],
     }

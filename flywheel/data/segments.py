@@ -19,13 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.catalogue import (
-    LARGEST_LISTING,
-    Damage,
-    EpisodeSummary,
-    Receipt,
-    replaced,
-)
+from flywheel.data.catalogue import LARGEST_LISTING, Damage, EpisodeSummary, Receipt, replaced
 from flywheel.data.packing import Arrays, pack, unpack
 from flywheel.data.zarr_files import Files, decode, encode
 from flywheel.errors import DataError

@@ -12,14 +12,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field
 
 from flywheel.effects.effect import Effect, Terms
-from flywheel.effects.own import (
-    MOST_FILES,
-    LawFile,
-    LawReference,
-    check_given,
-    law_file,
-    law_files,
-)
+from flywheel.effects.own import MOST_FILES, LawFile, LawReference, check_given, law_file, law_files
 from flywheel.effects.written import WrittenTerm
 from flywheel.errors import ConfigError, RobotError
 from flywheel.files import file_name, parsed_yaml, read_yaml, yaml_text

@@ -70,11 +70,7 @@ class RosLink:
             raise ConfigError("A robot behind ROS needs roslibpy: install flywheel[ros].") from None
         self._robot, self._where = robot, f"{host}:{port}"
         self.info = RobotInfo.of(
-            robot,
-            float(period),
-            latency=float(latency),
-            dead_man=float(dead_man),
-            real_time=True,
+            robot, float(period), latency=float(latency), dead_man=float(dead_man), real_time=True
         )
         self._new = threading.Condition()
         self._points: Floats | None = None

@@ -13,11 +13,7 @@ from flywheel.robots.parts import Attachment, Body, Cable, Primitive, TrackedPoi
 from flywheel.robots.robot import Robot
 from flywheel.robots.world import GRAVITY, Box
 
-ROBOTS = {
-    "prism3": "prism3.xml",
-    "icosa6": "icosa6.xml",
-    "platform4": "platform4.xml",
-}
+ROBOTS = {"prism3": "prism3.xml", "icosa6": "icosa6.xml", "platform4": "platform4.xml"}
 
 
 def load_robot(name: str) -> Robot:

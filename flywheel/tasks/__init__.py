@@ -23,11 +23,7 @@ TASKS: dict[str, Callable[[Robot, Floats, np.random.Generator, TaskConfig], Task
 
 
 def sample_task(
-    name: str,
-    robot: Robot,
-    start: Floats,
-    rng: np.random.Generator,
-    config: TaskConfig,
+    name: str, robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConfig
 ) -> Task:
     """Draw a task for a robot that stands somewhere.
 

@@ -52,11 +52,7 @@ def tour(robot: Robot, start: Floats, rng: np.random.Generator, config: TaskConf
 
 
 def _through(
-    course: ObstacleCourse,
-    robot: Robot,
-    here: Floats,
-    goals: Sequence[Floats],
-    config: TaskConfig,
+    course: ObstacleCourse, robot: Robot, here: Floats, goals: Sequence[Floats], config: TaskConfig
 ) -> Task:
     """The path from `here` (2,) to one goal after the other."""
     goal, *later = goals

@@ -100,11 +100,7 @@ class TruthSimulator:
         return spec.compile()
 
     def run(
-        self,
-        controls: Floats,
-        dt: float,
-        start: State | None = None,
-        settle: float = SETTLE,
+        self, controls: Floats, dt: float, start: State | None = None, settle: float = SETTLE
     ) -> HiddenMotion:
         """Settle with holding winches, then execute the controls.
 

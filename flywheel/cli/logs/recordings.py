@@ -103,10 +103,7 @@ def import_(
 
 
 @app.command()
-def show(
-    store: StoreArgument,
-    as_json: AsJson = False,
-) -> None:
+def show(store: StoreArgument, as_json: AsJson = False) -> None:
     """Show the recordings in a store, and the setting that makes a run learn from them.
 
     [bold]Example[/bold]

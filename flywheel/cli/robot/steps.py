@@ -83,11 +83,7 @@ def _limit(integrator: str, timestep: float, damping: CableDamping) -> str:
         return ""
     now, most, alone = (
         f"{rate * step:.3g}"
-        for rate, step in (
-            (damping.rate, timestep),
-            (damping.rate, limit),
-            (damping.own, timestep),
-        )
+        for rate, step in ((damping.rate, timestep), (damping.rate, limit), (damping.own, timestep))
     )
     return (
         f"With {integrator} the damping of its cables is explicit, and stable in steps below "

@@ -75,11 +75,7 @@ def track(points: Floats, time: Floats, robot: Robot) -> Tracked:
 
 
 def _without_strays(
-    ordered: Floats,
-    leaps: NDArray[np.bool_],
-    rods: NDArray[np.bool_],
-    time: Floats,
-    bounds: Bounds,
+    ordered: Floats, leaps: NDArray[np.bool_], rods: NDArray[np.bool_], time: Floats, bounds: Bounds
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """The points, and the masks for leaps and rods, after checks before and after each row."""
     # The line between two neighbours has half their variance.

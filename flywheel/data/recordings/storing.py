@@ -42,10 +42,7 @@ def stored_recordings(store: TrajectoryStore) -> dict[str, tuple[EpisodeSummary,
 
 
 def _check_same(
-    imported: Imported,
-    segment: str,
-    summaries: tuple[EpisodeSummary, ...],
-    store: TrajectoryStore,
+    imported: Imported, segment: str, summaries: tuple[EpisodeSummary, ...], store: TrajectoryStore
 ) -> None:
     file, new = imported.report.file, imported.episodes
     if imported.split_given and new[0].split != summaries[0].split:

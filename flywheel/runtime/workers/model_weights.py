@@ -10,11 +10,7 @@ import numpy as np
 
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
-from flywheel.dynamics.gnn.weights import (
-    network_from_arrays,
-    weights_arrays,
-    weights_digest,
-)
+from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays, weights_digest
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.effects import NAMED, Effect
@@ -78,10 +74,7 @@ def read_weights(path: Path, robot: Robot) -> AnyWeights:
 
 
 def dynamics_of(
-    weights: AnyWeights,
-    robot: Robot,
-    threads: int = 1,
-    library: Mapping[str, Effect] = NAMED,
+    weights: AnyWeights, robot: Robot, threads: int = 1, library: Mapping[str, Effect] = NAMED
 ) -> Dynamics:
     """The dynamics model of either kind of weights.
 

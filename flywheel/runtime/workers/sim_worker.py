@@ -23,14 +23,7 @@ from flywheel.dynamics.plant import MeasurementModel, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.effects import EFFECTS
 from flywheel.errors import ModelError
-from flywheel.evaluation import (
-    HISTORY_SECONDS,
-    ErrorTable,
-    places,
-    score,
-    score_by,
-    score_full,
-)
+from flywheel.evaluation import HISTORY_SECONDS, ErrorTable, places, score, score_by, score_full
 from flywheel.records import Episode, Floats
 from flywheel.results import Overlay
 from flywheel.robots import Robot
@@ -243,11 +236,7 @@ class SimWorker:
         ]
 
     def _scores(
-        self,
-        groups: list[tuple[Dynamics, list[Episode]]],
-        seed: int,
-        full: bool,
-        effects: Effects,
+        self, groups: list[tuple[Dynamics, list[Episode]]], seed: int, full: bool, effects: Effects
     ) -> Scores:
         """The sum of the scores of each dynamics on its episodes."""
         scores: Scores | None = None
