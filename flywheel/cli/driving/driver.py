@@ -40,7 +40,7 @@ from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.stages.video import scenery_of
 from flywheel.runtime.workers.episode_plan import ORACLE, Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder, RobotRecorder
-from flywheel.runtime.workers.model_weights import TrainedModel, Weights, dynamics_of
+from flywheel.runtime.workers.model_weights import TrainedModel, Weights
 from flywheel.tasks import Task
 
 PLANT, RESIDUAL = "plant", "residual"
@@ -219,7 +219,7 @@ class RobotDriver(_Driver):
         if (path := self._file(source)) is not None:
             weights = TrainedModel.read(self.model, path, self.robot).weights
             threads, library = self.config.sim_threads, self.config.library()
-            return dynamics_of(weights, self.robot, threads, library), weights.digest
+            return weights.dynamics(self.robot, threads, library), weights.digest
         network, digest = network_of(source, self.config, self.robot, self.model, PLANT)
         if network is None:
             raise ConfigError(

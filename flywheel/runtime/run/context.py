@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flywheel.data import Snapshot, TrajectoryStore
-from flywheel.dynamics.residual import ResidualWeights, is_residual
+from flywheel.dynamics.residual import ResidualWeights
 from flywheel.errors import LinkError, RunError
 from flywheel.faults import fault_of, told
 from flywheel.records import Split
@@ -31,7 +31,7 @@ from flywheel.runtime.workers.episode_plan import (
     first_recordings,
     robot_drives,
 )
-from flywheel.runtime.workers.model_weights import AnyWeights, Weights
+from flywheel.runtime.workers.model_weights import read_weights
 
 # Roughly how long a core is busy with one second of an episode [s]; for the remaining time that is shown.
 SIMULATING, PLANNING = 0.02, 0.3
@@ -112,13 +112,10 @@ class Run:
     def shared_weights(self, model: Model) -> Any:
         """A reference to the model's weights, for jobs. They are shared with all workers only once."""
         if model.digest not in self._shared:
-            self._shared[model.digest] = self.pool.share(self._weights(model))
+            library = self.config.library()
+            weights = read_weights(model.path, self.robot, model.digest, library)
+            self._shared[model.digest] = self.pool.share(weights)
         return self._shared[model.digest]
-
-    def _weights(self, model: Model) -> AnyWeights:
-        if is_residual(model.path):
-            return ResidualWeights.read(model.path, self.robot, library=self.config.library())
-        return Weights.read(model.path, self.robot, model.digest)
 
     def residual(self, iteration: int) -> Model | None:
         """The residual model of an iteration; None without one."""

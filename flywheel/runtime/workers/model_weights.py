@@ -11,7 +11,6 @@ import numpy as np
 from flywheel.diagnosis.fitting.subject import Subject
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
 from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays, weights_digest
-from flywheel.dynamics.protocol import Dynamics
 from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.effects import NAMED, Effect
 from flywheel.errors import ModelError
@@ -54,8 +53,10 @@ class Weights:
             )
         return cls(found, network.config, weights_arrays(network))
 
-    def dynamics(self, robot: Robot, threads: int = 1) -> LearnedDynamics:
-        """The dynamics model with these weights."""
+    def dynamics(
+        self, robot: Robot, threads: int = 1, library: Mapping[str, Effect] = NAMED
+    ) -> LearnedDynamics:
+        """The dynamics model with these weights, which needs no library of effects."""
         network = network_from_arrays(robot, self.config, self.arrays)
         return LearnedDynamics(robot, network, threads=threads)
 
@@ -64,29 +65,23 @@ AnyWeights = Weights | ResidualWeights
 """Weights of a network, or of a corrected plant."""
 
 
-def read_weights(path: Path, robot: Robot) -> AnyWeights:
+def read_weights(
+    path: Path, robot: Robot, digest: str = "", library: Mapping[str, Effect] = NAMED
+) -> AnyWeights:
     """Read a file of either kind.
+
+    Args:
+      path: of the file.
+      robot: of the weights.
+      digest: required one of a network; "" for any.
+      library: of a corrected plant's effects.
 
     Raises:
       ModelError: the file is missing or damaged, or for another robot.
     """
-    return ResidualWeights.read(path, robot) if is_residual(path) else Weights.read(path, robot)
-
-
-def dynamics_of(
-    weights: AnyWeights, robot: Robot, threads: int = 1, library: Mapping[str, Effect] = NAMED
-) -> Dynamics:
-    """The dynamics model of either kind of weights.
-
-    Args:
-      weights: of a network, or of a corrected plant.
-      robot: of the weights.
-      threads: of the model.
-      library: of the plant's effects.
-    """
-    if isinstance(weights, Weights):
-        return weights.dynamics(robot, threads)
-    return weights.dynamics(robot, threads, library)
+    if is_residual(path):
+        return ResidualWeights.read(path, robot, library=library)
+    return Weights.read(path, robot, digest)
 
 
 @dataclass(frozen=True)
@@ -121,6 +116,5 @@ class TrainedModel:
     def subject(self, robot: Robot, threads: int = 1) -> Subject:
         """The model as a subject of a diagnosis or comparison."""
         terms = tuple(effect.term(robot, self.library) for effect in self.effects)
-        return Subject(
-            self.name, dynamics_of(self.weights, robot, threads, self.library), self.dataset, terms
-        )
+        dynamics = self.weights.dynamics(robot, threads, self.library)
+        return Subject(self.name, dynamics, self.dataset, terms)

@@ -21,7 +21,7 @@ from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder, RobotRecorder
-from flywheel.runtime.workers.model_weights import AnyWeights, dynamics_of
+from flywheel.runtime.workers.model_weights import AnyWeights
 from flywheel.runtime.workers.stored_episodes import committed
 
 
@@ -85,7 +85,7 @@ class RobotWorker:
             return None
         if weights is not None:
             threads, library = self._config.sim_threads, self._config.library()
-            return dynamics_of(weights, self._robot, threads, library)
+            return weights.dynamics(self._robot, threads, library)
         simulated = EpisodeRecorder(self._config, self._robot).plant(0, plan.effects)
         return RestartedPlant.from_measurements(simulated)
 

@@ -33,7 +33,7 @@ from flywheel.runtime.pool.jobs import Beat
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
-from flywheel.runtime.workers.model_weights import AnyWeights, dynamics_of
+from flywheel.runtime.workers.model_weights import AnyWeights
 from flywheel.runtime.workers.stored_episodes import (
     EpisodeWinches,
     committed,
@@ -291,8 +291,8 @@ class SimWorker:
         if weights.digest not in self._models:
             while len(self._models) >= MODELS_KEPT:
                 del self._models[next(iter(self._models))]
-            self._models[weights.digest] = dynamics_of(
-                weights, self._recorder.robot, self._config.sim_threads, self._config.library()
+            self._models[weights.digest] = weights.dynamics(
+                self._recorder.robot, self._config.sim_threads, self._library
             )
         return self._models[weights.digest]
 
