@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +16,9 @@ from flywheel.reports import comparison_figures, diagnosis_figures, diagnosis_pa
 from flywheel.reports.comparison_video import SLOWER
 from flywheel.reports.diagnosis_video import WorstWindow
 from flywheel.reports.html import Shown, data_uri, render
+from flywheel.reports.pictures import shown
 
 BEFORE, ANSWER, AFTER = ("heat", "cables"), ("ranking", "worst"), ("lead_time",)
-SVG = "image/svg+xml"
 LIMITS = (
     "This robot is simulated, too (by independent code), and lacks one thing at a time; a real "
     "one lacks several.",
@@ -100,9 +100,9 @@ def write_demo(story: Demonstration, path: str | Path, command: str, film: Path 
         answer=diagnosis_page.sentence(story.diagnosis),
         after="" if story.after is None else compared_words(story.after),
         notes=_notes(story),
-        figures_before=_compared(BEFORE, story.before),
-        figures_answer=_diagnosed(ANSWER, story),
-        figures_after=_compared(AFTER, story.beside),
+        figures_before=shown(comparison_figures.PICTURES, story.before, BEFORE),
+        figures_answer=shown(diagnosis_figures.PICTURES, story.diagnosis, ANSWER),
+        figures_after=shown(comparison_figures.PICTURES, story.beside, AFTER),
         horizon=story.before.windows.steps * story.before.windows.dt,
         millimetres=1000.0 * story.before.windows.sigma,
         video=_video(story, film),
@@ -199,25 +199,6 @@ def _notes(story: Demonstration) -> list[str]:
         )
     experiment = found.next_experiment
     return [*(note for note in notes if note), f"The next experiment: {experiment.aim}"]
-
-
-def _compared(names: Iterable[str], found: Comparison) -> list[Shown]:
-    made = []
-    for name in names:
-        _, title, caption = comparison_figures.PICTURES[name]
-        content = comparison_figures.picture(name, found)
-        made.append(Shown(name, title, caption, data_uri(content, SVG)))
-    return made
-
-
-def _diagnosed(names: Iterable[str], story: Demonstration) -> list[Shown]:
-    made = []
-    for name in names:
-        _, title, caption = diagnosis_figures.PICTURES[name]
-        content = diagnosis_figures.picture(name, story.diagnosis)
-        if content is not None:
-            made.append(Shown(name, title, caption, data_uri(content, SVG)))
-    return made
 
 
 def _video(story: Demonstration, film: Path | str) -> Shown:

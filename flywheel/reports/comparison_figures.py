@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from io import BytesIO
+from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -14,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from flywheel.diagnosis.comparison import Bins, Comparison, Judgement
 from flywheel.reports import style
+from flywheel.reports.pictures import Picture
 
 COLOURS = (style.MISSED, style.MPPI, style.CONTROL, style.INFORMED, style.INK)
 MARKS = ("-", "--", "-.", ":")
@@ -131,25 +130,25 @@ def colour_of(number: int) -> str:
     return COLOURS[number % len(COLOURS)]
 
 
-PICTURES: dict[str, tuple[Callable[[Comparison], Figure], str, str]] = {
-    "lead_time": (
+PICTURES: dict[str, Picture[Comparison]] = {
+    "lead_time": Picture(
         lead_time,
         "Horizon of reliable predictions",
         "Bands: 95 % of each model's errors if noise in its start were the only cause. Dashed "
         "green: the noise itself, which no model can beat.",
     ),
-    "heat": (
+    "heat": Picture(
         heat,
         "Where and when",
         "Mean square error of every window and tracked point. One is the noise itself.",
     ),
-    "points": (
+    "points": Picture(
         points,
         "By end cap and its motion",
         "In brackets: fraction of the samples. Contact is a height of less than three sigmas; "
         "speeds are thirds of the samples.",
     ),
-    "cables": (
+    "cables": Picture(
         cables,
         "By cable and its state",
         "Error of the distance between the tracked points at a cable's ends. Tensions are those of "
@@ -157,11 +156,3 @@ PICTURES: dict[str, tuple[Callable[[Comparison], Figure], str, str]] = {
         "2 % of its range of commands.",
     ),
 }
-
-
-def picture(name: str, found: Comparison) -> bytes:
-    """One figure as SVG."""
-    with matplotlib.rc_context(style.RC):
-        file = BytesIO()
-        PICTURES[name][0](found).savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue()

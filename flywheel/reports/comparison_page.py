@@ -7,8 +7,9 @@ from pathlib import Path
 
 from flywheel.diagnosis.comparison import Comparison, Judgement, Outcome
 from flywheel.outputs import write_output
-from flywheel.reports.comparison_figures import PICTURES, picture
+from flywheel.reports.comparison_figures import PICTURES
 from flywheel.reports.html import Shown, data_uri, render
+from flywheel.reports.pictures import shown
 
 LIMITS = (
     "The influence of noise on a model's error is simulated by letting the model predict itself, "
@@ -40,7 +41,7 @@ def write_comparison(
         sentences=[(model, sentence(found, model)) for model in found.models],
         fitted=any(model.fitted is not None for model in found.models),
         millimetres=1000.0 * found.windows.sigma,
-        figures=_figures(found),
+        figures=shown(PICTURES, found),
         worst=found.windows.labels[found.models[-1].worst],
         videos=_videos(videos),
         about=about,
@@ -94,13 +95,6 @@ def about_lengths(found: Comparison) -> tuple[str, ...]:
     if not windows.winches_measured:
         return (f"{unknown}: it was taken from the keyframe.",)
     return ()
-
-
-def _figures(found: Comparison) -> Sequence[Shown]:
-    return [
-        Shown(name, title, caption, data_uri(picture(name, found), "image/svg+xml"))
-        for name, (_, title, caption) in PICTURES.items()
-    ]
 
 
 def _videos(videos: Mapping[str, Path | str]) -> Sequence[Shown]:

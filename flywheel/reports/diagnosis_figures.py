@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from io import BytesIO
-
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from flywheel.diagnosis import Diagnosis
 from flywheel.reports import style
+from flywheel.reports.pictures import Picture
 
 BEFORE, AFTER, NOISE = style.MISSED, style.MPPI, style.ORACLE
 SHOWN = 12  # candidates of the ranking
@@ -164,49 +161,38 @@ def whiteness(found: Diagnosis) -> Figure:
     return figure
 
 
-PICTURES: dict[str, tuple[Callable[[Diagnosis], Figure | None], str, str]] = {
-    "ladder": (
+PICTURES: dict[str, Picture[Diagnosis]] = {
+    "ladder": Picture(
         ladder,
         "The error, effect by effect",
         "The starts of all windows are fitted in every row, so that noise alone would reach the "
         "dashed line. On held-out recordings nothing else is fitted.",
     ),
-    "ranking": (
+    "ranking": Picture(
         ranking,
         "Candidate explanations",
         "Score of each effect alone on top of the initial plant, after the part that unknown "
         "starts, winch offsets and smaller time steps could explain was removed.",
     ),
-    "worst": (
+    "worst": Picture(
         worst_window,
         "The largest error",
         "The tracked point and window of the largest error.",
     ),
-    "heat": (heat, "Where and when", "Mean square residual; one is noise."),
-    "places": (
+    "heat": Picture(heat, "Where and when", "Mean square residual; one is noise."),
+    "places": Picture(
         places,
         "The unexplained error: when and at which cable it would have to act",
         "Residual explained by a change of one cable, in one window alone.",
     ),
-    "likeness": (
+    "likeness": Picture(
         likeness,
         "Similar candidates",
         "Of the best candidates: near one, these recordings can hardly distinguish the two.",
     ),
-    "whiteness": (
+    "whiteness": Picture(
         whiteness,
         "The residual",
         "White noise has no memory: its autocorrelation stays within the band.",
     ),
 }
-
-
-def picture(name: str, found: Diagnosis) -> bytes | None:
-    """One figure as SVG; None without data."""
-    with matplotlib.rc_context(style.RC):
-        figure = PICTURES[name][0](found)
-        if figure is None:
-            return None
-        file = BytesIO()
-        figure.savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue()

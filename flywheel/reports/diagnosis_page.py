@@ -13,8 +13,9 @@ from flywheel.diagnosis.checks.held_out_gain import Gain
 from flywheel.diagnosis.results.verdict import Alternative, Value, tolerated
 from flywheel.diagnosis.selection.suspect_parameters import SuspectParameter
 from flywheel.outputs import write_output
-from flywheel.reports.diagnosis_figures import PICTURES, picture
-from flywheel.reports.html import Shown, data_uri, render
+from flywheel.reports.diagnosis_figures import PICTURES
+from flywheel.reports.html import render
+from flywheel.reports.pictures import shown
 
 SHOWN = 3  # numbers of a robot that are named
 NEARER = (
@@ -64,7 +65,7 @@ def diagnosis_page(found: Diagnosis, about: Mapping[str, str]) -> str:
         at_bounds=at_bounds(found),
         suspects=suspects(found),
         first_lengths=first_lengths(found),
-        figures=_figures(found),
+        figures=shown(PICTURES, found),
         about=about,
         limits=LIMITS,
     )
@@ -370,12 +371,3 @@ def _subject(found: Diagnosis) -> str:
 
 def _names(answer: Alternative) -> str:
     return " with ".join(each.described for each in answer) or "nothing"
-
-
-def _figures(found: Diagnosis) -> Sequence[Shown]:
-    shown = []
-    for name, (_, title, caption) in PICTURES.items():
-        content = picture(name, found)
-        if content is not None:
-            shown.append(Shown(name, title, caption, data_uri(content, "image/svg+xml")))
-    return shown

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from io import BytesIO
+from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,14 +14,6 @@ from flywheel.records import Floats
 from flywheel.reports import style
 
 LIKE = 20  # candidates of the matrix
-
-
-def svg(draw: Callable[[], Figure]) -> bytes:
-    """A figure, drawn in the common style, as SVG."""
-    with matplotlib.rc_context(style.RC):
-        file = BytesIO()
-        draw().savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue()
 
 
 def smallest_sizes(found: Power) -> Figure:

@@ -13,11 +13,11 @@ from flywheel.reports.experiment_figures import (
     likeness,
     search,
     smallest_sizes,
-    svg,
     told_apart,
     winch_paths,
 )
-from flywheel.reports.html import Shown, data_uri, render
+from flywheel.reports.html import Shown, render
+from flywheel.reports.pictures import Picture, shown
 
 PREDICTED = (
     "All of this is predicted by the plant, for small effects around it. A robot with large "
@@ -72,13 +72,13 @@ def design_sentence(found: Design) -> str:
 def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Path:
     """Write the page of an experiment's power: one HTML file, with lines `about` it."""
     figures = [
-        _shown(
-            svg(lambda: smallest_sizes(found)),
+        Picture(
+            smallest_sizes,
             "Smallest visible effects",
             "Blue: the requested size would be visible. Candidates without a bar are invisible.",
         ),
-        _shown(
-            svg(lambda: likeness(found)),
+        Picture(
+            likeness,
             "Candidates that resemble each other",
             (
                 "Of the candidates that show best: near one, the experiment can hardly distinguish "
@@ -108,7 +108,7 @@ def write_power(found: Power, path: str | Path, about: Mapping[str, str]) -> Pat
         power_sentence(found),
         Listing(columns, rows),
         notes,
-        figures,
+        shown({each.title: each for each in figures}, found),
         path,
         about,
         found.enough,
@@ -127,20 +127,20 @@ def write_design(
       winches: their names.
     """
     figures = [
-        _shown(
-            svg(lambda: told_apart(found)),
+        Picture(
+            told_apart,
             "Separation",
             (
                 "The change caused by one effect at its typical size that the other cannot explain "
                 "at any size."
             ),
         ),
-        _shown(
-            svg(lambda: winch_paths(found, winches)),
+        Picture(
+            lambda found: winch_paths(found, winches),
             "Positions of the winches",
             f"Rest lengths under the commands. The script started as one of {found.family!r}.",
         ),
-        _shown(svg(lambda: search(found)), "The search", "Scripts are drawn, and the best varied."),
+        Picture(search, "The search", "Scripts are drawn, and the best varied."),
     ]
     columns = ("effects", "", "|cos|", "apart [sigma]", "random: |cos|", "random: apart [sigma]")
     rows = [
@@ -160,15 +160,11 @@ def write_design(
         design_sentence(found),
         Listing(columns, rows),
         notes,
-        figures,
+        shown({each.title: each for each in figures}, found),
         path,
         about,
         found.needed,
     )
-
-
-def _shown(content: bytes, title: str, caption: str) -> Shown:
-    return Shown(title, title, caption, data_uri(content, "image/svg+xml"))
 
 
 def _write(

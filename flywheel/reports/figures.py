@@ -2,37 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Literal
 
-import matplotlib
-from matplotlib.figure import Figure
-
 from flywheel.outputs import write_output
 from flywheel.registry import lookup
-from flywheel.reports import error_figures, goal_figures, ladder_figures, robot_figures, style
+from flywheel.reports import error_figures, goal_figures, ladder_figures, robot_figures
+from flywheel.reports.pictures import Picture, as_file
 from flywheel.results import RunResult
 
-
-@dataclass(frozen=True)
-class Picture:
-    """One figure of a run.
-
-    Attributes:
-      draw: makes it, or returns None without data.
-      title: above it.
-      caption: below it; explains each line and mark.
-    """
-
-    draw: Callable[[RunResult], Figure | None]
-    title: str
-    caption: str
-
-
-FIGURES: dict[str, Picture] = {
+FIGURES: dict[str, Picture[RunResult]] = {
     "robot": Picture(
         robot_figures.on_the_robot,
         "On the robot",
@@ -112,18 +91,6 @@ def draw(name: str, run: RunResult, format: Literal["svg", "png"] = "svg") -> by
     """
     picture = lookup(FIGURES, name, "figure")
     return as_file(lambda: picture.draw(run), format)
-
-
-def as_file(drawn: Callable[[], Figure | None], format: Literal["svg", "png"]) -> bytes | None:
-    """A figure in the common style as a file's bytes; None without data."""
-    with matplotlib.rc_context(style.RC):
-        figure = drawn()
-        if figure is None:
-            return None
-        file = BytesIO()
-        metadata = {"Date": None} if format == "svg" else {"Software": None}
-        figure.savefig(file, format=format, metadata=metadata, dpi=130)
-    return file.getvalue()
 
 
 def write_figures(

@@ -10,8 +10,9 @@ import yaml
 
 from flywheel.outputs import write_output
 from flywheel.reports.conclusions import conclusions, headline
-from flywheel.reports.figures import FIGURES, draw, write_figures
+from flywheel.reports.figures import FIGURES, write_figures
 from flywheel.reports.html import Shown, data_uri, render
+from flywheel.reports.pictures import shown
 from flywheel.reports.robot_figures import NAMES
 from flywheel.results import Errors, IterationResult, Navigation, RunResult
 
@@ -79,7 +80,7 @@ def render_page(run: RunResult, folder: Path) -> str:
         rows=result_rows(run),
         robot_rows=robot_rows(run),
         robot_time=robot_time(run),
-        figures=_figures(run),
+        figures=shown(FIGURES, run),
         videos=_videos(run, folder),
         config=yaml.safe_dump(run.config, sort_keys=False, allow_unicode=True),
         stages=list(dict.fromkeys(s for result in run.iterations for s in result.seconds)),
@@ -212,15 +213,6 @@ def _number(value: float) -> str:
         return f"{value:g}"
     digits = 2 - math.floor(math.log10(abs(value))) if value else 1
     return f"{value:.{min(max(digits, 0), 4)}f}"
-
-
-def _figures(run: RunResult) -> list[Shown]:
-    shown = []
-    for name, picture in FIGURES.items():
-        if (content := draw(name, run)) is not None:
-            uri = data_uri(content, "image/svg+xml")
-            shown.append(Shown(name, picture.title, picture.caption, uri))
-    return shown
 
 
 def _videos(run: RunResult, folder: Path) -> list[Shown]:

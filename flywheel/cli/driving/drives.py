@@ -15,8 +15,8 @@ from flywheel.evaluation.intervals import success_interval
 from flywheel.files import MB, read_text
 from flywheel.outputs import write_output
 from flywheel.reports import style
-from flywheel.reports.figures import as_file
 from flywheel.reports.goal_figures import paths_from_above
+from flywheel.reports.pictures import as_file
 from flywheel.results import Navigation, ResultRecord, Walk
 
 LARGEST_RESULTS = 500 * MB  # [bytes]; an episode takes some kB

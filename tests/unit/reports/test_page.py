@@ -9,8 +9,9 @@ import pytest
 
 from flywheel.errors import DataError
 from flywheel.reports import page
-from flywheel.reports.figures import FIGURES, as_file
+from flywheel.reports.figures import FIGURES
 from flywheel.reports.page import result_rows, write_page
+from flywheel.reports.pictures import as_file
 from flywheel.results import ErrorNumbers, Errors, RunResult
 from tests.unit.reports.fake_run import fake_errors, fake_run
 
