@@ -12,6 +12,7 @@ import json
 import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -19,14 +20,16 @@ from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
+from pydantic import ValidationError
 from torch import nn
 
 from flywheel.errors import ModelError
 from flywheel.files import opened, read_json, shown
 from flywheel.outputs import write_output
+from flywheel.validation import first_problem
 
 Arrays = dict[str, np.ndarray]
-DAMAGED = (  # raised by a broken archive
+_DAMAGED = (  # raised by a broken archive
     ValueError,
     OSError,
     EOFError,
@@ -116,6 +119,19 @@ def checked_side_file(
     return about
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Raise a `ModelError` in the block for weights that are missing or damaged."""
+    if not path.exists():
+        raise ModelError(f"There are no weights at {path}.")
+    try:
+        yield
+    except ValidationError as problem:
+        raise ModelError(f"The weights {path} are damaged: {first_problem(problem)}.") from None
+    except _DAMAGED as problem:
+        raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
+
+
 def read_arrays(
     path: Path, wanted: Mapping[str, Wanted], head: Mapping[str, Any], digest: str
 ) -> Arrays:
@@ -128,7 +144,7 @@ def read_arrays(
       digest: from the side file.
 
     Raises:
-      ModelError, and those of `DAMAGED`: they differ.
+      ModelError, and those of a damaged archive: they differ.
     """
     largest = _LARGEST_DIRECTORY + sum(w.nbytes + _LARGEST_HEADER for w in wanted.values())
     with opened(path, "file of weights", ModelError, largest) as raw, ZipFile(raw) as archive:

@@ -7,22 +7,20 @@ from typing import Any
 
 import numpy as np
 import torch
-from pydantic import ValidationError
 
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.weight_files import (
-    DAMAGED,
     Wanted,
     arrays_of,
     checked_side_file,
     digest_of,
     read_arrays,
+    reading,
     write_arrays,
 )
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
-from flywheel.validation import first_problem
 
 _FORMAT = 2  # 1: cables between nodes
 _ABOUT = {"digest": str, "robot": str, "config": dict}
@@ -117,19 +115,10 @@ def load_weights(path: Path | str, robot: Robot) -> ChunkNetwork:
             f"{about['robot'][:12]}), not for {robot.name} ({robot.digest[:12]}). Train a "
             "network for this robot, or load the MJCF that the weights belong to."
         )
-    if not path.exists():
-        raise ModelError(f"There are no weights at {path}.")
-    try:
+    with reading(path):
         config = NetworkConfig.model_validate(about["config"])
         wanted = wanted_arrays(robot, config)
         arrays = read_arrays(path, wanted, _head(robot.digest, config), about["digest"])
-    except ValidationError as problem:
-        why = first_problem(problem)
-        raise ModelError(
-            f"The weights {path} are damaged: their network is impossible, {why}."
-        ) from None
-    except DAMAGED as problem:
-        raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
     return network_from_arrays(robot, config, arrays)
 
 

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import torch
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from flywheel.dynamics.plant import Plant, RestartedPlant, with_effects
 from flywheel.dynamics.residual.config import ResidualConfig
 from flywheel.dynamics.residual.model import ResidualDynamics
 from flywheel.dynamics.residual.network import ResidualNetwork
 from flywheel.dynamics.weight_files import (
-    DAMAGED,
     Wanted,
     arrays_of,
     checked_side_file,
     digest_of,
     read_arrays,
     read_side_file,
+    reading,
     write_arrays,
 )
 from flywheel.effects import NAMED, Effect, Terms, WrittenTerm
@@ -30,7 +30,7 @@ from flywheel.effects.adopted import MOST_EFFECTS
 from flywheel.errors import FlywheelError, ModelError
 from flywheel.quantities import Bounds, ControlStep, Seed
 from flywheel.robots import Robot
-from flywheel.validation import Frozen, first_problem
+from flywheel.validation import Frozen
 
 KIND = "residual"
 _FORMAT = 1
@@ -168,9 +168,7 @@ class ResidualWeights:
                 f"{path.name} corrects the plant of another robot (digest {about['robot'][:12]}), not "
                 f"that of {robot.name} ({robot.digest[:12]})."
             )
-        if not path.exists():
-            raise ModelError(f"There are no weights at {path}.")
-        try:
+        with reading(path):
             found = cls(
                 about["robot"],
                 CorrectedPlant.model_validate(about["corrected"]),
@@ -183,11 +181,7 @@ class ResidualWeights:
                 for name, value in _network(robot, found.config).state_dict().items()
             }
             arrays = read_arrays(path, wanted, found._head, about["digest"])
-        except ValidationError as problem:
-            raise ModelError(f"The weights {path} are damaged: {first_problem(problem)}.") from None
-        except DAMAGED as problem:
-            raise ModelError(f"The weights {path} are damaged: {problem}.") from problem
-        found = cls(found.robot, found.corrected, found.config, found.share, arrays)
+        found = replace(found, arrays=arrays)
         found._check(path, robot, plant, library)
         return found
 
