@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,10 @@ import numpy as np
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Memories, Motion, edited
 from flywheel.dynamics.plant.course import Course
 from flywheel.dynamics.plant.parameters import PlantParameters
-from flywheel.dynamics.plant.plant import NOMINAL, Plant
+from flywheel.dynamics.plant.plant import Plant
 from flywheel.effects import ModelEffect, Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
-from flywheel.robots import Box, Robot
 from flywheel.terrain import Terrain
 
 
@@ -25,32 +23,28 @@ class EffectivePlant(Plant):
     memories of cables start anew. `begin` keeps them from piece to piece of an episode.
 
     Args:
+      plant: without effects, and with one set of parameters for all simulations.
       terms: the effects with their values.
-      robot, dt, obstacles, threads, terrain: see `Plant`.
-      parameters: one set for all simulations.
 
     Raises:
-      ModelError: see `Plant`; or parameters differ between simulations.
+      ModelError: parameters differ between simulations.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        terms: Terms,
-        dt: float = 0.01,
-        parameters: PlantParameters | Sequence[PlantParameters] = NOMINAL,
-        obstacles: Sequence[Box] = (),
-        threads: int = 1,
-        terrain: Terrain | None = None,
-    ) -> None:
-        if not isinstance(parameters, PlantParameters):
+    def __init__(self, plant: Plant, terms: Terms) -> None:
+        if not isinstance(plant.parameters, PlantParameters):
             raise ModelError("A plant with effects has one set of parameters for all simulations.")
         self.terms = terms
-        super().__init__(robot, dt, parameters, obstacles, threads, terrain)
-        self._augmented = AugmentedPlant(Plant(robot, *self.arguments()))
+        super().__init__(plant.robot, *plant.arguments())
+        self._augmented = AugmentedPlant(plant)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (EffectivePlant, (self.robot, self.terms, *self.arguments()))
+        return (EffectivePlant, (self._augmented.plant, self.terms))
+
+    def on(self, terrain: Terrain | None) -> EffectivePlant:
+        """The same plant on another ground; itself if that is its own."""
+        if terrain == self.terrain:
+            return self
+        return EffectivePlant(self._augmented.plant.on(terrain), self.terms)
 
     def _compile(self) -> None:
         super()._compile()
@@ -96,8 +90,8 @@ def with_effects(plant: Plant, terms: Terms) -> Plant:
     """
     if not terms:
         return plant
-    together = (*plant.terms, *terms)
-    return EffectivePlant(plant.robot, together, *plant.arguments())
+    plain = Plant(plant.robot, *plant.arguments())
+    return EffectivePlant(plain, (*plant.terms, *terms))
 
 
 class _EffectiveCourse:

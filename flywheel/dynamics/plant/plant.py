@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Self, cast
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -78,12 +78,11 @@ class Plant:
         """Arguments of `Plant` after the robot."""
         return self.dt, self.parameters, self.obstacles, self.threads, self.terrain
 
-    def on(self, terrain: Terrain | None) -> Self:
+    def on(self, terrain: Terrain | None) -> Plant:
         """The same plant on another ground; itself if that is its own."""
         if terrain == self.terrain:
             return self
-        made, arguments = self.__reduce__()
-        return cast(Self, made(*arguments[:-1], terrain))
+        return Plant(self.robot, *(*self.arguments()[:-1], terrain))
 
     def _compile(self) -> None:
         robot = self.robot

@@ -243,46 +243,23 @@ def _place(part: str, entries: list[Any], override: str) -> int:
     return number
 
 
-MOST_REFERENCES = 100
-LONGEST_WITH_REFERENCES = 500  # characters
 LONGEST_TEXT = 10_000  # characters
 _BEGIN = "${"
 _REFERENCE = re.compile(r"(?<!\\)\$\{([^${}:\[\]]+)\}")
 
 
-def _check_texts(values: Any, what: str) -> None:
-    """Reject long texts, and any `${...}` that is not the key of a value.
+def resolved(values: dict[Any, Any], what: str) -> Any:
+    """The values with each reference replaced by its single value.
 
     Args:
       values: plain values: mappings, lists, texts, numbers.
       what: their name, at the beginning of a sentence.
 
     Raises:
-      ConfigError: a text is too long, a reference is not a plain one, or there are too many.
+      ConfigError: a `${...}` that is not the key of a single value, or a text that is too long.
     """
-    texts = list(_texts(values))
-    for text in texts:
-        most = LONGEST_WITH_REFERENCES if _BEGIN in text else LONGEST_TEXT
-        if len(text) > most:
-            raise ConfigError(
-                f"{what} has a text of {len(text):,} characters, {shown(text)}; at most {most:,}."
-            )
-        if _BEGIN in _REFERENCE.sub("", text):
-            raise ConfigError(
-                f"{what} has {shown(text)}. ${{a.b}} stands for the value at that key; nothing else, such "
-                "as the environment, is looked up."
-            )
-    if sum(len(_REFERENCE.findall(text)) for text in texts) > MOST_REFERENCES:
-        raise ConfigError(f"{what} has more than {MOST_REFERENCES} references (${{a.b}}).")
-
-
-def resolved(values: dict[Any, Any], what: str) -> Any:
-    """The values with each reference replaced by its single value.
-
-    Raises:
-      ConfigError: a reference to nothing, to several values, or to a reference.
-    """
-    _check_texts(values, what)
+    for text in _texts(values):
+        _check_text(text, what)
 
     def single(key: str) -> Any:
         found = _at(values, key.split("."))
@@ -303,9 +280,27 @@ def resolved(values: dict[Any, Any], what: str) -> Any:
             return here
         if whole := _REFERENCE.fullmatch(here):
             return single(whole[1])
-        return _REFERENCE.sub(lambda match: str(single(match[1])), here)
+        text = _REFERENCE.sub(lambda match: str(single(match[1])), here)
+        _check_length(text, what)
+        return text
 
     return filled(values)
+
+
+def _check_text(text: str, what: str) -> None:
+    _check_length(text, what)
+    if _BEGIN in _REFERENCE.sub("", text):
+        raise ConfigError(
+            f"{what} has {shown(text)}. ${{a.b}} stands for the value at that key; nothing else, such "
+            "as the environment, is looked up."
+        )
+
+
+def _check_length(text: str, what: str) -> None:
+    if len(text) > LONGEST_TEXT:
+        raise ConfigError(
+            f"{what} has a text of {len(text):,} characters, {shown(text)}; at most {LONGEST_TEXT:,}."
+        )
 
 
 def _texts(values: Any) -> Iterator[str]:

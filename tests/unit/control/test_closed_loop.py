@@ -113,7 +113,7 @@ def test_unmeasured_winches_of_a_known_plant_are_where_its_effects_say(plant: Pl
             return Command(super().act(past).controls[:steps])
 
     spy, seed = Often(plant.robot, DT), draws.seed()
-    slower = EffectivePlant(plant.robot, slow)
+    slower = EffectivePlant(Plant(plant.robot), slow)
     reckoning = Reckoning(plant.robot, DT, slow)
     episode = recorded(slower, spy, seconds=3.0, seed=seed, reckoning=reckoning)
     track = episode.trajectory

@@ -245,7 +245,7 @@ def test_a_plant_whose_effect_has_another_value_is_still_asked_about_it_in_short
         (Term(effect, None, (times * effect.sizes[0].typical(Scales.of(robot)),)),)
         for times in (1.0, 4.0)
     )
-    search = search_of(robot, seed, EffectivePlant(robot, had), has)
+    search = search_of(robot, seed, EffectivePlant(Plant(robot), had), has)
     own = search.fitter
     fit = own.fit(own.first_estimate(had))
     search, (first, *_, last) = stepwise(search, search.score_all(fit))

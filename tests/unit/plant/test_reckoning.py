@@ -35,7 +35,7 @@ def driven(
     """What is seen of a robot under random controls, without its winches; and where these were."""
     rng = np.random.default_rng(draws.seed())
     numbers = PlantParameters(winch_speed=speed)
-    plant = EffectivePlant(robot, terms) if terms else Plant(robot, parameters=numbers)
+    plant = EffectivePlant(Plant(robot), terms) if terms else Plant(robot, parameters=numbers)
     start = Plant(robot).settle(1.0)
     controls = RandomControls(robot, 0.01).sequence(
         plant.winch(start)[0], round(SECONDS / 0.01), int(rng.integers(2**31))

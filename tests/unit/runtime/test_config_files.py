@@ -211,8 +211,7 @@ def test_a_reference_stands_for_the_single_value_at_a_key(write):
         ("name: '\\${a}'", "nothing else"),
         ("name: ${training.${name}}", "nothing else"),
         ("a0: x\n" + "".join(f"a{n + 1}: ${{a{n}}}${{a{n}}}\n" for n in range(40)), "single value"),
-        (f"a: ['{'${b} ' * 90}', '{'${b} ' * 90}']", "more than 100 references"),
-        (f"name: {'${a}' * 200}", "a text of 800 characters.*at most 500"),
+        (f"name: {'${a}' * 200}\na: {'x' * 90}", "a text of 18,000 characters.*at most 10,000"),
     ],
 )
 def test_nothing_else_is_looked_up(write, text, said):
