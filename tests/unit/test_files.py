@@ -96,7 +96,7 @@ def bomb(levels: int) -> str:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("a: 2020-02-31", "an invalid value"),
+        ("a: !!timestamp 2020-02-31", "an invalid value"),
         ("a: !!int foo", "an invalid value"),
         ("a: " + "9" * 5000, "an invalid value"),
         ("{[a]: 1}", "not YAML|an invalid value"),
@@ -151,9 +151,9 @@ def test_halves_of_characters_are_refused_because_no_file_can_hold_them() -> Non
 
 
 def test_numbers_of_yaml_1_2_are_numbers_and_texts_come_back_as_texts() -> None:
-    text = "a: 1e-3\nb: -2E5\nc: '1e3'\nd: 1.5e3\n"
+    text = "a: 1e-3\nb: -2E5\nc: '1e3'\nd: 1.5e3\ne: 2020-02-31\n"
     values = parsed_yaml(text, "The map", DataError)
-    assert values == {"a": 1e-3, "b": -2e5, "c": "1e3", "d": 1500.0}
+    assert values == {"a": 1e-3, "b": -2e5, "c": "1e3", "d": 1500.0, "e": "2020-02-31"}
     assert parsed_yaml(yaml_text(values), "The map", DataError) == values
 
 
@@ -164,12 +164,19 @@ def test_a_value_that_does_not_fit_its_tag_is_refused() -> None:
         "!!int foo",
         "!!int ''",
         "!!float x",
-        "2020-02-31",
+        "!!timestamp 2020-02-31",
     ):
         with pytest.raises(DataError, match="an invalid value|does not have the type"):
             parsed_yaml(f"a: {text}", "The map", DataError)
         with pytest.raises(DataError, match="an invalid value|does not have the type"):
             parsed_yaml(f"[{text}]", "The map", DataError)
+
+
+def test_a_key_that_stands_twice_is_refused() -> None:
+    for text in ("a: 1\nb: 2\na: 1", "c: {a: 1, a: 2}", "[{true: 1, true: 1}]"):
+        with pytest.raises(DataError, match="found duplicate key '(a|true)'"):
+            parsed_yaml(text, "The map", DataError)
+    assert parsed_yaml("a: {b: 1}\nc: {b: 1}", "The map", DataError)["c"] == {"b": 1}
 
 
 def test_a_number_of_too_many_digits_to_be_written_is_shown() -> None:

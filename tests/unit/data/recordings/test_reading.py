@@ -220,7 +220,7 @@ def test_commands_may_be_angles_of_a_drum(sheet: Callable[..., Sheet]) -> None:
         ("origin: [.nan, 0, 0]", "origin.0: must be a number from -100,000,000 to"),
         ("origin: [0, 0, -1e300]", "origin.2: must be a number from -100,000,000 to"),
         ("units: {drum: 1e300}", "units.drum: must be a number from 0.0001 to 100 m"),
-        ("conditions: 2020-02-31", "day is out of range for month"),
+        ("conditions: !!timestamp 2020-02-31", "day is out of range for month"),
         ("jitter: !!int foo", "invalid literal for int()"),
         (f"jitter: {'1' * 5000}", "5000 digits"),
         ("ignore: " + 3000 * "[", "more than 60 brackets within brackets"),
