@@ -25,14 +25,7 @@ from flywheel.diagnosis.comparison import Comparison, Outcome, Subject, compare
 from flywheel.dynamics.plant import Plant, Reckoning, with_effects
 from flywheel.effects import EFFECTS, NAMED, Effect, WrittenTerm
 from flywheel.errors import DataError, LinkError
-from flywheel.quantities import (
-    Bounds,
-    ControlStep,
-    DemoSeconds,
-    HorizonSeconds,
-    Samples,
-    Threads,
-)
+from flywheel.quantities import Bounds, ControlStep, DemoSeconds, HorizonSeconds, Samples, Threads
 from flywheel.records import Episode, Provenance, Split, Trajectory
 from flywheel.reports.comparison_page import sentence
 from flywheel.reports.diagnosis_page import sentence as diagnosed_words

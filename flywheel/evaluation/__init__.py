@@ -1,11 +1,7 @@
 """Evaluation: statistics per sample, summed into errors by lead time and body; intervals."""
 
 from flywheel.evaluation.errors import ErrorTable, LeadTimeErrors
-from flywheel.evaluation.intervals import (
-    Interval,
-    rmse_ratio_interval,
-    success_interval,
-)
+from flywheel.evaluation.intervals import Interval, rmse_ratio_interval, success_interval
 from flywheel.evaluation.pasts import past_at
 from flywheel.evaluation.scoring import (
     BINS,

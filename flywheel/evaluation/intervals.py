@@ -43,11 +43,7 @@ def success_interval(
 
 
 def rmse_ratio_interval(
-    squared: Floats,
-    reference: Floats,
-    seed: int,
-    confidence: float = 0.95,
-    resamples: int = 2000,
+    squared: Floats, reference: Floats, seed: int, confidence: float = 0.95, resamples: int = 2000
 ) -> Interval:
     """Ratio of one model's RMSE to another's, with an interval by a bootstrap over episodes.
 

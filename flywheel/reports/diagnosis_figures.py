@@ -175,9 +175,7 @@ PICTURES: dict[str, Picture[Diagnosis]] = {
         "starts, winch offsets and smaller time steps could explain was removed.",
     ),
     "worst": Picture(
-        worst_window,
-        "The largest error",
-        "The tracked point and window of the largest error.",
+        worst_window, "The largest error", "The tracked point and window of the largest error."
     ),
     "heat": Picture(heat, "Where and when", "Mean square residual; one is noise."),
     "places": Picture(

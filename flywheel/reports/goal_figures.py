@@ -208,11 +208,7 @@ def _titled(name: str, navigation: Navigation, columns: int) -> str:
 
 
 def _seen_from_above(
-    axes: Axes,
-    navigation: Navigation,
-    course: tuple[Box, ...],
-    middle: Floats,
-    reach: float,
+    axes: Axes, navigation: Navigation, course: tuple[Box, ...], middle: Floats, reach: float
 ) -> None:
     """One driver's paths, in a square around (2,) of given half width [m]."""
     _obstacles(axes, course)

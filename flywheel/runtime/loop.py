@@ -12,13 +12,7 @@ from flywheel.data.places import local_folder
 from flywheel.errors import ConfigError
 from flywheel.outputs import check_folder
 from flywheel.reports import write_report
-from flywheel.results import (
-    RESULT_FILE,
-    ErrorNumbers,
-    IterationResult,
-    RobotResult,
-    RunResult,
-)
+from flywheel.results import RESULT_FILE, ErrorNumbers, IterationResult, RobotResult, RunResult
 from flywheel.robots import Robot, load_robot
 from flywheel.run_identity import Identity
 from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
@@ -150,12 +144,7 @@ def finish(run: Run, identity: Identity) -> RunResult:
 
 @contextmanager
 def _pool(
-    config: RunConfig,
-    files: RunFolder,
-    robot: Robot,
-    ray: Cluster,
-    cores: int,
-    stop: StopRequest,
+    config: RunConfig, files: RunFolder, robot: Robot, ray: Cluster, cores: int, stop: StopRequest
 ) -> Iterator[WorkerPool]:
     workers, arguments = config.workers, (config, files.store_url(config), robot)
     both = (config.control_arm and config.iterations) or config.residual.on

@@ -310,10 +310,7 @@ _Present = tuple[Episode, int, Floats]
 
 
 def _presents(
-    plant: RestartedPlant,
-    parts: Sequence[Span],
-    steps: int,
-    training: ResidualTraining,
+    plant: RestartedPlant, parts: Sequence[Span], steps: int, training: ResidualTraining
 ) -> list[_Present]:
     """Starts of windows of so many steps."""
     about = Provenance(plant.robot.digest, source="recording", dataset="recording")
@@ -353,9 +350,7 @@ def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> Pl
     sight, motion = lookout.look(past, controls)
     left, weight = mean_offsets(motion.observations.points, measured, lookout.every)
     return PlantWindows(
-        sight,
-        torch.as_tensor(left / plant.robot.length).float(),
-        torch.as_tensor(weight).float(),
+        sight, torch.as_tensor(left / plant.robot.length).float(), torch.as_tensor(weight).float()
     )
 
 

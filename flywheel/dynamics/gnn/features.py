@@ -147,12 +147,7 @@ class FeatureBuilder:
       attachments: of its cables; used for states with sides.
     """
 
-    def __init__(
-        self,
-        graph: RobotGraph,
-        frames: Frames,
-        attachments: Attachments,
-    ) -> None:
+    def __init__(self, graph: RobotGraph, frames: Frames, attachments: Attachments) -> None:
         self._graph, self._config = graph, graph.config
         self._length, self._count = graph.robot.length, graph.body_count
         self._first, self._second = graph.designated

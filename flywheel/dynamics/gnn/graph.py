@@ -19,13 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.nodes import (
-    anchors,
-    body_nodes,
-    find,
-    node_constants,
-    standardised,
-)
+from flywheel.dynamics.gnn.nodes import anchors, body_nodes, find, node_constants, standardised
 from flywheel.records import Floats
 from flywheel.robots import GRAVITY, Attachment, Robot
 

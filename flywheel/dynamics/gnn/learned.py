@@ -42,11 +42,7 @@ class LearnedDynamics:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        network: ChunkNetwork,
-        threads: int = 1,
-        block: int = BLOCK,
+        self, robot: Robot, network: ChunkNetwork, threads: int = 1, block: int = BLOCK
     ) -> None:
         self.robot, self.dt, self.history = robot, network.config.dt, network.config.history
         self.digest = weights_digest(network)

@@ -63,10 +63,7 @@ class Simulator:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        config: NetworkConfig,
-        prepare: ForwardFactory = FusedForward,
+        self, robot: Robot, config: NetworkConfig, prepare: ForwardFactory = FusedForward
     ) -> None:
         self.robot, self.config, self.dt = robot, config, config.dt
         self._prepare = prepare

@@ -111,11 +111,7 @@ class AugmentedPlant:
         return told
 
     def simulate(
-        self,
-        start: State,
-        told: Floats,
-        terms: Sequence[Terms],
-        memory: Memories | None = None,
+        self, start: State, told: Floats, terms: Sequence[Terms], memory: Memories | None = None
     ) -> Motion:
         """Simulate each state under the commands that reach the winches.
 

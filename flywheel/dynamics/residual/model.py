@@ -129,11 +129,7 @@ class ResidualDynamics:
     """
 
     def __init__(
-        self,
-        plant: RestartedPlant,
-        network: ResidualNetwork,
-        share: float = 1.0,
-        threads: int = 1,
+        self, plant: RestartedPlant, network: ResidualNetwork, share: float = 1.0, threads: int = 1
     ) -> None:
         if network.robot_digest != plant.robot.digest:
             raise ModelError(

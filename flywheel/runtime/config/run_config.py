@@ -8,13 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import (
-    BeforeValidator,
-    Field,
-    StringConstraints,
-    field_validator,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, StringConstraints, field_validator, model_validator
 
 from flywheel.control import MppiConfig
 from flywheel.diagnosis.fitting.nuisance import unsure_terms
@@ -360,11 +354,7 @@ class RunConfig(Frozen):
             check_given(plant.effects_from, files, f"The plant {values['effects']}")
         except FlywheelError as error:
             raise ValueError(str(error)) from None
-        return {
-            **values,
-            "effects": [e.model_dump() for e in plant.effects],
-            "effects_from": files,
-        }
+        return {**values, "effects": [e.model_dump() for e in plant.effects], "effects_from": files}
 
     @classmethod
     def _given(cls, files: Any) -> list[LawFile]:

@@ -29,15 +29,7 @@ from pathlib import Path
 
 from flywheel.errors import ConfigError, RunError
 from flywheel.files import file_name
-from flywheel.results import (
-    NOTHING,
-    RESULT_FILE,
-    Arm,
-    DiagnosisNote,
-    IterationResult,
-    read,
-    save,
-)
+from flywheel.results import NOTHING, RESULT_FILE, Arm, DiagnosisNote, IterationResult, read, save
 from flywheel.robot_link import StandInConfig
 from flywheel.robot_link.opening import SIMULATED
 from flywheel.robots import Robot, load_robot, read_robot

@@ -24,14 +24,7 @@ from flywheel.errors import DataError, FlywheelError, RunError
 from flywheel.results import RESULT_FILE, IterationResult, RunResult
 from flywheel.run_identity import HOW, RUN_FILE
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.run.folder import (
-    ARMS,
-    SEGMENT,
-    SNAPSHOT,
-    UNFINISHED,
-    RunFolder,
-    name_of,
-)
+from flywheel.runtime.run.folder import ARMS, SEGMENT, SNAPSHOT, UNFINISHED, RunFolder, name_of
 from flywheel.runtime.tracking.dashboard import DATABASE
 from flywheel.seals import Kind, Seal, Unsound, file_sha256
 

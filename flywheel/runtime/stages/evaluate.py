@@ -107,11 +107,7 @@ def _on_tests(
 
 
 def _test_jobs(
-    run: Run,
-    outcome: ArmOutcome,
-    episodes: list[str],
-    recordings: list[str],
-    effects: Effects,
+    run: Run, outcome: ArmOutcome, episodes: list[str], recordings: list[str], effects: Effects
 ) -> _TestJobs:
     arm, model = outcome.arm, outcome.usable_model
     if model is None:

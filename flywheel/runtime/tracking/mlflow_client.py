@@ -28,13 +28,7 @@ import numpy as np
 from flywheel.errors import DataError
 from flywheel.results import GateDecision
 from flywheel.runtime.tracking import pyfunc_model
-from flywheel.runtime.tracking.dashboard import (
-    DATABASE,
-    SETTINGS,
-    damage,
-    database_uri,
-    is_missing,
-)
+from flywheel.runtime.tracking.dashboard import DATABASE, SETTINGS, damage, database_uri, is_missing
 from flywheel.runtime.tracking.tracker import Status, TrackingConfig
 
 if TYPE_CHECKING:
