@@ -17,7 +17,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 
 MARK = "FLYWHEEL_RAY_FOLDER"  # environment variable that names the folder of a process
 GRACE = 5.0  # that processes have to end by themselves [s]
@@ -53,12 +52,7 @@ class Caretaker:
     def __enter__(self) -> None:
         pass
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

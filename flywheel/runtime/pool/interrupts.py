@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Self
 
 from flywheel.errors import FlywheelError
@@ -74,12 +74,7 @@ class StopRequest:
         self._caught.enter_context(caught(self._wished))
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._caught.close()
 
     def _wished(self) -> None:

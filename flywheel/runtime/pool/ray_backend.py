@@ -20,7 +20,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 # Before `import ray`: no re-creation of the environment on every worker under `uv run`, no usage
@@ -92,12 +91,7 @@ class Cluster:
                 self._own = own.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._own.close()
 
     def _connect(self, own: ExitStack) -> None:

@@ -183,15 +183,11 @@ class RunFolder:
         Raises:
           Unsound: its file was altered, or belongs to another run.
         """
-        found = self._kept_diagnosis(iteration)
+        found = self.kept_diagnosis(iteration)
         return None if found is None else found[0]
 
-    def page_of(self, iteration: int) -> Mapping[str, str]:
-        """Path -> sha256 of the page about a diagnosis; empty where unknown."""
-        found = self._kept_diagnosis(iteration)
-        return found[1].rests_on if found else NOTHING
-
-    def _kept_diagnosis(self, iteration: int) -> tuple[DiagnosisNote, Seal] | None:
+    def kept_diagnosis(self, iteration: int) -> tuple[DiagnosisNote, Seal] | None:
+        """The diagnosis before an iteration with its seal, which names its page; None if there is none."""
         path = self._diagnosis(iteration).with_suffix(".json")
         if not os.path.lexists(path):
             return None

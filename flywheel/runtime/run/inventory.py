@@ -177,8 +177,9 @@ class Inventory:
     def _read(self, name: str) -> None:
         if (turn := _TURN.fullmatch(name)) is None:
             iteration = _number(name)
-            self.folder.diagnosis(iteration)
-            self._pages |= {n: (d, iteration) for n, d in self.folder.page_of(iteration).items()}
+            if (diagnosis := self.folder.kept_diagnosis(iteration)) is not None:
+                pages = diagnosis[1].rests_on.items()
+                self._pages |= {name: (digest, iteration) for name, digest in pages}
             return
         arm = next(arm for arm in ARMS if arm == turn[2])
         if (kept := self.folder.kept(int(turn[1]), arm)) is not None:
