@@ -1,14 +1,13 @@
 """The plant: MuJoCo as simulated robot, its measurement, and MuJoCo as a model."""
 
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Motion
-from flywheel.dynamics.plant.course import Course
 from flywheel.dynamics.plant.drawing import Scenery
 from flywheel.dynamics.plant.effective import EffectivePlant, with_effects
 from flywheel.dynamics.plant.live import LiveView
 from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
-from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.plant import Course, Plant
 from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import hasty, refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames, write_video

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from flywheel.dynamics.plant.augmented import AugmentedPlant, Memories, Motion, edited
-from flywheel.dynamics.plant.course import Course
 from flywheel.dynamics.plant.parameters import PlantParameters
-from flywheel.dynamics.plant.plant import Plant
+from flywheel.dynamics.plant.plant import Course, Plant
 from flywheel.effects import ModelEffect, Terms
 from flywheel.errors import ModelError
 from flywheel.records import Floats, Observation, State, Trajectory
@@ -94,16 +93,17 @@ def with_effects(plant: Plant, terms: Terms) -> Plant:
     return EffectivePlant(plain, (*plant.terms, *terms))
 
 
-class _EffectiveCourse:
+class _EffectiveCourse(Course):
     """The commands so far, and the memory of the cables."""
 
     def __init__(self, plant: EffectivePlant, state: State) -> None:
-        self._plant, self.state = plant, state
+        super().__init__(plant, state)
+        self._effective = plant
         self._controls = np.empty((1, 0, len(plant.robot.winches)))
         self._memory: Memories | None = None
 
     def go(self, controls: Floats) -> Trajectory:
-        plant, done = self._plant, self._controls.shape[1]
+        plant, done = self._effective, self._controls.shape[1]
         controls = np.asarray(controls, float)
         plant._check(self.state, controls)
         self._controls = np.concatenate([self._controls, controls], axis=1)

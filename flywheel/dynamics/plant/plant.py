@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout as MujocoRollout
 
-from flywheel.dynamics.plant.course import Course
 from flywheel.dynamics.plant.parameters import PlantParameters, scaled
 from flywheel.dynamics.plant.world import scene
 from flywheel.effects import Terms
@@ -190,7 +189,7 @@ class Plant:
 
     def begin(self, state: State) -> Course:
         """An episode from a state (1,), to be simulated piece by piece."""
-        return _PlainCourse(self, state)
+        return Course(self, state)
 
     def commands(self, controls: Floats) -> Floats:
         """Controls (..., nu) of MuJoCo's actuators for winch controls (..., W) within their ranges."""
@@ -258,11 +257,23 @@ class Plant:
         return State(qpos, qvel, act)
 
 
-class _PlainCourse:
+class Course:
+    """One simulation that continues piece by piece, as in the recording of an episode.
+
+    Args:
+      plant: that moves.
+      state: (1,) its present state, also as an attribute.
+    """
+
     def __init__(self, plant: Plant, state: State) -> None:
         self._plant, self.state = plant, state
 
     def go(self, controls: Floats) -> Trajectory:
+        """Continue under controls (1, T, W) from the present state.
+
+        Raises:
+          ModelError: controls do not fit, or the simulation diverged.
+        """
         simulated = self._plant.simulate(self.state, controls)
         assert simulated.states is not None
         self.state = simulated.states[:, -1]
