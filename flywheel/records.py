@@ -11,7 +11,7 @@ W winches (one control each), nq/nv/na MuJoCo's sizes. **Units** are SI, world z
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -42,6 +42,17 @@ class State:
     def __getitem__(self, index: Any) -> State:
         """Index the leading (batch or time) axes of every field."""
         return State(self.qpos[index], self.qvel[index], self.act[index])
+
+    @property
+    def arrays(self) -> tuple[Floats, Floats, Floats]:
+        """Its fields, in order."""
+        return self.qpos, self.qvel, self.act
+
+    @classmethod
+    def joined(cls, states: Sequence[State], axis: int = 0) -> State:
+        """States one after the other along a batch or time axis."""
+        fields = zip(*(state.arrays for state in states), strict=True)
+        return cls(*(np.concatenate(arrays, axis) for arrays in fields))
 
 
 @dataclass(frozen=True)

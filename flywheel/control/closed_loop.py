@@ -64,8 +64,7 @@ class PlantLog(EpisodeLog):
 
     def states(self) -> State:
         """The true states of the whole trajectory, unbatched."""
-        parts = [(s.qpos, s.qvel, s.act) for s in self._states]
-        return State(*(np.concatenate(part, axis=1) for part in zip(*parts, strict=True)))[0]
+        return State.joined(self._states, axis=1)[0]
 
     def _measure(self, truth: Observation, first: int) -> None:
         self.see(self._measurement.apply(truth, self.robot, self._rng), first)

@@ -50,14 +50,6 @@ def stacked(pasts: Sequence[Past]) -> Past:
         controls=np.concatenate([past.controls for past in pasts]),
         winch=np.concatenate([past.winch for past in pasts]),
         dataset=pasts[0].dataset,
-        state=_stacked_states(states) if len(states) == len(pasts) else None,
+        state=State.joined(states) if len(states) == len(pasts) else None,
         terrains=terrains if len(set(terrains)) > 1 else terrains[:1],
-    )
-
-
-def _stacked_states(states: Sequence[State]) -> State:
-    return State(
-        np.concatenate([s.qpos for s in states]),
-        np.concatenate([s.qvel for s in states]),
-        np.concatenate([s.act for s in states]),
     )

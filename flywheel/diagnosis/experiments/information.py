@@ -115,7 +115,7 @@ def simulate_scripts(plant: Plant, scripts: Floats, start: State | None = None) 
     """
     augmented, count = AugmentedPlant(plant), len(scripts)
     state = plant.settle(SETTLING) if start is None else start
-    first = State(*(np.repeat(a, count, axis=0) for a in (state.qpos, state.qvel, state.act)))
+    first = state[np.zeros(count, int)]
     terms = [plant.terms] * count
     return augmented.simulate(first, augmented.commands(scripts, terms), terms)
 

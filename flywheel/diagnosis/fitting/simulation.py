@@ -138,7 +138,7 @@ class WindowSimulator:
         at = list(zip(windows.recording, windows.first, strict=True))
         commands = np.stack([told[log][:, f : f + windows.steps] for log, f in at], axis=1)
         rows = (count * len(windows), -1)
-        state = self.with_winch(_tiled(starts.mechanics, count), winch.reshape(rows))
+        state = self.with_winch(State.joined([starts.mechanics] * count), winch.reshape(rows))
         each = [t for t in terms for _ in range(len(windows))]
         members = np.tile(np.arange(len(windows)), count)
         motion = self._simulated(
@@ -183,7 +183,7 @@ class WindowSimulator:
         for members in windows.ranks:
             self._busy()
             logs = windows.recording[members]
-            state = _tiled(starts.mechanics[members], count)
+            state = State.joined([starts.mechanics[members]] * count)
             now = held[:, logs]
             winch[:, members] = now
             state = self.with_winch(state, now.reshape(-1, now.shape[-1]))
@@ -276,10 +276,6 @@ class WindowSimulator:
                 whole = memory.setdefault(name, np.zeros((len(self.windows), rows.shape[-1])))
                 whole[members] = rows
         return Carried(winch, memory)
-
-
-def _tiled(state: State, count: int) -> State:
-    return State(*(np.tile(a, (count, 1)) for a in (state.qpos, state.qvel, state.act)))
 
 
 def _of_recordings(memory: Memories, count: int, logs: np.ndarray) -> Memories:

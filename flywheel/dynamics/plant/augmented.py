@@ -57,18 +57,11 @@ class Motion:
     @classmethod
     def joined(cls, pieces: Sequence[Motion], rows: Sequence[np.ndarray]) -> Motion:
         """Join parts, each of which contains the given rows of the whole."""
-
-        def together(arrays: list[Floats]) -> Floats:
-            return np.concatenate(arrays)
-
-        states = [p.states for p in pieces]
         whole = cls(
-            together([p.points for p in pieces]),
-            State(
-                *(together([getattr(s, name) for s in states]) for name in ("qpos", "qvel", "act"))
-            ),
+            np.concatenate([p.points for p in pieces]),
+            State.joined([p.states for p in pieces]),
             np.concatenate([p.finite for p in pieces]),
-            {name: together([p.memory[name] for p in pieces]) for name in pieces[0].memory},
+            {name: np.concatenate([p.memory[name] for p in pieces]) for name in pieces[0].memory},
         )
         return whole[np.argsort(np.concatenate(rows))]
 
@@ -162,7 +155,7 @@ class AugmentedPlant:
         # Indices would be checked one by one, in every step.
         first = np.arange(batch.nsim) < len(terms)
         fields = [batch.bind(name)[: len(terms)] for name in ("qpos", "qvel", "act")]
-        for field, values in zip(fields, (start.qpos, start.qvel, start.act), strict=True):
+        for field, values in zip(fields, start.arrays, strict=True):
             field[:] = values
         laws = Laws(self.robot, self._cables, batch, terms, memory, self._scales.slow)
         sensors, ctrl = (batch.bind(name)[: len(terms)] for name in ("sensordata", "ctrl"))

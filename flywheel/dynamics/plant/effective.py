@@ -57,7 +57,7 @@ class EffectivePlant(Plant):
         """Simulate each state under its controls, as `Plant.simulate` does."""
         controls = np.asarray(controls, float)
         batch, _ = self._check(state, controls)
-        many = State(*(_rows(a, batch) for a in (state.qpos, state.qvel, state.act)))
+        many = state[np.zeros(batch, int)] if len(state.qpos) == 1 else state
         told = self._augmented.commands(controls, [self.terms] * batch)
         return self._trajectory(self._moved(many, told, None), controls)
 
@@ -111,7 +111,3 @@ class _EffectiveCourse(Course):
         motion = plant._moved(self.state, told, self._memory)
         self.state, self._memory = motion.states[:, -1], motion.memory
         return plant._trajectory(motion, controls)
-
-
-def _rows(values: Floats, count: int) -> Floats:
-    return np.repeat(values, count, axis=0) if len(values) == 1 < count else values

@@ -42,5 +42,5 @@ def simulated_on(
         ),
         joined(part.controls for part in parts),
         plant.dt,
-        State(*(joined(getattr(s, name) for s in states) for name in ("qpos", "qvel", "act"))),
+        State.joined(states)[back],
     )

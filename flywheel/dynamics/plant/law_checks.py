@@ -230,12 +230,7 @@ class _Trial:
     def _simulated(self, terms: Sequence[Terms], cut: int = STEPS) -> Motion:
         """Simulations from the start, stopped after `cut` steps and continued."""
         count, augmented = len(terms), self.augmented
-        states = State(
-            *(
-                np.repeat(a, count, axis=0)
-                for a in (self.start.qpos, self.start.qvel, self.start.act)
-            )
-        )
+        states = self.start[np.zeros(count, int)]
         told = augmented.commands(np.repeat(self.controls[:1], count, axis=0), terms)
         first = augmented.simulate(states, told[:, :cut], terms)
         if cut == STEPS:

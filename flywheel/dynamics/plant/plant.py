@@ -123,7 +123,7 @@ class Plant:
     def rest(self, n: int = 1) -> State:
         """The keyframe, `n` times."""
         key = self.robot.keyframe
-        return State(*(np.repeat(a[None], n, axis=0) for a in (key.qpos, key.qvel, key.act)))
+        return State(*(np.repeat(a[None], n, axis=0) for a in key.arrays))
 
     def settle(self, seconds: float, n: int = 1, start: State | None = None) -> State:
         """`n` times the keyframe, or `start`, after `seconds` with holding winches."""
@@ -146,7 +146,7 @@ class Plant:
     def observe(self, state: State) -> Observation:
         """Noise-free observation of states of any leading shape; all winches count as measured."""
         lead = state.qpos.shape[:-1]
-        packed = self.packed(State(*(a.reshape(-1, a.shape[-1]) for a in _fields(state))))
+        packed = self.packed(State(*(a.reshape(-1, a.shape[-1]) for a in state.arrays)))
         _, sensors = self._run(packed, np.zeros((len(packed), 1, self._drive.shape[1])))
         points = sensors[:, 0, self._points]
         return Observation(points.reshape(*lead, *points.shape[1:]), self.winch(state))
@@ -211,9 +211,7 @@ class Plant:
         if not np.isfinite(controls).all():
             raise ModelError("Controls must be finite; got NaN or infinity.")
         batch, steps = controls.shape[:2]
-        for name, got, one in zip(
-            ("qpos", "qvel", "act"), _fields(state), _fields(key), strict=True
-        ):
+        for name, got, one in zip(("qpos", "qvel", "act"), state.arrays, key.arrays, strict=True):
             if got.ndim != 2 or len(got) not in (1, batch) or got.shape[1] != len(one):
                 raise ModelError(
                     f"A state of {robot.name} needs {name} ({batch} or 1, {len(one)}) for controls of "
@@ -278,10 +276,6 @@ class Course:
         assert simulated.states is not None
         self.state = simulated.states[:, -1]
         return simulated
-
-
-def _fields(state: State) -> tuple[Floats, Floats, Floats]:
-    return state.qpos, state.qvel, state.act
 
 
 def _sensor_columns(model: mujoco.MjModel, names: list[str]) -> np.ndarray:
