@@ -9,6 +9,7 @@ from flywheel.results import RunResult
 from flywheel.runtime.config.run_config import load_config
 from flywheel.runtime.loop import run
 from flywheel.runtime.tracking.dashboard import DATABASE
+from flywheel.runtime.workers.stored_episodes import effects_of
 from tests.conftest import ROOT, Stranger
 
 pytestmark = [pytest.mark.ray, pytest.mark.slow]
@@ -40,6 +41,18 @@ def test_what_the_robot_has_is_found_and_the_plant_predicts_it_better(folder: Pa
     assert {(score.iteration, score.model) for score in result.on_robot} == {
         (0, "given"), (0, "plant"), (0, "network"), (1, "plant"), (1, "network"),
     }  # fmt: skip
+
+
+def test_data_are_simulated_anew_on_the_plant_that_has_what_was_found(folder):
+    store, result = TrajectoryStore(folder / "store"), RunResult.load(folder)
+    found = result.iterations[1].diagnosis.effects
+    for number, effects in ((0, ()), (1, found)):
+        episodes = store.snapshot(f"i000{number}-mppi").episodes
+        made = [episode.id for episode in episodes if episode.source == "sim"]
+        assert made and all(name.startswith(f"i000{number}-") for name in made)
+        assert {effects_of(store.read(name)) for name in made} == {effects}
+        judged = result.iterations[number].test.by_episode
+        assert judged and all(effects_of(store.read(name)) == effects for name in judged)
 
 
 @pytest.mark.renders

@@ -107,6 +107,7 @@ def test_sizes_that_gain_nothing_elsewhere_become_one_size(robot: Robot, seed: i
     assert answer.term.values == pytest.approx(term.values, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_a_form_that_is_not_decided_is_said(robot: Robot, seed: int) -> None:
     found = diagnosed(robot, of(robot, EFFECTS["cable_friction"], 4.0), seed)
     (answer,) = found.answers[0]

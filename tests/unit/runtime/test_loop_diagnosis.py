@@ -52,6 +52,7 @@ def bench(folder, *effects: str) -> tuple[Bench, list[str]]:
     return Bench(folder, collect=collect, diagnose={"on": True, "effects": FEW}, **LEAST), names
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path, monkeypatch):
     run, names = bench(tmp_path, "winch_gain")
