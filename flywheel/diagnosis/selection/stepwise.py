@@ -198,12 +198,13 @@ def _numbers_are_needed(search: Search, alone: Sequence[ScoredModel], last: Scor
 
 def _as_built(search: Search, model: ScoredModel) -> ScoredModel | None:
     """The model of a robot whose numbers are all slightly off; None if that explains less than an
-    effect.
+    effect, or than a law outside the library.
 
     Nor if the model has these numbers already, or they are not worth their price.
     """
     promise = promised_as_built(search, model)
-    more, best = search.settings.pairs.more, max(score.statistic for score in model.scores)
+    more = search.settings.pairs.more
+    best = max(score.statistic for score in (*model.scores, *model.probes))
     if promise is None or promise.explained < max(search.threshold, more * best):
         return None
     uneven = (promised_per_part(search, model, each) for each in search.shortlist(model))
@@ -294,13 +295,14 @@ def _fitted_in_turn(
 
     Args:
       search: its state.
-      begun: the most promising one first. If it is not ahead, windows of it may be stuck, and start
-        elsewhere before anything else.
+      begun: the most promising one first. If it is not ahead, windows of it may be stuck, or its
+        steps too long, which is mended before anything else.
       max_rounds: see `Search.fit_until`.
     """
     favourite, *others = deduplicated(begun)
     if any(search.criterion(fit) < search.criterion(favourite) for fit in others):
         favourite = search.fitter.restarted(favourite, Restart())
+        search, (favourite, *others) = _in_steps_of_the_first(search, favourite, others)
     first, *others = sorted((favourite, *others), key=search.criterion)
     search, (first, *others) = _in_steps_of_the_first(search, first, others)
     slight = search.settings.slight_fall

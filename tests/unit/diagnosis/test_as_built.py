@@ -11,13 +11,14 @@ import pytest
 from flywheel.diagnosis import Diagnosis, Verdict, diagnose
 from flywheel.diagnosis.adoption import adoptable
 from flywheel.diagnosis.fitting.least_squares import Fit, Fitter
-from flywheel.diagnosis.fitting.model import ModelUnderTest
+from flywheel.diagnosis.fitting.model import ModelUnderTest, fitted
 from flywheel.diagnosis.fitting.nuisance import as_built_terms, asked
 from flywheel.diagnosis.selection.candidates import candidates
 from flywheel.diagnosis.selection.other_forms import in_other_forms, with_even_sizes
+from flywheel.diagnosis.selection.robot_as_built import promised_as_built
 from flywheel.diagnosis.selection.score_test import ScoredModel
 from flywheel.diagnosis.selection.search import Search
-from flywheel.diagnosis.selection.stepwise import _numbers_are_needed
+from flywheel.diagnosis.selection.stepwise import _as_built, _numbers_are_needed
 from flywheel.diagnosis.settings import AsBuiltSettings, FittingSettings
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import EFFECTS, PerPart, Term, Terms, per_part_term, taken_apart
@@ -145,6 +146,20 @@ def test_fits_are_shaken_by_the_seed_of_the_diagnosis(monkeypatch: pytest.Monkey
         found.append([])
         Search(cast(Fitter, fitter), (), 25.0, seed=seed).settled(cast(Fit, fit))
     assert found[0] == found[1] and not set(found[0]) & set(found[2])
+
+
+@pytest.mark.parametrize("outside", [False, True])
+def test_numbers_explain_no_robot_that_one_law_explains_as_well(begun, outside):
+    search, _ = begun
+    model = search.score_all(fitted(search.fitter, rounds=1))
+    idle = replace(model.scores[0], statistic=0.0, score=0.0)
+    model = replace(model, scores=(idle,), probes=(idle,))
+    promise = promised_as_built(search, model)
+    assert promise is not None
+    assert _as_built(search, model) is not None
+    law = (replace(idle, statistic=0.9 * promise.explained),)
+    seen = replace(model, probes=law) if outside else replace(model, scores=law)
+    assert _as_built(search, seen) is None
 
 
 @pytest.mark.parametrize(("unlikely", "needed"), [(1e-3, False), (0.5, True)])

@@ -1,5 +1,6 @@
 """Where models with further effects begin, and how long they are fitted."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -216,6 +217,23 @@ def test_what_promised_the_most_and_is_not_ahead_begins_elsewhere_first(fitter, 
     begun.clear()
     assert _fitted_in_turn(search, [ahead, behind])[1][0] is ahead
     assert not any(fit is behind for fit in begun)
+
+
+def test_what_promised_the_most_and_is_not_ahead_is_fitted_in_the_steps_that_it_needs(
+    fitter, seed, monkeypatch
+):
+    ahead, behind = fitted(fitter, rounds=2), fitter.first_estimate()
+    assert ahead.cost < behind.cost, seed
+    finer, fits_there = copy(fitter), replace(ahead, cost=0.5 * ahead.cost)
+
+    def shorter(own, fit, _):
+        return (finer, fits_there) if fit is behind else (own, fit)
+
+    monkeypatch.setattr(fitter, "restarted", lambda fit, _: fit)
+    monkeypatch.setattr(Search, "fit_until", lambda _, fit, *__, **___: fit)
+    monkeypatch.setattr(f"{STEPWISE}.shorter_steps", shorter)
+    search, (best, _) = _fitted_in_turn(Search(fitter, (), 25.0), [behind, ahead])
+    assert best is fits_there and search.fitter is finer
 
 
 @pytest.mark.slow
