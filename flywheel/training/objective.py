@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from flywheel.data import WindowCache
-from flywheel.dynamics.gnn import ChunkNetwork, Simulator
-from flywheel.training.batches import Batch, Draw, generator, noisy, to_batch, turned
+from flywheel.dynamics.gnn import Batch, ChunkNetwork, Simulator
+from flywheel.training.batches import Draw, generator, noisy, to_batch, turned
 from flywheel.training.config import Schedule, TrainingConfig
 from flywheel.training.loss import Losses, LossScales, Truth, residual_scales, window_loss
 from flywheel.training.schedules import stage_at

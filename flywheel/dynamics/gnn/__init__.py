@@ -1,7 +1,8 @@
 """The graph network as a dynamics model: configuration, weights, differentiable simulator."""
 
+from flywheel.dynamics.gnn.batch import Batch
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.ground import Ground, View, ground_of
+from flywheel.dynamics.gnn.ground import View, ground_of
 from flywheel.dynamics.gnn.learned import LearnedDynamics
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.normalisation import fit_normalisation, widen_winches
@@ -9,8 +10,8 @@ from flywheel.dynamics.gnn.simulator import Simulator, Unrolled
 from flywheel.dynamics.gnn.weights import load_weights, save_weights, weights_digest
 
 __all__ = [
+    "Batch",
     "ChunkNetwork",
-    "Ground",
     "LearnedDynamics",
     "NetworkConfig",
     "Simulator",

@@ -3,51 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from flywheel.dynamics.gnn.batch import Batch
 from flywheel.dynamics.gnn.features import GraphFeatures
-from flywheel.dynamics.gnn.ground import Ground
 from flywheel.dynamics.gnn.network import ChunkNetwork, natural_scales
 from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.errors import DataError, ModelError
 
 _LEAST = 1e-3  # least scale of an output, as a share of its natural size
 _WIDER = 2.0  # growth of an output's size from which a trained network is rescaled
-
-
-class WindowBatch(Protocol):
-    """Windows of measured data, split at their present.
-
-    Attributes:
-      past_points: (B, h + 1, P, 3) [m].
-      past_controls: (B, h, W).
-      past_winch: (B, h + 1, W) [m].
-      controls: (B, S, W) of the future steps; S >= n.
-      points: (B, S + 1, P, 3) from the present on [m]; NaN where missing.
-      winch: (B, S, W) at the future steps [m]; NaN where unknown.
-      dataset: (B,) index of the data set.
-      ground: below the robots.
-    """
-
-    @property
-    def past_points(self) -> Tensor: ...
-    @property
-    def past_controls(self) -> Tensor: ...
-    @property
-    def past_winch(self) -> Tensor: ...
-    @property
-    def controls(self) -> Tensor: ...
-    @property
-    def points(self) -> Tensor: ...
-    @property
-    def winch(self) -> Tensor: ...
-    @property
-    def dataset(self) -> Tensor: ...
-    @property
-    def ground(self) -> Ground: ...
 
 
 class _Moments:
@@ -83,7 +50,7 @@ class _Moments:
 
 @torch.no_grad()
 def fit_normalisation(
-    simulator: Simulator, network: ChunkNetwork, batches: Iterable[WindowBatch]
+    simulator: Simulator, network: ChunkNetwork, batches: Iterable[Batch]
 ) -> None:
     """Set the network's normalisation from training windows of at least one prediction chunk.
 
@@ -122,9 +89,7 @@ def fit_normalisation(
 
 
 @torch.no_grad()
-def widen_winches(
-    simulator: Simulator, network: ChunkNetwork, batches: Iterable[WindowBatch]
-) -> None:
+def widen_winches(simulator: Simulator, network: ChunkNetwork, batches: Iterable[Batch]) -> None:
     """Give a trained network larger units for its winches, if new data require it.
 
     Its predictions do not change. If winches had followed their commands, there was next to nothing
@@ -150,7 +115,7 @@ def widen_winches(
     last.bias.mul_(share)
 
 
-def _features(simulator: Simulator, batch: WindowBatch) -> GraphFeatures:
+def _features(simulator: Simulator, batch: Batch) -> GraphFeatures:
     parts, config = simulator.parts(batch.controls.device), simulator.config
     start = simulator.start(batch.past_points, batch.past_controls, batch.past_winch, batch.ground)
     state = start.states[-1]
@@ -161,7 +126,7 @@ def _features(simulator: Simulator, batch: WindowBatch) -> GraphFeatures:
     return parts.builder(state, start.origin, heading, controls, batch.dataset, start.ground)
 
 
-def _velocity_changes(simulator: Simulator, batch: WindowBatch) -> Tensor:
+def _velocity_changes(simulator: Simulator, batch: Batch) -> Tensor:
     """(n, ...) velocity changes of the nodes since the present, by backward differences [m/s]."""
     steps = simulator.config.chunk
     if batch.points.shape[1] < steps + 1:
@@ -175,7 +140,7 @@ def _velocity_changes(simulator: Simulator, batch: WindowBatch) -> Tensor:
     return (velocities[:, 1:] - velocities[:, :1]).transpose(0, 1)
 
 
-def _winch_changes(simulator: Simulator, batch: WindowBatch) -> Tensor:
+def _winch_changes(simulator: Simulator, batch: Batch) -> Tensor:
     """(n, ...) changes of the winch positions since the present, beyond the nominal if that is
     given [m].
     """
