@@ -11,6 +11,8 @@ from scipy import stats
 from flywheel.errors import DataError
 from flywheel.records import Floats
 
+CONFIDENCE = 0.95  # of every interval
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -24,7 +26,6 @@ class Interval:
 def success_interval(
     successes: int,
     trials: int,
-    confidence: float = 0.95,
     method: Literal["wilson", "exact"] = "wilson",
 ) -> Interval:
     """Success rate with its binomial interval (Wilson's score, or Clopper and Pearson's exact one).
@@ -38,12 +39,12 @@ def success_interval(
         raise DataError(f"Of {trials} trials between 0 and {trials} can succeed, got {successes}.")
     if trials == 0:
         return Interval(float("nan"), 0.0, 1.0)
-    ends = stats.binomtest(successes, trials).proportion_ci(confidence, method=method)
+    ends = stats.binomtest(successes, trials).proportion_ci(CONFIDENCE, method=method)
     return Interval(successes / trials, float(ends.low), float(ends.high))
 
 
 def rmse_ratio_interval(
-    squared: Floats, reference: Floats, seed: int, confidence: float = 0.95, resamples: int = 2000
+    squared: Floats, reference: Floats, seed: int, resamples: int = 2000
 ) -> Interval:
     """Ratio of one model's RMSE to another's, with an interval by a bootstrap over episodes.
 
@@ -62,6 +63,6 @@ def rmse_ratio_interval(
         raise DataError(f"An interval needs errors of at least 2 episodes, got {both.shape[1:]}.")
     drawn = np.random.default_rng(seed).integers(0, both.shape[1], (resamples, both.shape[1]))
     new, old = both[:, drawn].mean(axis=-1)
-    low, high = np.quantile(np.sqrt(new / old), [(1 - confidence) / 2, (1 + confidence) / 2])
+    low, high = np.quantile(np.sqrt(new / old), [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     value = np.sqrt(both[0].mean() / both[1].mean())
     return Interval(float(value), float(low), float(high))

@@ -17,6 +17,7 @@ from flywheel.records import Episode, Floats, KnownWinch
 Truth = Callable[[Episode], Floats]
 
 HISTORY_SECONDS = 0.5  # no prediction starts earlier in an episode that is long enough
+WHOLE = 64  # whole episodes per rollout call
 SEEN_SECONDS = 0.1  # before a start each point was seen: as long as any model's memory at least
 
 BINS: dict[str, Callable[[Episode], str]] = {
@@ -51,7 +52,6 @@ def score(
     horizon_seconds: float = 2.0,
     starts_per_episode: int = 14,
     seed: int,
-    history_seconds: float = HISTORY_SECONDS,
     truth: Truth | None = None,
     datasets: Mapping[str, int] | None = None,
     winches: KnownWinch | None = None,
@@ -69,7 +69,6 @@ def score(
       starts_per_episode: drawn uniformly, with repetition; none for an episode without a place for
         one (see `places`).
       seed: of the starts.
-      history_seconds: earliest start in a sufficiently long episode [s].
       truth: points (T + 1, P, 3) to score against instead of the measured ones, e.g. the noise-free
         ones of a simulated episode. The model always starts from the measured ones.
       datasets: index of each data set for the network's one-hot; 0 for all if None.
@@ -80,8 +79,12 @@ def score(
       DataError: an episode does not fit the model, or no window fits any episode.
       ModelError: a prediction is not finite.
     """
-    steps = _steps(horizon_seconds, dynamics.dt, "horizon_seconds")
-    earliest = _steps(history_seconds, dynamics.dt, "history_seconds", least=0)
+    steps = round(horizon_seconds / dynamics.dt)
+    if steps < 1:
+        raise DataError(
+            f"horizon_seconds must be at least 1 step of {dynamics.dt} s, got {horizon_seconds!r} s."
+        )
+    earliest = round(HISTORY_SECONDS / dynamics.dt)
     windows = []
     for episode in episodes:
         allowed = places(episode, steps, earliest)
@@ -105,19 +108,17 @@ def score_full(
     dynamics: Dynamics,
     episodes: Iterable[Episode],
     *,
-    start_seconds: float = HISTORY_SECONDS,
     truth: Truth | None = None,
     datasets: Mapping[str, int] | None = None,
     winches: KnownWinch | None = None,
-    batch: int = 64,
 ) -> ErrorTable:
-    """Errors of one prediction over each whole episode, from `start_seconds` [s] to its end.
+    """Errors of one prediction over each whole episode, from `HISTORY_SECONDS` to its end.
 
     If a point is out of sight then, it starts when all have come into sight. Episodes of different
     lengths share a rollout call; steps after an episode's end have no weight. Other arguments and
     errors as in `score`.
     """
-    earliest = _steps(start_seconds, dynamics.dt, "start_seconds", least=0)
+    earliest = round(HISTORY_SECONDS / dynamics.dt)
     windows = [
         Window(episode, int(allowed[0]), episode.trajectory.steps - int(allowed[0]))
         for episode in episodes
@@ -125,12 +126,12 @@ def score_full(
     ]
     if not windows:
         raise DataError(
-            f"No episode is longer than {start_seconds} s, where predictions start, with all points "
+            f"No episode is longer than {HISTORY_SECONDS} s, where predictions start, with all points "
             "in sight."
         )
     windows.sort(key=lambda window: window.steps)  # so that little of a batch is padding
     return score_windows(
-        dynamics, windows, truth=truth, datasets=datasets, winches=winches, batch=batch
+        dynamics, windows, truth=truth, datasets=datasets, winches=winches, batch=WHOLE
     )
 
 
@@ -244,10 +245,3 @@ def _check_fits(episode: Episode, dynamics: Dynamics) -> None:
         raise DataError(
             f"Episode {episode.id} has (points, winches) = {got}; robot {robot.name} has {wanted}."
         )
-
-
-def _steps(seconds: float, dt: float, name: str, least: int = 1) -> int:
-    steps = round(seconds / dt)
-    if steps < least:
-        raise DataError(f"{name} must be at least {least} steps of {dt} s, got {seconds!r} s.")
-    return steps

@@ -93,14 +93,12 @@ def draw(name: str, run: RunResult, format: Literal["svg", "png"] = "svg") -> by
     return as_file(lambda: picture.draw(run), format)
 
 
-def write_figures(
-    run: RunResult, folder: str | Path, format: Literal["svg", "png"] = "png"
-) -> list[Path]:
-    """Write every figure with data as `<folder>/<name>.<format>`."""
+def write_figures(run: RunResult, folder: str | Path) -> list[Path]:
+    """Write every figure with data as `<folder>/<name>.png`."""
     folder = Path(folder)
     written = []
     for name in FIGURES:
-        if (content := draw(name, run, format)) is not None:
-            path = folder / f"{name}.{format}"
+        if (content := draw(name, run, "png")) is not None:
+            path = folder / f"{name}.png"
             written.append(write_output(path, content))
     return written

@@ -20,6 +20,7 @@ from flywheel.effects.adopted import MOST_EFFECTS
 from flywheel.effects.libraries import with_laws
 from flywheel.effects.own import MOST_FILES, LawFile, check_different, check_given
 from flywheel.errors import ConfigError, DataError, FlywheelError, UnknownNameError
+from flywheel.evaluation.scoring import WHOLE
 from flywheel.files import shown
 from flywheel.quantities import (
     Bounds,
@@ -58,7 +59,6 @@ EPISODE = 2e3  # for each step of an episode [bytes]
 WEIGHTS = 160  # for a layer, per width squared: ten numbers, their gradients, two moments [bytes]
 GRADIENT = 1.5e3  # for a prediction chunk in a layer, per width, until its gradient exists [bytes]
 STARTS = 256  # short predictions that `evaluation.score` makes at a time
-WHOLE = 64  # predictions of whole episodes that `evaluation.score_full` makes at a time
 # The names that the store gives its segments.
 SegmentName = Annotated[Name, StringConstraints(pattern=r"^[a-z0-9][a-z0-9._-]*$")]
 # The most is a cluster of a hundred machines with a hundred cores each.

@@ -41,7 +41,8 @@ from flywheel.runtime.pool.lock import hold
 
 LOG = logging.getLogger(__name__)
 STARTS = 3  # attempts to start a local cluster; on a busy machine the first may take too long
-OBJECT_STORE_BYTES = 200_000_000
+OBJECT_STORE_BYTES = 200_000_000  # shared memory of a local cluster
+REACHED_SECONDS = 5.0  # longest wait for an answer of a cluster [s]
 FOLDER_PREFIX = "flywheel-ray-"
 FOLDER_LOCK = "driver.lock"
 # A Unix socket's path has at most 107 bytes; Ray adds "/session_<date>_<time>_<pid>/sockets/plasma_store".
@@ -64,14 +65,10 @@ class ClusterConfig:
     Attributes:
       address: of an existing cluster ("host:6379", "auto"), or None to start one here.
       cpus: of the local cluster.
-      gpus: of the local cluster.
-      object_store_bytes: shared memory of the local cluster.
     """
 
     address: str | None = None
     cpus: int = 2
-    gpus: int = 0
-    object_store_bytes: int = OBJECT_STORE_BYTES
 
 
 class Cluster:
@@ -121,8 +118,8 @@ class Cluster:
             address="local",  # never one that happens to run on this machine
             _temp_dir=str(folder),
             num_cpus=self._config.cpus,
-            num_gpus=self._config.gpus,
-            object_store_memory=self._config.object_store_bytes,
+            num_gpus=0,
+            object_store_memory=OBJECT_STORE_BYTES,
             include_dashboard=False,
             **quiet,
         )
@@ -347,7 +344,7 @@ def check_fits(groups: Iterable[Group], there: dict[str, float]) -> None:
     )
 
 
-def check_reachable(address: str, seconds: float = 5.0) -> None:
+def check_reachable(address: str) -> None:
     """Check that an address has a listener; Ray itself would try for minutes.
 
     Raises:
@@ -363,7 +360,7 @@ def check_reachable(address: str, seconds: float = 5.0) -> None:
             f"{address!r}. From outside the cluster, use `ray job submit`."
         )
     try:
-        socket.create_connection((host, int(port)), timeout=seconds).close()
+        socket.create_connection((host, int(port)), timeout=REACHED_SECONDS).close()
     except OSError as error:
         raise ConnectionError(f"{error}.") from None
 

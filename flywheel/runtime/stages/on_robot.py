@@ -54,13 +54,12 @@ def _driven(
     return {planner: each for planner, each in found.items() if each is not None}
 
 
-def robot_score_jobs(run: Run, iteration: int, prefix: str = "robot") -> dict[str, list[Job]]:
+def robot_score_jobs(run: Run, iteration: int) -> dict[str, list[Job]]:
     """Jobs that score all models but the network on the robot's held-out recordings.
 
     Args:
       run: in progress.
       iteration: with its drives.
-      prefix: of the jobs' ids.
     """
     episodes = run.recordings("test", iteration + 1)
     effects = run.effects(iteration)
@@ -73,7 +72,7 @@ def robot_score_jobs(run: Run, iteration: int, prefix: str = "robot") -> dict[st
     return {
         name: score_jobs(
             run,
-            f"{prefix}-{name}",
+            f"robot-{name}",
             subject,
             episodes,
             subject.effects if isinstance(subject, KnownPlant) else effects,

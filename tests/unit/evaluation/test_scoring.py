@@ -73,7 +73,7 @@ def test_all_windows_go_into_one_rollout_call(robot, make_episode):
 
 def test_a_whole_episode_is_scored_to_its_own_end_and_not_beyond(robot, make_episode):
     episodes = [make_episode("a", 100), make_episode("b", 300)]
-    table = score_full(Drift(robot, 1.0), episodes, start_seconds=0.5)
+    table = score_full(Drift(robot, 1.0), episodes)
     assert table.steps == 250
     assert table.position.count[[0, 49, 50, 249], 0].tolist() == [2, 2, 1, 1]
     assert table.e_pos_mse < 1e-20
