@@ -240,9 +240,9 @@ def test_a_model_that_costs_more_than_one_without_an_effect_begins_where_that_en
     search: Any = SimpleNamespace(
         threshold=25.0, warm_start=warm_start, fit_until=lambda fit: fit, settled=lambda fit: fit
     )
-    shorter: Any = SimpleNamespace(fit=SimpleNamespace(terms=(), cost=less))
+    shorter, worse = (SimpleNamespace(fit=SimpleNamespace(terms=(), cost=c)) for c in (less, 99.0))
     fit: Any = SimpleNamespace(terms=(term,), cost=100.0)
-    found = conclusion._from_shorter(search, fit, [shorter], [[term]])
+    found = conclusion._from_shorter(search, fit, [worse, shorter], [[], [term]])
     assert begun == ([] if ends is None else [(shorter, (term,))])
     assert (found.cost if found else None) == (50.0 if ends == 50.0 else None)
 
