@@ -140,13 +140,8 @@ class LeadTimes(ResultRecord):
         """A table's rows, thinned to one per `every_seconds`; the last row is always kept."""
         lead = table.by_lead_time()
         stride = max(1, round(every_seconds / table.dt))
-        rows = np.arange(len(lead.seconds))[::-1][::stride][::-1]
-        return cls(
-            seconds=tuple(lead.seconds[rows].tolist()),
-            e_pos_mse=tuple(lead.e_pos_mse[rows].tolist()),
-            e_pos_rmse=tuple(lead.e_pos_rmse[rows].tolist()),
-            e_rot=tuple(lead.e_rot[rows].tolist()),
-        )
+        rows = np.arange(table.steps)[::-1][::stride][::-1]
+        return cls(**{name: tuple(values[rows].tolist()) for name, values in lead.items()})
 
 
 class Errors(ResultRecord):

@@ -30,7 +30,7 @@ from flywheel.runtime.pool.interrupts import StopRequest
 from flywheel.runtime.pool.jobs import Group, Job
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import console_progress
-from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
+from flywheel.runtime.pool.ray_backend import Cluster, RayBackend
 from flywheel.runtime.tracking.mlflow_client import Board
 from flywheel.runtime.tracking.tracker import TrackingConfig
 from flywheel.runtime.workers.model_weights import TrainedModel
@@ -133,7 +133,7 @@ def _examine(
 ) -> None:
     cores = len(os.sched_getaffinity(0))
     with (
-        Cluster(ClusterConfig(address, cores)) as ray,
+        Cluster(address, cores) as ray,
         StopRequest() as stop,
     ):
         groups = [Group("examiner", Examiner, (model, told), count=ray.cpus)]

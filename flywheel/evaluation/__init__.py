@@ -1,6 +1,6 @@
 """Evaluation: statistics per sample, summed into errors by lead time and body; intervals."""
 
-from flywheel.evaluation.errors import ErrorTable, LeadTimeErrors
+from flywheel.evaluation.errors import ErrorTable
 from flywheel.evaluation.intervals import Interval, rmse_ratio_interval, success_interval
 from flywheel.evaluation.pasts import past_at
 from flywheel.evaluation.scoring import (
@@ -26,7 +26,6 @@ __all__ = [
     "ErrorTable",
     "ExactSum",
     "Interval",
-    "LeadTimeErrors",
     "Window",
     "past_at",
     "places",

@@ -18,22 +18,6 @@ from flywheel.robots import Robot
 
 
 @dataclass(frozen=True)
-class LeadTimeErrors:
-    """Errors at each lead time; all fields are (T,).
-
-    Attributes:
-      seconds: lead time [s].
-      e_pos_mse, e_pos_rmse: position error as MSE/L and as RMSE/L [%].
-      e_rot: rotation error [deg].
-    """
-
-    seconds: Floats
-    e_pos_mse: Floats
-    e_pos_rmse: Floats
-    e_rot: Floats
-
-
-@dataclass(frozen=True)
 class ErrorTable:
     """A dynamics model's errors over a set of windows. Tables of one robot add, exactly.
 
@@ -129,12 +113,15 @@ class ErrorTable:
         """Mean rotation error [deg]; NaN without a sample."""
         return float(self.rotation.over((0, 1)).mean)
 
-    def by_lead_time(self) -> LeadTimeErrors:
-        """Errors at each lead time, averaged over bodies and windows."""
+    def by_lead_time(self) -> dict[str, Floats]:
+        """Errors at each lead time, averaged over bodies and windows; all (T,).
+
+        They are `seconds` [s], `e_pos_mse` and `e_pos_rmse` [%], and `e_rot` [deg].
+        """
         squared = self.position.over(1).mean
-        return LeadTimeErrors(
-            seconds=np.arange(1, self.steps + 1) * self.dt,
-            e_pos_mse=100.0 * squared / self.length,
-            e_pos_rmse=100.0 * np.sqrt(squared) / self.length,
-            e_rot=self.rotation.over(1).mean,
-        )
+        return {
+            "seconds": np.arange(1, self.steps + 1) * self.dt,
+            "e_pos_mse": 100.0 * squared / self.length,
+            "e_pos_rmse": 100.0 * np.sqrt(squared) / self.length,
+            "e_rot": self.rotation.over(1).mean,
+        }

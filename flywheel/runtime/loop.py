@@ -21,7 +21,7 @@ from flywheel.runtime.pool.jobs import Group
 from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.progress import Progress, Quiet
-from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
+from flywheel.runtime.pool.ray_backend import Cluster, RayBackend
 from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import check_sound
@@ -81,7 +81,7 @@ def run(
         says why. Finished work is kept.
       Interrupted: the user asked to stop.
     """
-    cluster = ClusterConfig(address, cores_of(config.workers, address))
+    local_cores = cores_of(config.workers, address)
     files = RunFolder(Path(folder).absolute())
     check_folder(files.path, "folder of the run", ConfigError)
     if (episodes := local_folder(files.store_url(config))) is not None:
@@ -105,7 +105,7 @@ def run(
         check_reached(config, robot)
         progress.say(f"The run is in {folder}. Ctrl-C stops it; --resume continues it.")
         with (
-            Cluster(cluster) as ray,
+            Cluster(address, local_cores) as ray,
             StopRequest() as stop,  # after Ray, which catches signals, too
             _tracking(config, files, robot, tracked, progress) as tracker,
         ):

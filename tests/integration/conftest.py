@@ -7,12 +7,12 @@ os.environ.setdefault("RAY_worker_niceness", "0")
 
 import pytest
 
-from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig
+from flywheel.runtime.pool.ray_backend import Cluster
 from tests.integration.stunt_workers import by_value
 
 
 @pytest.fixture(scope="session")
 def local_ray():
     by_value()
-    with Cluster(ClusterConfig(cpus=2)) as cluster:
+    with Cluster(cores=2) as cluster:
         yield cluster

@@ -14,7 +14,6 @@ from flywheel.runtime.pool.jobs import Group, Job, JobFailed
 from flywheel.runtime.pool.pool import Patience, WorkerPool
 from flywheel.runtime.pool.ray_backend import (
     Cluster,
-    ClusterConfig,
     RayBackend,
     check_fits,
     check_reachable,
@@ -177,6 +176,6 @@ def test_a_cluster_that_is_not_there_is_told_at_once(monkeypatch):
         pytest.raises(
             RunError, match=r"No connection to the Ray cluster at 127\.0\.0\.1:1: .*refused"
         ),
-        Cluster(ClusterConfig(address="127.0.0.1:1")),
+        Cluster(address="127.0.0.1:1"),
     ):
         pass

@@ -14,7 +14,7 @@ from ray.cluster_utils import Cluster as Nodes
 
 from flywheel.runtime.pool.jobs import Group, Job
 from flywheel.runtime.pool.pool import Patience, WorkerPool
-from flywheel.runtime.pool.ray_backend import Cluster, ClusterConfig, RayBackend
+from flywheel.runtime.pool.ray_backend import Cluster, RayBackend
 from tests.integration.stunt_workers import Stunt, by_value
 
 FAST = {"health_check_period_ms": 500, "health_check_failure_threshold": 3}
@@ -29,7 +29,7 @@ def main() -> int:
     )
     other = nodes.add_node(num_cpus=1)
     with (
-        Cluster(ClusterConfig(address=nodes.address)) as cluster,
+        Cluster(address=nodes.address) as cluster,
         tempfile.TemporaryDirectory() as at,
     ):
         groups = [Group("stunt", Stunt, (at,), count=2)]

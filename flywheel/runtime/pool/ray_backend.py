@@ -18,7 +18,6 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -58,32 +57,23 @@ _DEATHS = (
 )
 
 
-@dataclass(frozen=True)
-class ClusterConfig:
-    """The cluster on which the workers run.
-
-    Attributes:
-      address: of an existing cluster ("host:6379", "auto"), or None to start one here.
-      cpus: of the local cluster.
-    """
-
-    address: str | None = None
-    cpus: int = 2
-
-
 class Cluster:
     """A connection to Ray for as long as a `with` block lasts.
 
     A Ray that is already initialised in this process is used unchanged and left running.
+
+    Args:
+      address: of an existing cluster ("host:6379", "auto"), or None to start one here.
+      cores: of the local cluster.
     """
 
-    def __init__(self, config: ClusterConfig) -> None:
-        self._config = config
+    def __init__(self, address: str | None = None, cores: int = 2) -> None:
+        self._address, self._cores = address, cores
         self._own = ExitStack()  # resources opened by this block
 
     def __enter__(self) -> Self:
         if not ray.is_initialized():
-            with ExitStack() as own, _translated(self._config.address):
+            with ExitStack() as own, _translated(self._address):
                 self._connect(own)
                 self._own = own.pop_all()
         return self
@@ -94,10 +84,10 @@ class Cluster:
     def _connect(self, own: ExitStack) -> None:
         _log_death_messages()
         quiet = {"log_to_driver": False, "logging_level": "ERROR"}
-        if self._config.address is not None:
-            check_reachable(self._config.address)
+        if self._address is not None:
+            check_reachable(self._address)
             own.callback(ray.shutdown)
-            ray.init(address=self._config.address, **quiet)
+            ray.init(address=self._address, **quiet)
             return
         # A cluster on the loopback of this machine needs no token, and none is left in HOME.
         os.environ.setdefault("RAY_AUTH_MODE", "disabled")
@@ -117,7 +107,7 @@ class Cluster:
         ray.init(
             address="local",  # never one that happens to run on this machine
             _temp_dir=str(folder),
-            num_cpus=self._config.cpus,
+            num_cpus=self._cores,
             num_gpus=0,
             object_store_memory=OBJECT_STORE_BYTES,
             include_dashboard=False,

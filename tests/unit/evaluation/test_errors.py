@@ -18,10 +18,10 @@ def test_e_pos_and_e_rot_equal_values_computed_by_hand(robot, resting):
     assert table.e_pos_mse == pytest.approx(100 * 0.0625 / 2)
     assert table.e_pos_rmse == pytest.approx(100 * 0.25 / 2)
     assert table.e_rot == 0.0
-    assert table.by_lead_time().e_pos_mse[-1] == pytest.approx(100 * 0.125 / 2)
+    assert table.by_lead_time()["e_pos_mse"][-1] == pytest.approx(100 * 0.125 / 2)
     lead = table.by_lead_time()
-    np.testing.assert_allclose(lead.seconds, [0.01, 0.02])
-    np.testing.assert_allclose(lead.e_pos_rmse, [0.0, 100 * np.sqrt(0.125) / 2])
+    np.testing.assert_allclose(lead["seconds"], [0.01, 0.02])
+    np.testing.assert_allclose(lead["e_pos_rmse"], [0.0, 100 * np.sqrt(0.125) / 2])
 
 
 def test_e_rot_is_the_mean_angle_in_degrees(robot, resting):
@@ -29,7 +29,7 @@ def test_e_rot_is_the_mean_angle_in_degrees(robot, resting):
     truth, predicted = np.stack([[resting] * 3]), np.stack([[resting, turned, turned]])
     table = ErrorTable.between(robot, 0.01, truth, predicted)
     assert table.e_rot == pytest.approx(20.0)
-    assert table.by_lead_time().e_rot[-1] == pytest.approx(30.0)
+    assert table.by_lead_time()["e_rot"][-1] == pytest.approx(30.0)
 
 
 def test_what_is_missing_gets_no_weight(robot, resting):

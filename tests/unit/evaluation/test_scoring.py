@@ -41,7 +41,7 @@ def test_persistence_is_off_by_the_way_travelled(robot, make_episode):
     table = score(Persistence(robot, 0.01), [make_episode("a", 300)], horizon_seconds=1.0, seed=1)
     lead = 0.01 * np.arange(1, 101)
     assert table.e_pos_mse == pytest.approx(100 * np.mean(lead**2) / 2)
-    assert table.by_lead_time().e_pos_rmse[-1] == pytest.approx(100 * 1.0 / 2)
+    assert table.by_lead_time()["e_pos_rmse"][-1] == pytest.approx(100 * 1.0 / 2)
     assert table.e_rot == 0.0
 
 
