@@ -103,29 +103,22 @@ class WindowCache:
             belief=source.belief,
         )
 
-    def starts(
-        self, length: int, stride: int = 1, complete: bool = False, past: int | None = None
-    ) -> NDArray[np.int64]:
+    def starts(self, length: int, past: int | None = None) -> NDArray[np.int64]:
         """First rows of the windows of `length` control steps within one episode.
 
         Args:
           length: L, at least 0.
-          stride: steps from one to the next within an episode.
-          complete: leave out those with a missing point.
           past: leave out those with a point missing in all of the first `past` steps: no prediction
             can start there. A recording has such places, e.g. while a marker is occluded.
 
         Raises:
-          DataError: length or stride are invalid.
+          DataError: the length is negative.
         """
-        if length < 0 or stride < 1:
-            raise DataError(f"Windows have length >= 0 and stride >= 1, got {length} and {stride}.")
-        counts = np.maximum(0, (self.lengths - length) // stride + 1)
+        if length < 0:
+            raise DataError(f"Windows have a length >= 0, got {length}.")
+        counts = np.maximum(0, self.lengths - length + 1)
         within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        starts = np.repeat(self._first_rows(), counts) + stride * within
-        if complete:
-            missing = np.concatenate([[0], np.cumsum(~self.valid.all(axis=1))])
-            starts = starts[missing[starts + length + 1] == missing[starts]]
+        starts = np.repeat(self._first_rows(), counts) + within
         if past is not None and not self.valid.all():
             before = np.zeros((len(self.valid) + 1, self.valid.shape[1]), np.int64)
             np.cumsum(self.valid, axis=0, out=before[1:])

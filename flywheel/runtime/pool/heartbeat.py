@@ -18,3 +18,15 @@ class Heartbeat:
     def progress(self, done: float, note: str = "") -> None:
         """Report the completed fraction `done` (0 to 1) of the job."""
         self.beat = Beat(done, self.beat.count + 1, note)
+
+
+class Worker:
+    """Base of the workers, whose progress the pool asks for."""
+
+    def __init__(self) -> None:
+        self._heartbeat = Heartbeat()
+
+    @property
+    def beat(self) -> Beat:
+        """The latest progress signal."""
+        return self._heartbeat.beat

@@ -16,8 +16,7 @@ from flywheel.robot_link.transcript import ReplayedLink, TranscribedLink
 from flywheel.robots import Robot
 from flywheel.runtime.config.robot_config import TRANSCRIPTS, read_stand_in
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.pool.heartbeat import Heartbeat
-from flywheel.runtime.pool.jobs import Beat
+from flywheel.runtime.pool.heartbeat import Worker
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder, RobotRecorder
@@ -25,7 +24,7 @@ from flywheel.runtime.workers.model_weights import AnyWeights
 from flywheel.runtime.workers.stored_episodes import committed
 
 
-class RobotWorker:
+class RobotWorker(Worker):
     """Drives the robot, one episode at a time, and commits the measurements.
 
     The messages on the link are kept as a transcript, from which the run can be repeated without
@@ -40,15 +39,11 @@ class RobotWorker:
 
     def __init__(self, config: RunConfig, store: str, robot: Robot, folder: Path) -> None:
         assert config.robot is not None, "only a run with a robot drives one"
+        super().__init__()
         self._config, self._where, self._robot, self._folder = config, config.robot, robot, folder
         self._store = TrajectoryStore(store)
-        self._recorder, self._heartbeat = RobotRecorder(config, robot), Heartbeat()
+        self._recorder = RobotRecorder(config, robot)
         self._link: RobotLink | None = None
-
-    @property
-    def beat(self) -> Beat:
-        """The latest progress signal."""
-        return self._heartbeat.beat
 
     def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
         """Record and commit an episode on the robot, unless the store has it already.

@@ -28,8 +28,7 @@ from flywheel.records import Episode, Floats
 from flywheel.results import Overlay
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.pool.heartbeat import Heartbeat
-from flywheel.runtime.pool.jobs import Beat
+from flywheel.runtime.pool.heartbeat import Worker
 from flywheel.runtime.workers.episode_note import EpisodeNote
 from flywheel.runtime.workers.episode_plan import Effects, EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
@@ -93,7 +92,7 @@ class Scores:
         return reduce(add, self.by_episode.values()) if self.by_episode else None
 
 
-class SimWorker:
+class SimWorker(Worker):
     """Records episodes, scores models and diagnoses the plant.
 
     Args:
@@ -103,17 +102,12 @@ class SimWorker:
     """
 
     def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
+        super().__init__()
         self._recorder = EpisodeRecorder(config, robot)
         self._config = config
         self._store = TrajectoryStore(store)
-        self._heartbeat = Heartbeat()
         self._models: dict[str, Dynamics] = {}
         self._library = config.library()
-
-    @property
-    def beat(self) -> Beat:
-        """The latest progress signal."""
-        return self._heartbeat.beat
 
     def record(self, plan: EpisodePlan, weights: AnyWeights | None = None) -> EpisodeNote:
         """Record and commit an episode, unless the store has it already.

@@ -13,8 +13,7 @@ from flywheel.records import Split
 from flywheel.results import TrainingPoint
 from flywheel.robots import Robot
 from flywheel.runtime.config.run_config import RunConfig
-from flywheel.runtime.pool.heartbeat import Heartbeat
-from flywheel.runtime.pool.jobs import Beat
+from flywheel.runtime.pool.heartbeat import Worker
 from flywheel.runtime.pool.lock import hold
 from flywheel.runtime.workers.episode_plan import Effects
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
@@ -80,7 +79,7 @@ class ResidualOrder:
     effects: Effects = ()
 
 
-class TrainerWorker:
+class TrainerWorker(Worker):
     """Trains models.
 
     Args:
@@ -90,14 +89,9 @@ class TrainerWorker:
     """
 
     def __init__(self, config: RunConfig, store: str, robot: Robot) -> None:
+        super().__init__()
         self._config, self._robot = config, robot
         self._store = TrajectoryStore(store)
-        self._heartbeat = Heartbeat()
-
-    @property
-    def beat(self) -> Beat:
-        """The latest progress signal."""
-        return self._heartbeat.beat
 
     def train(self, order: TrainingOrder) -> TrainingNote:
         """Train from the last checkpoint in the order's folder, or from the beginning.

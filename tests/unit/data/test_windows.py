@@ -81,28 +81,23 @@ def test_an_empty_split_and_another_robot_are_errors(tmp_path, make_episode, pri
         )
 
 
-def test_windows_keep_their_distance_and_can_leave_out_missing_points(
+def test_windows_lie_within_episodes_and_can_leave_out_pasts_with_missing_points(
     tmp_path, make_episode, prism3
 ):
     lengths = [int(n) for n in np.random.default_rng(draws.seed()).integers(3, 90, 5)]
     store, snapshot, _ = filled(tmp_path, make_episode, lengths)
     cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
     np.testing.assert_array_equal(cache.valid, np.isfinite(cache.points).all(-1))
-    for length, stride in ((0, 1), (4, 3), (50, 7)):
+    for length in (0, 4, 50):
         first = np.cumsum([0, *(n + 1 for n in lengths)])
-        expected = [
-            first[i] + t for i, n in enumerate(lengths) for t in range(0, n - length + 1, stride)
-        ]
-        starts = cache.starts(length, stride)
-        np.testing.assert_array_equal(starts, expected)
-        whole = [s for s in expected if np.isfinite(cache.points[s : s + length + 1]).all()]
-        np.testing.assert_array_equal(cache.starts(length, stride, complete=True), whole)
+        expected = [first[i] + t for i, n in enumerate(lengths) for t in range(n - length + 1)]
+        np.testing.assert_array_equal(cache.starts(length), expected)
         for past in {0, length // 2, length}:
             rows = [cache.valid[s : s + past + 1].any(axis=0).all() for s in expected]
             seen = np.array(expected)[rows] if expected else []
-            np.testing.assert_array_equal(cache.starts(length, stride, past=past), seen)
-    with pytest.raises(DataError, match="stride >= 1"):
-        cache.starts(4, 0)
+            np.testing.assert_array_equal(cache.starts(length, past), seen)
+    with pytest.raises(DataError, match="length >= 0"):
+        cache.starts(-1)
 
 
 def test_a_window_that_leaves_its_episode_is_refused(tmp_path, make_episode, prism3):
