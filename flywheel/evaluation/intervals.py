@@ -24,9 +24,7 @@ class Interval:
 
 
 def success_interval(
-    successes: int,
-    trials: int,
-    method: Literal["wilson", "exact"] = "wilson",
+    successes: int, trials: int, method: Literal["wilson", "exact"] = "wilson"
 ) -> Interval:
     """Success rate with its binomial interval (Wilson's score, or Clopper and Pearson's exact one).
 

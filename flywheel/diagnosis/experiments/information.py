@@ -18,12 +18,7 @@ from flywheel.diagnosis.fitting.plant_fit import PlantFitter
 from flywheel.diagnosis.fitting.simulation import WindowSimulator
 from flywheel.diagnosis.fitting.windows import Windows
 from flywheel.diagnosis.selection.candidates import Candidate
-from flywheel.diagnosis.selection.score_test import (
-    DEAD,
-    Projection,
-    slices_of,
-    smallest_shown,
-)
+from flywheel.diagnosis.selection.score_test import DEAD, Projection, slices_of, smallest_shown
 from flywheel.diagnosis.settings import FittingSettings, Limits, Settings
 from flywheel.diagnosis.statistics import chance
 from flywheel.dynamics.plant import AugmentedPlant, Motion, Plant

@@ -8,11 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flywheel.diagnosis.experiments.information import (
-    Information,
-    information_of,
-    simulate_scripts,
-)
+from flywheel.diagnosis.experiments.information import Information, information_of, simulate_scripts
 from flywheel.diagnosis.selection.candidates import Candidate, candidates
 from flywheel.diagnosis.settings import Settings, unusual
 from flywheel.dynamics.plant import Plant

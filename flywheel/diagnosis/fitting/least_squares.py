@@ -84,10 +84,7 @@ class JacobianCache:
 
     @classmethod
     def fresh(
-        cls,
-        jacobian: Jacobian,
-        settings: LeastSquaresSettings,
-        before: JacobianCache | None = None,
+        cls, jacobian: Jacobian, settings: LeastSquaresSettings, before: JacobianCache | None = None
     ) -> JacobianCache:
         """A new Jacobian; windows with smaller damping `before` keep it."""
         fresh = np.zeros(len(jacobian.by_local), bool)

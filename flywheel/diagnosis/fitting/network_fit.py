@@ -50,12 +50,7 @@ class NetworkFitter(Fitter):
     """
 
     def __init__(
-        self,
-        world: PlantFitter,
-        fit: Fit,
-        terms: Terms,
-        model: Subject,
-        rng: np.random.Generator,
+        self, world: PlantFitter, fit: Fit, terms: Terms, model: Subject, rng: np.random.Generator
     ) -> None:
         windows, history = world.windows, model.dynamics.history
         if windows.steps <= history:

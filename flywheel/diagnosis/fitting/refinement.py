@@ -15,10 +15,7 @@ F = TypeVar("F", bound=Fitter)
 
 
 def shorter_steps(
-    fitter: F,
-    fit: Fit,
-    free: Sequence[FreeParameter] = (),
-    tolerated: float | None = None,
+    fitter: F, fit: Fit, free: Sequence[FreeParameter] = (), tolerated: float | None = None
 ) -> tuple[F, Fit]:
     """A fitter with sufficiently short steps for a model, and its fit; the same two if they are
     short enough.

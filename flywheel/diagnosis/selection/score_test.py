@@ -436,19 +436,13 @@ def further_scores(
     found = sensitivities(fitter, fit, library, test.projection, test.residual, settings)
     columns, shorter = found
     other = replace(
-        test,
-        candidates=tuple(library),
-        columns=columns,
-        shorter=shorter,
-        slices=slices_of(library),
+        test, candidates=tuple(library), columns=columns, shorter=shorter, slices=slices_of(library)
     )
     return other.scores()
 
 
 def promising_pairs(
-    test: ScoreTest,
-    scores: Sequence[Score],
-    settings: PairSettings = PairSettings(),
+    test: ScoreTest, scores: Sequence[Score], settings: PairSettings = PairSettings()
 ) -> list[Terms]:
     """Pairs that promise to explain clearly more than the best candidate alone, the best first.
 
