@@ -3,16 +3,7 @@
 from flywheel.evaluation.errors import ErrorTable
 from flywheel.evaluation.intervals import Interval, rmse_ratio_interval, success_interval
 from flywheel.evaluation.pasts import past_at
-from flywheel.evaluation.scoring import (
-    BINS,
-    HISTORY_SECONDS,
-    Window,
-    places,
-    score,
-    score_by,
-    score_full,
-    score_windows,
-)
+from flywheel.evaluation.scoring import BINS, HISTORY_SECONDS, places, score, score_by, score_full
 from flywheel.evaluation.statistics import (
     rotation_error,
     squared_point_error,
@@ -26,7 +17,6 @@ __all__ = [
     "ErrorTable",
     "ExactSum",
     "Interval",
-    "Window",
     "past_at",
     "places",
     "rmse_ratio_interval",
@@ -34,7 +24,6 @@ __all__ = [
     "score",
     "score_by",
     "score_full",
-    "score_windows",
     "squared_point_error",
     "squared_position_error",
     "success_interval",

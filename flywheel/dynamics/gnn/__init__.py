@@ -6,7 +6,7 @@ from flywheel.dynamics.gnn.ground import View, ground_of
 from flywheel.dynamics.gnn.learned import LearnedDynamics
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.normalisation import fit_normalisation, widen_winches
-from flywheel.dynamics.gnn.simulator import Simulator, Unrolled
+from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.dynamics.gnn.weights import load_weights, save_weights, weights_digest
 
 __all__ = [
@@ -15,7 +15,6 @@ __all__ = [
     "LearnedDynamics",
     "NetworkConfig",
     "Simulator",
-    "Unrolled",
     "View",
     "fit_normalisation",
     "ground_of",

@@ -7,7 +7,7 @@ from flywheel.dynamics.plant.live import LiveView
 from flywheel.dynamics.plant.measurement import MeasurementModel
 from flywheel.dynamics.plant.oracle import PlantDynamics
 from flywheel.dynamics.plant.parameters import PlantParameters
-from flywheel.dynamics.plant.plant import Course, Plant
+from flywheel.dynamics.plant.plant import Plant
 from flywheel.dynamics.plant.reckoning import Reckoning
 from flywheel.dynamics.plant.refined import hasty, refined
 from flywheel.dynamics.plant.render import Shot, render_episode, render_frames, write_video
@@ -19,7 +19,6 @@ from flywheel.dynamics.plant.time_steps import StepError, StepStudy, cable_dampi
 
 __all__ = [
     "AugmentedPlant",
-    "Course",
     "EffectivePlant",
     "LiveView",
     "MeasurementModel",
