@@ -24,6 +24,7 @@ def test_a_pipeline_is_short_and_says_what_it_takes(file, monkeypatch, capsys):
     assert "usage" in capsys.readouterr().out.lower()
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_pipeline_runs_by_its_path_from_any_folder(tmp_path: Path) -> None:
     done = subprocess.run(

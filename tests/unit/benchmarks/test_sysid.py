@@ -15,6 +15,7 @@ from flywheel.truth_simulator.winch_effects import WinchGain
 from tests import draws
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 @pytest.mark.skipif(
     not hasattr(sysid, "optimize"), reason="mujoco.sysid lacks packages: mujoco[sysid]"
