@@ -370,4 +370,5 @@ def _subject(found: Diagnosis) -> str:
 
 
 def _names(answer: Alternative) -> str:
-    return " with ".join(each.described for each in answer) or "nothing"
+    *others, last = [each.described for each in answer] or ["nothing"]
+    return f"{', '.join(others)} and {last}" if others else last
