@@ -245,9 +245,9 @@ def other_form(found: Diagnosis) -> str:
             f"{law.instead}, which is outside the library, explains more in place of the answer "
             f"(by {law.gain:.0f}, BIC)"
         )
-    return (
-        f"{law.name}, which is outside the library, explains {law.share:.0%} of the remaining error"
-    )
+    both = f", {law.share:.0%} of the explanation by both" if found.answers[0] else ""
+    added = " in addition to the answer" if found.answers[0] else ""
+    return f"{law.name}, which is outside the library, scores {law.score:.4g}{added}{both}"
 
 
 def forms(found: Diagnosis) -> str:

@@ -92,7 +92,8 @@ def far_off_parameters(
     """Numbers that would be far off, and by themselves explain more than the answer, by fits of their own.
 
     A linearisation says little of a stiffness that is several times the MJCF's. Springs that somebody guessed
-    have a guessed damping, too: a stiffness is fitted with it and without.
+    have a guessed damping, too: a stiffness is fitted with it and without. So is one that is a
+    candidate: an effect has narrower bounds.
 
     Args:
       search, models: that led to an answer that leaves something.
@@ -101,7 +102,7 @@ def far_off_parameters(
     begun, last = models[0], models[-1]
     fit = fitter.with_terms(begun.fit, begun.fit.terms)
     found = []
-    for score in _scores(search, begun):
+    for score in _scores(search, begun, also_candidates=True):
         best = _fitted_alone(search, replace(begun, fit=fit), score)
         term = best.terms[len(fit.terms)]
         off, (size,) = term.values[0], term.effect.sizes
@@ -146,10 +147,11 @@ def _added(search: Search, model: ScoredModel, after: ScoredModel) -> str:
     return " with ".join(term.label(robot) for term in terms)
 
 
-def _scores(search: Search, model: ScoredModel) -> list[Score]:
-    """Scores of all numbers that are neither in the model nor candidates anyway."""
+def _scores(search: Search, model: ScoredModel, also_candidates: bool = False) -> list[Score]:
+    """Scores of all numbers that are not in the model, nor candidates unless those are included."""
     fitter, had = search.fitter, {term.effect.name for term in model.fit.terms}
-    had |= {candidate.effect.name for candidate in search.library}
+    if not also_candidates:
+        had |= {candidate.effect.name for candidate in search.library}
     library = {
         name: each
         for name, each in CALIBRATIONS.items()

@@ -153,6 +153,10 @@ def test_a_stiffness_that_is_several_times_the_told_one_is_fitted_and_named(seed
     assert found.more and not found.at_bound and not found.instead
     told: Any = SimpleNamespace(suspects=(found,))
     assert f"cable_stiffness of {1.0 + found.off:.3g} times" in suspects(told)
+    # Asked for as an effect, whose bounds are narrower, it is not left to another number.
+    numbers = candidates(search.fitter.windows.robot, {found.name: CALIBRATIONS[found.name]})
+    asking = replace(search, library=(*search.library, *numbers))
+    assert far_off_parameters(asking, [model])[0] == found
     # An answer that explains all is no worse than the number.
     answer = replace(model, fit=replace(model.fit, cost=search.fitter.freedom))
     assert not far_off_parameters(search, [model, answer])

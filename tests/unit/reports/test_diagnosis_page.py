@@ -101,7 +101,10 @@ def test_another_form_is_said_where_nothing_else_is_left(found: Diagnosis, tmp_p
     assert PROBES["damping_by_speed_squared"].shown_by in page
     beside = replace(other, misspecification=replace(law, gain=4.0, share=0.3))
     page = write_diagnosis(beside, tmp_path / "page.html", {}).read_text()
-    assert "gain_by_rate, which is outside the library, explains 30% of the remaining error" in page
+    scored = "gain_by_rate, which is outside the library, scores 3"
+    assert f"{scored} in addition to the answer, 30% of the explanation by both" in page
+    alone = other_form(replace(beside, answers=((),)))
+    assert alone == scored
 
 
 def test_it_says_what_the_answer_is_worth_where_it_was_not_fitted(found: Diagnosis) -> None:
