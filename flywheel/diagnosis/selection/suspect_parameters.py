@@ -125,7 +125,8 @@ def far_off_parameters(
                     at_bound=not NEAR * size.low * typical < off < NEAR * size.high * typical,
                 )
             )
-    return tuple(sorted(found, key=lambda each: -(each.explained or 0.0)))
+    # One that stopped at its bound explains by a value that nobody knows.
+    return tuple(sorted(found, key=lambda each: (each.at_bound, -(each.explained or 0.0))))
 
 
 def _fitted_alone(search: Search, model: ScoredModel, score: Score) -> Fit:

@@ -162,6 +162,27 @@ def test_a_stiffness_that_is_several_times_the_told_one_is_fitted_and_named(seed
     assert not far_off_parameters(search, [model, answer])
 
 
+def test_a_number_at_its_bound_comes_after_one_that_explains_within_its_bounds(
+    stiffer, monkeypatch
+):
+    search, model = stiffer
+
+    def alone(_, begun, score):
+        effect, (typical,) = score.candidate.effect, score.candidate.typical
+        mass = effect.name == "body_mass"
+        off = effect.sizes[0].low * typical if mass else 3.0
+        fit, terms = begun.fit, (*begun.fit.terms, Term(effect, None, (off,)))
+        return replace(fit, terms=terms, cost=fit.cost - (2000.0 if mass else 1000.0))
+
+    monkeypatch.setattr("flywheel.diagnosis.selection.suspect_parameters._fitted_alone", alone)
+    first, last = far_off_parameters(search, [model])
+    assert (first.name, last.name) == ("cable_stiffness", "body_mass") and last.at_bound
+    words = suspects(SimpleNamespace(suspects=(first, last)))
+    assert words.index("cable_stiffness of 4 times") < words.index(
+        "body_mass of 0.25 times explains"
+    )
+
+
 def test_a_number_at_its_bound_is_said_to_be_there() -> None:
     number = SuspectParameter("cable_stiffness", 19.0, 9.0, "creep", True, 0.9, 40.0, True)
     words = suspects(SimpleNamespace(suspects=(number,)))  # type: ignore[arg-type]
