@@ -325,12 +325,12 @@ def suspects(found: Diagnosis) -> str:
         return ""
     first, *others = found.suspects
     if first.explained is not None:
-        far = [each for each in others if each.explained is not None]
-        also = [
+        far = (each for each in others if each.explained is not None)
+        further = (
             f" {each.name} of {1.0 + each.off:.3g} times explains {each.explained:.0%}."
             for each in far
-        ]
-        return _far_off(first) + "".join(also)
+        )
+        return _far_off(first) + "".join(further)
     ways = f"{abs(first.off):.1%} {'more' if first.off > 0 else 'less'} of {first.name}"
     does = "more than" if first.more else "nearly as much as"
     explains = f"{does} {first.instead}" if first.instead else "some of the residual"
