@@ -100,8 +100,8 @@ def test_too_few_valid_episodes_end_the_run_with_the_numbers(bench, monkeypatch)
 
 
 def test_a_model_that_predicts_no_numbers_is_rejected_and_the_champion_kept(bench, monkeypatch):
-    def poisoned(self, robot, threads=1):
-        dynamics = honest(self, robot, threads)
+    def poisoned(self, *how):
+        dynamics = honest(self, *how)
         if self.digest == bad[0]:
             monkeypatch.setattr(
                 dynamics, "rollout", lambda *a: (_ for _ in ()).throw(ModelError("NaN"))
