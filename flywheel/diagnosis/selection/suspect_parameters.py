@@ -143,9 +143,8 @@ def _fitted_alone(search: Search, model: ScoredModel, score: Score) -> Fit:
 
 def _added(search: Search, model: ScoredModel, after: ScoredModel) -> str:
     """Additions of a model to the previous one, or else its effects."""
-    robot = search.fitter.windows.robot
     terms = added([model, after]) or asked(after.fit.terms)
-    return " with ".join(term.label(robot) for term in terms)
+    return " with ".join(term.label(search.fitter.windows.robot) for term in terms)
 
 
 def _scores(search: Search, model: ScoredModel, also_candidates: bool = False) -> list[Score]:

@@ -54,10 +54,7 @@ def damage(database: Path) -> str:
     """The fault of MLflow's SQLite file and its remedy; "" if it is undamaged or missing."""
     if not database.exists():
         return ""
-    if not database.is_file():
-        found = "it is no file"
-    else:
-        found = _checked(database)
+    found = _checked(database) if database.is_file() else "it is no file"
     if not found:
         return ""
     return (
