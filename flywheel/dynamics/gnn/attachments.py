@@ -33,6 +33,16 @@ class Attachments:
     Args:
       graph: of the robot.
       frames: layout of its rigid frames.
+
+    Attributes:
+      rolls: some cable ends beside a rod's axis.
+      along: (2 C, F + A) matrix from frames and anchors to the ends, but for their parts across rods.
+      across: (2 C, 2 R) to these parts, from all sides and then all vectors axis x side.
+      of_nodes, axes_of_nodes: (2 C, N), (R, N) rates of the ends on the axes, and of the axes.
+      axes: (R,) rows of the rods' axes.
+      rod: (2 C,) rod of each end, 0 where it has none.
+      on_rod: the ends on each rod.
+      stiffness, bound: (C, 1) relative stiffness, and that in the bound on the curvature.
     """
 
     def __init__(self, graph: RobotGraph, frames: Frames) -> None:
@@ -47,7 +57,7 @@ class Attachments:
             anchored[row, graph.anchor_at(ends[row])] = 1.0
         for rod, row in np.argwhere(on_rod):
             across[row, rod :: len(on_rod)] = frames.across(bodies[row], ends[row].offset)
-        self._rolls = bool(across.any())
+        self.rolls = bool(across.any())
         stiffness = np.array([cable.stiffness for cable in graph.robot.cables])
         # Rods are turned at the same time: a cable between two of them counts double in the bound on
         # the curvature, so that together they do not turn too far.
@@ -56,16 +66,16 @@ class Attachments:
         def tensor(array: Floats) -> Tensor:
             return torch.as_tensor(array, dtype=torch.float32, device=graph.device)
 
-        self._along = tensor(np.concatenate([along, anchored], axis=1))
-        self._across, self._sum = tensor(across), tensor(on_rod)
-        self._stiffness = tensor(stiffness / stiffness.max())[:, None]
-        self._bound = tensor(np.where(shared, 2.0, 1.0))[:, None] * self._stiffness
-        self._axes = torch.as_tensor(frames.rod_rows, dtype=torch.int64, device=graph.device)
-        self._of_nodes = tensor(along) @ frames.from_nodes
-        self._axes_of_nodes = frames.from_nodes[self._axes]
+        self.along = tensor(np.concatenate([along, anchored], axis=1))
+        self.across, self._sum = tensor(across), tensor(on_rod)
+        self.stiffness = tensor(stiffness / stiffness.max())[:, None]
+        self.bound = tensor(np.where(shared, 2.0, 1.0))[:, None] * self.stiffness
+        self.axes = torch.as_tensor(frames.rod_rows, dtype=torch.int64, device=graph.device)
+        self.of_nodes = tensor(along) @ frames.from_nodes
+        self.axes_of_nodes = frames.from_nodes[self.axes]
         rod = on_rod.argmax(axis=0) if len(on_rod) else np.zeros(len(ends), dtype=int)
-        self._rod = torch.as_tensor(rod, device=graph.device)
-        self._on_rod = [torch.as_tensor(np.flatnonzero(r), device=graph.device) for r in on_rod]
+        self.rod = torch.as_tensor(rod, device=graph.device)
+        self.on_rod = [torch.as_tensor(np.flatnonzero(r), device=graph.device) for r in on_rod]
         self._edge = graph.relations["cable"].origin.argsort()[::2]
 
     def positions(self, frames: Tensor, sides: Tensor, origin: Tensor) -> tuple[Tensor, Tensor]:
@@ -80,13 +90,13 @@ class Attachments:
         """
         anchors = self._graph.anchors_from(origin, frames.shape[-1])
         seen = torch.cat([frames, anchors], dim=1) if anchors.shape[1] else frames
-        along = torch.matmul(self._along, seen)
-        if not self._rolls:
+        along = torch.matmul(self.along, seen)
+        if not self.rolls:
             return along, torch.zeros_like(along)
-        axes = frames[:, self._axes]
+        axes = frames[:, self.axes]
         sides = upright(sides, axes)
         both = torch.cat([sides, torch.linalg.cross(axes, sides, dim=0)], dim=1)
-        across = torch.matmul(self._across, both)
+        across = torch.matmul(self.across, both)
         return along + across, across
 
     def velocities(self, frames: Tensor, across: Tensor, nodes: Tensor) -> Tensor:
@@ -97,12 +107,12 @@ class Attachments:
           across: as `positions` gives it.
           nodes: (3, N, K) velocities of the body nodes [m/s].
         """
-        moved = torch.matmul(self._of_nodes, nodes)
-        if not self._rolls:
+        moved = torch.matmul(self.of_nodes, nodes)
+        if not self.rolls:
             return moved
-        axes = frames[:, self._axes]
-        turning = torch.matmul(self._axes_of_nodes, nodes)
-        return moved - (across * turning[:, self._rod]).sum(0) * axes[:, self._rod]
+        axes = frames[:, self.axes]
+        turning = torch.matmul(self.axes_of_nodes, nodes)
+        return moved - (across * turning[:, self.rod]).sum(0) * axes[:, self.rod]
 
     @torch.no_grad()
     def find(self, frames: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
@@ -113,25 +123,25 @@ class Attachments:
           origin: (2, K) horizontal position of the frames' origin in the world [m].
           winch: (W, K) winch positions [m].
         """
-        axes = frames[:, self._axes]
+        axes = frames[:, self.axes]
         sides = _any_across(axes)
-        if not self._rolls:
+        if not self.rolls:
             return sides
-        rest = self._rest(winch)
+        rest = self.rest(winch)
         angles = torch.arange(_GRID, device=axes.device) * (2.0 * np.pi / _GRID)
         cos, sin = angles.cos()[:, None], angles.sin()[:, None]
         for _ in range(_SWEEPS):
-            for rod, here in enumerate(self._on_rod):
+            for rod, here in enumerate(self.on_rod):
                 ends, across = self.positions(frames, sides, origin)
                 side, axis = sides[:, rod, None], axes[:, rod, None]
                 other = torch.linalg.cross(axis, side, dim=0)
                 tried = torch.stack([cos * side + sin * other, cos * other - sin * side])
-                arms = self._across[here][:, rod :: len(self._on_rod)]
+                arms = self.across[here][:, rod :: len(self.on_rod)]
                 turned = torch.einsum("nj,jcgk->cngk", arms, tried)
                 still = ends[:, here] - across[:, here] - ends[:, here ^ 1]
                 length = _norm(still[:, :, None] + turned)
                 stretch = (length - rest[here // 2, None]).clamp(min=0.0)
-                energy = (self._stiffness[here // 2, None] * stretch**2).sum(0)
+                energy = (self.stiffness[here // 2, None] * stretch**2).sum(0)
                 best = energy.argmin(0, keepdim=True).expand(3, 1, -1)
                 sides[:, rod] = tried[0].gather(1, best)[:, 0]
         for _ in range(_SETTLING):
@@ -141,10 +151,10 @@ class Attachments:
     @torch.no_grad()
     def follow(self, frames: Tensor, sides: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
         """The sides (3, R, K) after a small motion of the rods; arguments as of `find`."""
-        sides = upright(sides, frames[:, self._axes])
-        return self._descended(frames, sides, origin, self._rest(winch)) if self._rolls else sides
+        sides = upright(sides, frames[:, self.axes])
+        return self._descended(frames, sides, origin, self.rest(winch)) if self.rolls else sides
 
-    def _rest(self, winch: Tensor) -> Tensor:
+    def rest(self, winch: Tensor) -> Tensor:
         """(C, K) rest lengths of the cables [m]."""
         return self._graph.rest_lengths(winch)[self._edge]
 
@@ -154,11 +164,11 @@ class Attachments:
         way = ends[:, 1::2] - ends[:, ::2]
         length = _norm(way)
         stretch = (length - rest).clamp(min=0.0)
-        pull, stiff = (_twice(x * stretch.sign()) for x in (self._stiffness * stretch, self._bound))
+        pull, stiff = (_twice(x * stretch.sign()) for x in (self.stiffness * stretch, self.bound))
         unit = way / length
         towards = torch.stack([-unit, unit], dim=2).flatten(1, 2)  # each end, from the other one
-        axes = frames[:, self._axes]
-        turning = torch.linalg.cross(axes[:, self._rod], across, dim=0)
+        axes = frames[:, self.axes]
+        turning = torch.linalg.cross(axes[:, self.rod], across, dim=0)
         lever = (towards * turning).sum(0)  # change of length with angle
         bend = ((turning * turning).sum(0) - lever**2) / _twice(length)
         curvature = stiff * lever**2 + pull * (bend - (towards * across).sum(0)).clamp(min=0.0)

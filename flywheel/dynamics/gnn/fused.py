@@ -25,11 +25,14 @@ class FusedForward:
     Args:
       network: the weights; packed here, so that later changes have no effect.
       graph: of the network's robot.
+
+    Attributes:
+      packed: the weights.
     """
 
     def __init__(self, network: ChunkNetwork, graph: RobotGraph) -> None:
         self._graph, self._config = graph, network.config
-        self._packed = pack(network, graph)
+        self.packed = pack(network, graph)
         self._routes = graph.cached("routes", all_routes)
         self._group_sizes = {
             name: [group.size for group in relation.groups]
@@ -38,7 +41,7 @@ class FusedForward:
 
     def warm_up(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""
-        if self._packed.gates is None:
+        if self.packed.gates is None:
             return None
         return self._remember(self._encode("body_node", nodes, dataset)[0], memory)
 
@@ -49,12 +52,12 @@ class FusedForward:
         edges = self._encode_edges(features)
         touching = features.touching.float()[:, None, :, None]
         messages: dict[str, Tensor] = {}
-        for number, weights in enumerate(self._packed.rounds):
-            final = number == len(self._packed.rounds) - 1
+        for number, weights in enumerate(self.packed.rounds):
+            final = number == len(self.packed.rounds) - 1
             nodes, edges, messages = self._round(weights, nodes, edges, touching, final)
         return Prediction(
             velocity=self._decode_nodes(nodes[: self._graph.body_count].flatten(0, 1), samples),
-            winch=self._decode_cables(edges, messages) if self._packed.cable_decoder else None,
+            winch=self._decode_cables(edges, messages) if self.packed.cable_decoder else None,
             memory=memory,
         )
 
@@ -62,7 +65,7 @@ class FusedForward:
 
     def _encode(self, name: str, features: Tensor, dataset: Tensor) -> tuple[Tensor, Encoder]:
         """(M K, width) of one kind of nodes, after the encoder's last ReLU."""
-        encoder = self._packed.encoders[name]
+        encoder = self.packed.encoders[name]
         bias = encoder.first.bias
         if len(encoder.tail):
             bias = bias + encoder.tail[dataset]
@@ -87,21 +90,27 @@ class FusedForward:
     ) -> tuple[Tensor, Memory | None]:
         samples = features.controls.shape[1]
         hidden, encoder = self._encode("body_node", features.nodes["body_node"], features.dataset)
-        if self._packed.gates is None:
+        if self.packed.gates is None:
             latent = _normed(_linear(hidden, encoder.last), encoder.norm)
         else:
             memory = self._remember(hidden, memory)
-            latent = _normed(memory[0], self._packed.memory_norm)
-        parts = [latent.view(-1, samples, latent.shape[-1])]
+            latent = _normed(memory[0], self.packed.memory_norm)
+        moving, still = latent.view(-1, samples, latent.shape[-1]), self.still(features)
+        return moving if still is None else torch.cat([moving, still]), memory
+
+    def still(self, features: GraphFeatures) -> Tensor | None:
+        """(A + 1, K, width) latent vectors of the anchors and of the ground; None without any."""
+        parts = []
         for name in ("anchor_node", "ground_node"):
             if name in features.nodes:
-                hidden, encoder = self._encode(name, features.nodes[name], features.dataset)
+                shown = features.nodes[name]
+                hidden, encoder = self._encode(name, shown, features.dataset)
                 still = _normed(_linear(hidden, encoder.last), encoder.norm)
-                parts.append(still.view(-1, samples, still.shape[-1]))
-        return torch.cat(parts) if len(parts) > 1 else parts[0], memory
+                parts.append(still.view(*shown.shape[1:], -1))
+        return torch.cat(parts) if parts else None
 
     def _remember(self, hidden: Tensor, memory: Memory | None) -> Memory:
-        packed, width = self._packed, self._config.width
+        packed, width = self.packed, self._config.width
         encoder = packed.encoders["body_node"]
         assert packed.gates is not None and packed.recurrent is not None
         if encoder.norm is not None:
@@ -120,7 +129,7 @@ class FusedForward:
         """(E, K, width) per relation: latent vectors, or the encoder's last ReLU where folded."""
         edges = {}
         for name, shown in features.edges.items():
-            encoder = self._packed.encoders[name]
+            encoder = self.packed.encoders[name]
             bias = encoder.first.bias
             if name == "cable":
                 bias = self._control_bias(encoder, features.controls)
@@ -202,7 +211,7 @@ class FusedForward:
 
     def _decode_nodes(self, nodes: Tensor, samples: int) -> Tensor:
         steps = self._config.chunk
-        decoded = _decode(nodes, self._packed.node_decoder)
+        decoded = _decode(nodes, self.packed.node_decoder)
         return decoded.view(3, steps, -1, samples)
 
     def _decode_cables(self, edges: dict[str, Tensor], messages: dict[str, Tensor]) -> Tensor:
@@ -210,7 +219,7 @@ class FusedForward:
 
         The average is taken before the last layer, because averaging commutes with it.
         """
-        first, *middle, last = self._packed.cable_decoder
+        first, *middle, last = self.packed.cable_decoder
         latent = messages["cable"]
         _, samples, width = latent.shape
         hidden = _linear(latent.view(-1, width), first).relu_()

@@ -15,42 +15,29 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from flywheel.dynamics.gnn.attachments import Attachments
+from flywheel.dynamics.gnn.compiled_network import prepared
+from flywheel.dynamics.gnn.compiled_step import CompiledStep
 from flywheel.dynamics.gnn.config import NetworkConfig
-from flywheel.dynamics.gnn.features import FeatureBuilder, MechanicalState, turn_back
-from flywheel.dynamics.gnn.fused import FusedForward
-from flywheel.dynamics.gnn.graph import RobotGraph
 from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.network import ChunkNetwork
-from flywheel.dynamics.gnn.past import PastReader
 from flywheel.dynamics.gnn.prediction import (
     Forward,
     ForwardFactory,
     Memory,
-    Prediction,
     Start,
     Unrolled,
     expanded,
 )
-from flywheel.dynamics.gnn.rigid import Frames
-from flywheel.dynamics.gnn.winches import Winches
+from flywheel.dynamics.gnn.step import Parts, Step, StepFactory, TorchStep
 from flywheel.errors import ModelError
 from flywheel.robots import Robot
 
 Array = Tensor | NDArray[np.floating]
 
 
-class _Parts:
-    """Quantities derived from robot and configuration, on one device."""
-
-    def __init__(self, robot: Robot, config: NetworkConfig, device: torch.device) -> None:
-        self.graph = RobotGraph(robot, config, device)
-        self.frames = Frames(robot, self.graph.nodes, device)
-        self.attachments = Attachments(self.graph, self.frames)
-        self.builder = FeatureBuilder(self.graph, self.frames, self.attachments)
-        self.past = PastReader(robot, config, self.frames)
-        self.winches = Winches(robot, config.dt, device)
-        self.integrate = config.dt * torch.ones(config.chunk, config.chunk, device=device).tril()
+def step_of(parts: Parts) -> Step:
+    """The faster implementation on a device."""
+    return CompiledStep(parts) if parts.device.type == "cpu" else TorchStep(parts)
 
 
 class Simulator:
@@ -59,22 +46,34 @@ class Simulator:
     Args:
       robot: the robot.
       config: the network's.
-      prepare: implementation of the forward pass; `PlainForward` is the readable one.
+      prepare: implementation of the network's forward pass; by default compiled kernels where they
+        serve the configuration and the device, else torch operations.
+      step: implementation of the rest, likewise.
     """
 
     def __init__(
-        self, robot: Robot, config: NetworkConfig, prepare: ForwardFactory = FusedForward
+        self,
+        robot: Robot,
+        config: NetworkConfig,
+        prepare: ForwardFactory = prepared,
+        step: StepFactory = step_of,
     ) -> None:
         self.robot, self.config, self.dt = robot, config, config.dt
-        self._prepare = prepare
-        self._parts: dict[torch.device, _Parts] = {}
+        self._prepare, self._step = prepare, step
+        self._steps: dict[torch.device, Step] = {}
+        self._parts: dict[torch.device, Parts] = {}
 
-    def parts(self, device: torch.device | str = "cpu") -> _Parts:
+    def parts(self, device: torch.device | str = "cpu") -> Parts:
         """Graph, frames, features and winches on a device."""
         device = torch.device(device)
         if device not in self._parts:
-            self._parts[device] = _Parts(self.robot, self.config, device)
+            self._parts[device] = Parts(self.robot, self.config, device)
         return self._parts[device]
+
+    def _step_on(self, parts: Parts) -> Step:
+        if parts.device not in self._steps:
+            self._steps[parts.device] = self._step(parts)
+        return self._steps[parts.device]
 
     def node_positions(self, points: Tensor) -> Tensor:
         """Positions of the N body nodes, (..., N, 3), if the tracked points are at (..., P, 3).
@@ -163,6 +162,7 @@ class Simulator:
     def roll(self, forward: Forward, start: Start, controls: Tensor, dataset: Tensor) -> Unrolled:
         """Predict from a start; see `unroll`."""
         parts, config = self.parts(controls.device), self.config
+        step = self._step_on(parts)
         samples, steps, _ = controls.shape
         memory = self._warm_up(parts, forward, start, dataset)
         state, memory, origin = expanded(start, memory, samples)
@@ -176,20 +176,17 @@ class Simulator:
         width = config.control_history + config.chunk
         taken: list[tuple[Tensor, ...]] = []
         for t in range(0, steps, config.chunk):
-            heading = parts.builder.heading(state)
             window = shown[..., first + t : first + t + width]
-            features = parts.builder(state, origin, heading, window, dataset, start.ground)
+            features = step.features(state, origin, window, dataset, start.ground)
             said = forward(features, memory)
-            state, outcome = self._advance(
-                parts, state, origin, said, heading, commands[t : t + config.chunk]
-            )
+            state, outcome = step.advance(state, origin, said, commands[t : t + config.chunk])
             memory = said.memory
             taken.append(outcome)
         frames, velocities, winch = (torch.cat(part, dim=-3) for part in zip(*taken, strict=True))
         return self._unrolled(parts, origin, frames, velocities, winch, steps)
 
     def _warm_up(
-        self, parts: _Parts, forward: Forward, start: Start, dataset: Tensor
+        self, parts: Parts, forward: Forward, start: Start, dataset: Tensor
     ) -> Memory | None:
         memory: Memory | None = None
         for state in start.states[:-1]:
@@ -197,44 +194,9 @@ class Simulator:
             memory = forward.warm_up(shown, dataset, memory)
         return memory
 
-    def _advance(
-        self,
-        parts: _Parts,
-        state: MechanicalState,
-        origin: Tensor,
-        said: Prediction,
-        heading: Tensor | None,
-        commands: Tensor,
-    ) -> tuple[MechanicalState, tuple[Tensor, Tensor, Tensor]]:
-        """Integrate one chunk; the state at its end, and (frames, velocities, winch) at each step."""
-        change = said.velocity if heading is None else turn_back(said.velocity, heading)
-        velocities = state.velocities[:, None] + change
-        before = torch.matmul(parts.frames.to_nodes, state.frames)
-        moved = torch.matmul(parts.integrate, velocities.flatten(2)).view_as(velocities)
-        frames = parts.frames.of_nodes(before[:, None] + moved)
-        last = torch.cat([state.frames[:, None], frames], dim=1)[:, -2:]
-        nodes = torch.matmul(parts.frames.to_nodes, last)
-        speed = (nodes[:, 1] - nodes[:, 0]) / self.dt
-        winch = self._wind(parts, state.winch, said.winch, commands)
-        sides = state.sides
-        if sides is not None:
-            sides = parts.attachments.follow(frames[:, -1], sides, origin, winch[-1])
-        after = MechanicalState(frames[:, -1], speed, winch[-1], sides)
-        return after, (frames, velocities, winch)
-
-    def _wind(
-        self, parts: _Parts, position: Tensor, change: Tensor | None, commands: Tensor
-    ) -> Tensor:
-        """(n, W, K) winch positions within a chunk."""
-        if self.config.winch == "learned":
-            assert change is not None
-            return parts.winches.within(position + change)
-        nominal = parts.winches.nominal(position, commands)
-        return nominal if change is None else parts.winches.within(nominal + change)
-
     def _unrolled(
         self,
-        parts: _Parts,
+        parts: Parts,
         origin: Tensor,
         frames: Tensor,
         velocities: Tensor,

@@ -25,11 +25,11 @@ class Winches:
         lag = np.array([w.time_constant for w in robot.winches])
         rate = np.asarray(robot.rate_driven)
         # position' = keep position + gain command, where keep is 1 for a rate winch
-        self._gain = column(np.where(rate, dt, -np.expm1(-dt / np.maximum(lag, 1e-9))))
-        self._keep = None if rate.all() else torch.where(column(rate) > 0, 1.0, 1.0 - self._gain)
+        self.gain = column(np.where(rate, dt, -np.expm1(-dt / np.maximum(lag, 1e-9))))
+        self.keep = None if rate.all() else torch.where(column(rate) > 0, 1.0, 1.0 - self.gain)
         self._rate = torch.as_tensor(rate, device=device)[:, None]
         self._low, self._high = column(robot.control_low), column(robot.control_high)
-        self._rest_low, self._rest_high = column(robot.rest_low), column(robot.rest_high)
+        self.rest_low, self.rest_high = column(robot.rest_low), column(robot.rest_high)
         middle = np.where(rate, 0.0, (robot.control_high + robot.control_low) / 2)
         reach = np.maximum(robot.control_high - middle, middle - robot.control_low)
         self._middle, self._reach = column(middle), column(np.maximum(reach, 1e-9))
@@ -47,7 +47,7 @@ class Winches:
 
     def within(self, positions: Tensor) -> Tensor:
         """Positions within the winches' range."""
-        return torch.clamp(positions, self._rest_low, self._rest_high)
+        return torch.clamp(positions, self.rest_low, self.rest_high)
 
     def held(self, last: Tensor, steps: int) -> Tensor:
         """(steps, W, K) commands that hold winches whose last commands (W, K) were `last`."""
@@ -59,8 +59,8 @@ class Winches:
         The same as `Robot.dead_reckon`.
         """
         positions = []
-        for step in (self._gain * controls).unbind():
-            kept = position if self._keep is None else self._keep * position
+        for step in (self.gain * controls).unbind():
+            kept = position if self.keep is None else self.keep * position
             position = self.within(kept + step)
             positions.append(position)
         return torch.stack(positions)

@@ -1,0 +1,419 @@
+"""A `Step` of compiled kernels, on the processor: the same numbers as `TorchStep`, several times as fast."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from flywheel.dynamics.gnn.features import GraphFeatures, MechanicalState
+from flywheel.dynamics.gnn.ground import Ground
+from flywheel.dynamics.gnn.kernels import ends, features, motion
+from flywheel.dynamics.gnn.prediction import Prediction
+from flywheel.dynamics.gnn.rigid import nearest_rotation
+from flywheel.dynamics.gnn.step import Motion, Parts
+
+
+class CompiledStep:
+    """In compiled kernels.
+
+    Args:
+      parts: of the robot, on the processor.
+    """
+
+    def __init__(self, parts: Parts) -> None:
+        self.parts, self.config, self.graph = parts, parts.config, parts.graph
+        frames, graph = parts.frames, parts.graph
+        self.maps = torch.cat([frames.to_nodes, frames.to_arms, frames.to_axes])
+        self.exact = parts.config.cable_ends == "attachments"
+        self.rolls = self.exact and parts.attachments.rolls
+        self.layout, self.ends, self.drives = _layout(parts), _ends(parts), _drives(parts)
+        self.pairs = _pairs(parts)
+        count, places = len(graph.nodes), graph.anchors.shape[1]
+        self.count = count
+        self.anchored = np.arange(count, count + places), np.full(places, self.layout.first)
+        self.head = frames.bodies + frames.single
+
+    def features(
+        self,
+        state: MechanicalState,
+        origin: Tensor,
+        controls: Tensor,
+        dataset: Tensor,
+        ground: Ground,
+    ) -> GraphFeatures:
+        """See `Step`."""
+        given = state.frames, state.velocities, state.winch
+        body, cable, contact, pair, anchor, touching, normal = _Features.apply(
+            self, *given, state.sides, origin, ground
+        )
+        nodes, edges = {"body_node": body}, {"cable": cable}
+        if len(self.anchored[0]):
+            nodes["anchor_node"] = anchor
+        if "body" in self.graph.relations:
+            edges = {"body": pair, **edges}
+        if self.graph.ground >= 0:
+            nodes["ground_node"], edges["contact"] = normal, contact
+        return GraphFeatures(nodes, edges, controls, touching, dataset)
+
+    def advance(
+        self, state: MechanicalState, origin: Tensor, said: Prediction, commands: Tensor
+    ) -> tuple[MechanicalState, Motion]:
+        """See `Step`."""
+        winding = torch.zeros_like(commands) if said.winch is None else said.winch
+        fitted, velocities, winch, speed = _Advance.apply(
+            self, state.frames, state.velocities, state.winch, said.velocity, winding, commands
+        )
+        sides = state.sides
+        if sides is not None:
+            sides = self._follow(fitted[:, -1], sides, origin, winch[-1])
+        after = MechanicalState(fitted[:, -1], speed, winch[-1], sides)
+        return after, (fitted, velocities, winch)
+
+    @torch.no_grad()
+    def _follow(self, frames: Tensor, sides: Tensor, origin: Tensor, winch: Tensor) -> Tensor:
+        """The rods' sides after a small motion, as `Attachments.follow` gives them."""
+        attachments = self.parts.attachments
+        axes, sides = frames[:, attachments.axes].contiguous(), sides.contiguous()
+        found = torch.empty_like(axes)
+        if not self.rolls:
+            ends.upright(axes.numpy(), sides.numpy(), found.numpy())
+            return found
+        anchors = self.graph.anchors_from(origin, frames.shape[-1])
+        along = torch.matmul(attachments.along, torch.cat([frames, anchors], dim=1))
+        rest = attachments.rest(winch)
+        ends.settle(self.ends, *_arrays(axes, sides, along, rest, found))
+        return found
+
+
+# --- features -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Intermediate values of one call; arrays as the kernels take them.
+
+    `unit` to `turning` are None unless cables end beside rods.
+    """
+
+    vectors: Tensor
+    speeds: Tensor
+    heading: Tensor
+    normal: Tensor
+    nodes: Tensor
+    end_places: Tensor
+    end_speeds: Tensor
+    sides: Tensor | None
+    axes: Tensor | None
+    unit: Tensor | None
+    across: Tensor | None
+    turning: Tensor | None
+
+
+class _Features(torch.autograd.Function):
+    """Features of body nodes, cable, contact and body edges, and anchors, from a state."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        step: CompiledStep,
+        frames: Tensor,
+        velocities: Tensor,
+        winch: Tensor,
+        sides: Tensor | None,
+        origin: Tensor,
+        ground: Ground,
+    ) -> tuple[Tensor, ...]:
+        layout, samples = step.layout, frames.shape[-1]
+        seen, height = _seen(step, frames, velocities, sides, origin, ground)
+        vectors, speeds, heading, normal, nodes = _arrays(
+            seen.vectors, seen.speeds, seen.heading, seen.normal, seen.nodes
+        )
+        body = torch.empty(14 if layout.configured else 4, step.count, samples)
+        touching = torch.empty(step.count, samples)
+        features.of_nodes(
+            layout, vectors, speeds, heading, height.numpy(), normal, *_arrays(body, touching)
+        )
+        rest = step.graph.rest_lengths(winch)
+        cable = torch.empty(18 if step.exact else 10, len(rest), samples)
+        ended = _arrays(seen.end_places, seen.end_speeds, rest)
+        features.of_cables(layout, nodes, *ended, heading, cable.numpy())
+        contact = torch.empty(8, len(layout.contacts), samples)
+        features.of_contacts(layout, speeds, heading, normal, body.numpy(), contact.numpy())
+        pair = torch.empty(3, len(step.pairs[0]), samples)
+        features.of_pairs(*step.pairs, nodes, heading, pair.numpy())
+        anchor = torch.empty(4, len(step.anchored[0]), samples)
+        features.of_pairs(*step.anchored, nodes, heading, anchor.numpy())
+        anchor[3] = torch.linalg.vector_norm(anchor[:3], dim=0)
+        upward = torch.empty(3, 1, samples)
+        features.turn(normal, layout.first, heading, upward.numpy(), 0, 0)
+        ctx.step, ctx.seen = step, seen
+        ctx.save_for_backward(body, cable, anchor)
+        ctx.mark_non_differentiable(touching, upward)
+        return body, cable, contact, pair, anchor, touching, upward
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        step, seen, (body, cable, anchor) = ctx.step, ctx.seen, ctx.saved_tensors
+        layout = step.layout
+        g_body, g_cable, g_contact, g_pair, g_anchor = (g.contiguous() for g in gradients[:5])
+        g_body = g_body.clone()
+        g_heading, g_vectors = torch.zeros_like(seen.heading), torch.zeros_like(seen.vectors)
+        g_speeds, g_nodes = torch.zeros_like(seen.speeds), torch.zeros_like(seen.nodes)
+        g_ends = torch.zeros_like(seen.end_places) if step.exact else g_nodes
+        g_end_speeds = torch.zeros_like(seen.end_speeds)
+        g_rest = torch.zeros_like(cable[0])
+        vectors, speeds, heading, normal, nodes, g_h = _arrays(
+            seen.vectors, seen.speeds, seen.heading, seen.normal, seen.nodes, g_heading
+        )
+        features.of_contacts_adjoint(
+            layout, g_contact.numpy(), speeds, heading, normal, *_arrays(g_body, g_speeds), g_h
+        )
+        features.of_pairs_adjoint(*step.pairs, g_pair.numpy(), nodes, heading, g_nodes.numpy(), g_h)
+        if len(step.anchored[0]):
+            g_way = g_anchor[:3] + g_anchor[3] * anchor[:3] / anchor[3]
+            features.of_pairs_adjoint(
+                *step.anchored, g_way.numpy(), nodes, heading, g_nodes.numpy(), g_h
+            )
+        ended = _arrays(seen.end_places, seen.end_speeds)
+        grown = _arrays(g_nodes, g_ends, g_end_speeds, g_rest)
+        features.of_cables_adjoint(
+            layout, g_cable.numpy(), nodes, *ended, heading, cable.numpy(), *grown, g_h
+        )
+        g_frames = torch.zeros(3, step.maps.shape[1], body.shape[-1])
+        _end_gradients(step, seen, g_ends, g_end_speeds, g_frames, g_speeds)
+        g_vectors[:, : step.count] += g_nodes[:, : step.count]
+        features.of_nodes_adjoint(
+            layout, g_body.numpy(), vectors, speeds, heading, normal, body.numpy(),
+            *_arrays(g_vectors, g_speeds), g_h,
+        )  # fmt: skip
+        features.heading_adjoint(layout, vectors, heading, g_h, g_vectors.numpy())
+        g_frames += torch.matmul(step.maps.t(), g_vectors)
+        winches = len(step.drives.keep)
+        g_winch = torch.zeros(winches + 1, body.shape[-1])
+        g_winch.index_add_(0, step.graph.cable_winch, g_rest)
+        return None, g_frames, g_speeds, g_winch[:winches], None, None, None
+
+
+def _seen(
+    step: CompiledStep,
+    frames: Tensor,
+    velocities: Tensor,
+    sides: Tensor | None,
+    origin: Tensor,
+    ground: Ground,
+) -> tuple[_Seen, Tensor]:
+    """Places and velocities of nodes and ends, and (N, K) the height of the ground [m]."""
+    graph, samples, count = step.graph, frames.shape[-1], step.count
+    vectors, speeds = torch.matmul(step.maps, frames), velocities.contiguous()
+    heading = torch.empty(2, samples)
+    features.heading(step.layout, *_arrays(vectors, heading))
+    if graph.robot.grounded:
+        height, normal = ground(vectors[:2, :count] + origin[:, None])
+    else:
+        height, normal = torch.zeros(1, 1), torch.zeros(3, 1, 1)
+    anchors = graph.anchors_from(origin, samples)
+    nodes = torch.cat([vectors[:, :count], anchors], dim=1)
+    places, moving = nodes, torch.cat([speeds, torch.zeros_like(anchors)], dim=1)
+    axes = unit = across = turning = None
+    if step.exact:
+        attachments = step.parts.attachments
+        places = torch.matmul(attachments.along, torch.cat([frames, anchors], dim=1))
+        moving = torch.matmul(attachments.of_nodes, speeds)
+    if step.rolls:
+        assert sides is not None
+        axes, sides = frames[:, attachments.axes].contiguous(), sides.contiguous()
+        turning = torch.matmul(attachments.axes_of_nodes, speeds)
+        unit, across = torch.empty_like(axes), torch.empty_like(places)
+        ends.upright(*_arrays(axes, sides, unit))
+        ends.beside(step.ends, *_arrays(axes, unit, across))
+        ends.complete(step.ends, *_arrays(axes, turning, across, places, moving))
+    shape = count, samples
+    normal = normal.expand(3, *shape).contiguous()
+    seen = _Seen(
+        vectors, speeds, heading, normal, nodes, places, moving, sides, axes, unit, across, turning
+    )
+    return seen, height.expand(shape).contiguous()
+
+
+def _end_gradients(
+    step: CompiledStep,
+    seen: _Seen,
+    g_ends: Tensor,
+    g_end_speeds: Tensor,
+    g_frames: Tensor,
+    g_speeds: Tensor,
+) -> None:
+    """Add the gradients that come by the cables' ends to those of the frames and of the velocities."""
+    if not step.exact:
+        g_speeds += g_end_speeds[:, : step.count]
+        return
+    attachments = step.parts.attachments
+    if step.rolls:
+        assert seen.axes is not None and seen.sides is not None and seen.turning is not None
+        assert seen.unit is not None and seen.across is not None
+        g_axes, g_unit = torch.zeros_like(seen.axes), torch.zeros_like(seen.axes)
+        g_turning = torch.zeros_like(seen.axes)
+        known = _arrays(seen.axes, seen.turning, seen.unit, seen.across)
+        wanted = _arrays(g_ends, g_end_speeds, g_unit, g_axes, g_turning)
+        ends.complete_adjoint(step.ends, *known, *wanted)
+        ends.upright_adjoint(*_arrays(seen.axes, seen.sides, seen.unit, g_unit, g_axes))
+        g_frames[:, attachments.axes] += g_axes
+        g_speeds += torch.matmul(attachments.axes_of_nodes.t(), g_turning)
+    g_speeds += torch.matmul(attachments.of_nodes.t(), g_end_speeds)
+    g_frames += torch.matmul(attachments.along.t(), g_ends)[:, : g_frames.shape[1]]
+
+
+# --- integration --------------------------------------------------------------------------------
+
+
+class _Advance(torch.autograd.Function):
+    """Frames, velocities and winch positions of a chunk, and the nodes' velocities at its end."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        step: CompiledStep,
+        frames: Tensor,
+        velocities: Tensor,
+        winch: Tensor,
+        change: Tensor,
+        winding: Tensor,
+        commands: Tensor,
+    ) -> tuple[Tensor, ...]:
+        layout, dt, of = step.layout, step.config.dt, step.parts.frames
+        velocities, winch, change, winding, commands = (
+            x.contiguous() for x in (velocities, winch, change, winding, commands)
+        )
+        places = torch.matmul(of.to_nodes, frames)
+        heading = torch.empty(2, frames.shape[-1])
+        features.heading(layout, *_arrays(places, heading))
+        fast, free = torch.empty_like(change), torch.empty_like(change)
+        given = _arrays(velocities, change, heading)
+        motion.integrate(*given, dt, *_arrays(places, fast, free))
+        raw = torch.matmul(of.from_nodes, free)
+        rigid = raw.clone()
+        motion.unit_axes(of.bodies, step.head, rigid.numpy())
+        if of.triple:
+            rigid[:, :, step.head :] = _rotations(raw[:, :, step.head :], of.triple)
+        before = rigid[:, -2] if len(commands) > 1 else frames
+        speed = torch.matmul(of.to_nodes, (rigid[:, -1] - before) / dt)
+        nominal, wound = torch.empty_like(commands), torch.empty_like(commands)
+        motion.wind(step.drives, *_arrays(winch, commands, winding, nominal, wound))
+        ctx.step, ctx.known = (
+            step,
+            (places, heading, winch, change, winding, commands, raw, nominal),
+        )
+        return rigid, fast, wound, speed
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        step, of = ctx.step, ctx.step.parts.frames
+        places, heading, winch, change, winding, commands, raw, nominal = ctx.known
+        g_rigid, g_fast, g_wound, g_speed = gradients
+        g_rigid, g_fast = g_rigid.clone(), g_fast.clone()
+        g_frames = torch.zeros(3, raw.shape[2], raw.shape[3])
+        g_last = torch.matmul(of.to_nodes.t(), g_speed) / step.config.dt
+        g_rigid[:, -1] += g_last
+        (g_rigid[:, -2] if len(commands) > 1 else g_frames).sub_(g_last)
+        if of.triple:
+            g_rigid[:, :, step.head :] = _rotations_adjoint(
+                raw[:, :, step.head :], of.triple, g_rigid[:, :, step.head :]
+            )
+        motion.unit_axes_adjoint(of.bodies, step.head, *_arrays(raw, g_rigid))
+        g_free = torch.matmul(of.from_nodes.t(), g_rigid)
+        g_places, g_heading = torch.zeros_like(places), torch.zeros_like(heading)
+        g_speeds, g_change = torch.zeros_like(places), torch.zeros_like(change)
+        grown = _arrays(g_fast, g_free, g_speeds, g_change, g_heading, g_places)
+        motion.integrate_adjoint(*_arrays(change, heading), step.config.dt, *grown)
+        features.heading_adjoint(step.layout, *_arrays(places, heading, g_heading, g_places))
+        g_frames += torch.matmul(of.to_nodes.t(), g_places)
+        g_winch, g_winding = torch.zeros_like(winch), torch.zeros_like(winding)
+        known = _arrays(winch, commands, winding, nominal, g_wound.contiguous())
+        motion.wind_adjoint(step.drives, *known, *_arrays(g_winch, g_winding))
+        return None, g_frames, g_speeds, g_winch, g_change, g_winding, None
+
+
+def _rotations(raw: Tensor, count: int) -> Tensor:
+    """Vectors (3, n, 3 B, K) of bodies with three, made orthonormal."""
+    return nearest_rotation(raw.unflatten(-2, (3, count))).flatten(-3, -2)
+
+
+@torch.enable_grad()
+def _rotations_adjoint(raw: Tensor, count: int, gradient: Tensor) -> Tensor:
+    raw = raw.detach().requires_grad_()
+    return torch.autograd.grad(_rotations(raw, count), raw, gradient)[0]
+
+
+# --- constants ----------------------------------------------------------------------------------
+
+
+def _layout(parts: Parts) -> features.Layout:
+    config, graph = parts.config, parts.graph
+    length, count = graph.robot.length, len(graph.nodes)
+    cable, contact = graph.relations["cable"], graph.relations.get("contact")
+    radius = graph.radius[:, 0] if graph.robot.grounded else torch.zeros(count)
+    return features.Layout(
+        turning=int(config.yaw_frame),
+        configured=int(config.config_features),
+        exact=int(config.cable_ends == "attachments"),
+        vertical=1e-3 * length,
+        clamp=config.ground_clamp * length,
+        near=config.contact_threshold * length,
+        first=int(graph.designated[0]),
+        second=int(graph.designated[1]),
+        radius=_float(radius),
+        senders=cable.senders.numpy(),
+        receivers=cable.receivers.numpy(),
+        ends=cable.origin.numpy(),
+        stiffness=_float(graph.stiffness[:, 0]),
+        damping=_float(graph.damping[:, 0]),
+        contacts=np.zeros(0, np.int64) if contact is None else contact.origin.numpy() % count,
+        signs=np.zeros(0, np.float32) if contact is None else _float(contact.constants[:, 0]),
+    )
+
+
+def _ends(parts: Parts) -> ends.Ends:
+    attachments = parts.attachments
+    rods, count = len(attachments.on_rod), len(attachments.rod)
+    rod = np.full(count, -1)
+    across = np.zeros((count, 2), np.float32)
+    for r, here in enumerate(attachments.on_rod):
+        rod[here] = r
+        across[here] = attachments.across[here][:, [r, rods + r]]
+    sizes = [len(here) for here in attachments.on_rod]
+    on_rod = [here.numpy() for here in attachments.on_rod]
+    return ends.Ends(
+        rod=rod,
+        across=across,
+        starts=np.cumsum([0, *sizes]),
+        on_rod=np.concatenate([np.zeros(0, np.int64), *on_rod]),
+        stiffness=_float(attachments.stiffness[:, 0]),
+        bound=_float(attachments.bound[:, 0]),
+    )
+
+
+def _drives(parts: Parts) -> motion.Drives:
+    winches = parts.winches
+    stands = parts.config.winch == "learned"
+    keep = torch.ones_like(winches.gain) if winches.keep is None or stands else winches.keep
+    gain = torch.zeros_like(winches.gain) if stands else winches.gain
+    columns = keep, gain, winches.rest_low, winches.rest_high
+    return motion.Drives(*(_float(column[:, 0]) for column in columns))
+
+
+def _pairs(parts: Parts) -> tuple[Any, Any]:
+    body = parts.graph.relations.get("body")
+    none = np.zeros(0, np.int64)
+    return (none, none) if body is None else (body.senders.numpy(), body.receivers.numpy())
+
+
+def _float(column: Tensor) -> Any:
+    return np.ascontiguousarray(column, np.float32)
+
+
+def _arrays(*tensors: Tensor) -> tuple[Any, ...]:
+    return tuple(tensor.numpy() for tensor in tensors)

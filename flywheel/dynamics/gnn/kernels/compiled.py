@@ -1,0 +1,56 @@
+"""How the kernels are compiled: once per machine, for loops over samples that need no Python.
+
+A kernel computes on the processor what torch operations of `features`, `attachments`, `rigid`,
+`winches` and `fused` compute, in one pass through the data. Those remain the readable form, and serve
+other devices; a test holds the two together. Loops over samples are innermost and contiguous, so that
+they become vector instructions.
+
+Arrays are float32 and component-major, (C, M, K) for C components of M items of K samples. `x_adjoint`
+is the adjoint of `x`: it takes gradients of the outputs and *adds* to those of the inputs, whose names
+begin with `g_`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+F = NDArray[np.float32]
+Index = NDArray[np.int64]
+
+# Sums may be taken in another order; NaN and infinity keep their meaning.
+_FAST = {"contract", "nsz", "arcp", "afn", "reassoc"}
+
+SMALL = np.float32(1e-18)  # [m^2] least squared length of a vector
+SMALL_AXIS = np.float32(1e-12)  # least squared length of one that is made a unit vector
+ONE = np.float32(1.0)
+ZERO = np.float32(0.0)
+
+compiled: Any = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+
+
+@compiled
+def norm(x: float, y: float, z: float, least: float) -> float:
+    """Length of a vector, whose square is at least `least`."""
+    return math.sqrt(max(x * x + y * y + z * z, least))
+
+
+@compiled
+def difference(a: F, i: int, b: F, j: int, out: F) -> None:
+    """Vectors (3, K) from item j of `b` to item i of `a`."""
+    for c in range(3):
+        for k in range(out.shape[1]):
+            out[c, k] = a[c, i, k] - b[c, j, k]
+
+
+@compiled
+def add(g: F, sign: float, g_out: F, m: int) -> None:
+    """Adds `sign` times vectors (3, K) to item m."""
+    factor = np.float32(sign)
+    for c in range(3):
+        for k in range(g.shape[1]):
+            g_out[c, m, k] += factor * g[c, k]

@@ -1,0 +1,114 @@
+"""Compiled kernels compute what torch operations compute, gradients too, and keep nothing afterwards."""
+
+import gc
+
+import numpy as np
+import pytest
+import torch
+
+from flywheel.dynamics.gnn import ChunkNetwork, NetworkConfig, Simulator
+from flywheel.dynamics.gnn.compiled_network import CompiledForward, prepared
+from flywheel.dynamics.gnn.fused import FusedForward
+from flywheel.dynamics.gnn.ground import ground_of
+from flywheel.dynamics.gnn.step import TorchStep
+from flywheel.terrain import Terrain
+
+WIDTH = 16
+CONFIGS = {
+    "lean": NetworkConfig.lean(width=WIDTH),
+    "paper": NetworkConfig.paper(width=WIDTH),
+    "in primitives": NetworkConfig.lean(width=WIDTH, decomposition="primitives"),
+    "in world axes": NetworkConfig.lean(width=WIDTH, yaw_frame=False),
+    "with cables between nodes": NetworkConfig.lean(width=WIDTH, cable_ends="nodes"),
+    "without config features": NetworkConfig.lean(width=WIDTH, config_features=False),
+    "without contact edges": NetworkConfig.lean(width=WIDTH, contact_edges=False),
+    "with a learned winch": NetworkConfig.lean(width=WIDTH, winch="learned"),
+    "with an analytic winch": NetworkConfig.lean(width=WIDTH, winch="analytic"),
+    "of one step": NetworkConfig.lean(width=WIDTH, chunk=1),
+}
+CASES = [("prism3", name) for name in CONFIGS]
+CASES += [("icosa6", "lean"), ("platform4", "lean"), ("platform4", "with cables between nodes")]
+
+
+def hills(seed):
+    heights = 0.3 * np.random.default_rng(seed).random((9, 9))
+    return ground_of([Terrain(heights, 1.0, (-4.0, -4.0))])
+
+
+def gradients(simulator, network, window, ground):
+    """(prediction, name of a weight -> gradient) of one loss over two and a half chunks."""
+    network.zero_grad()
+    unrolled = simulator.unroll(network, *window.arguments(), ground)
+    losses = (
+        part.square().mean() / part.detach().square().mean()
+        for part in (unrolled.node_positions, unrolled.velocities, unrolled.winch)
+    )
+    sum(losses).backward()
+    return unrolled, {
+        n: p.grad.clone() for n, p in network.named_parameters() if p.grad is not None
+    }
+
+
+def gap(ours, theirs):
+    ours, theirs = ours.detach(), theirs.detach()
+    return float((ours - theirs).norm() / theirs.norm().clamp(min=1e-9))
+
+
+@pytest.mark.parametrize(("robot", "name"), CASES)
+def test_kernels_and_torch_agree_and_so_do_their_gradients(
+    robots, make_network, make_window, seed, robot, name
+):
+    """In two of three draws: a unit that rounding puts on either side of its kink parts the third."""
+    robot, config, apart = robots[robot], CONFIGS[name], []
+    for draw in range(seed, seed + 3):
+        network, window = make_network(robot, config, draw), make_window(robot, config, draw)
+        ground = hills(draw)
+        plain = Simulator(robot, config, prepare=FusedForward, step=TorchStep)
+        wanted, theirs = gradients(plain, network, window, ground)
+        found, ours = gradients(Simulator(robot, config), network, window, ground)
+        assert gap(found.node_positions, wanted.node_positions) < 1e-4, draw
+        assert gap(found.velocities, wanted.velocities) < 1e-3, draw
+        torch.testing.assert_close(found.winch, wanted.winch, rtol=1e-5, atol=1e-6)
+        assert ours.keys() == theirs.keys() and len(ours) > 20
+        largest = max(each.norm() for each in theirs.values())
+        apart.append(
+            [
+                n
+                for n in ours
+                if (ours[n] - theirs[n]).norm() > 1e-4 * theirs[n].norm() + 1e-6 * largest
+            ]
+        )
+    assert sum(not weights for weights in apart) >= 2, (seed, apart)
+
+
+def test_the_default_network_is_compiled_and_others_are_not(robots, make_network):
+    def forward(name):
+        network = make_network(robots["prism3"], CONFIGS[name], 0)
+        return prepared(network, Simulator(robots["prism3"], network.config).parts().graph)
+
+    assert isinstance(forward("lean"), CompiledForward)
+    assert isinstance(forward("paper"), FusedForward)
+
+
+def test_nothing_of_a_training_step_waits_for_the_garbage_collector(
+    robots, make_network, make_window
+):
+    robot, config = robots["prism3"], CONFIGS["lean"]
+    network: ChunkNetwork = make_network(robot, config, 0)
+    simulator, window = Simulator(robot, config), make_window(robot, config, 0)
+
+    def step():
+        unrolled = simulator.unroll(network, *window.arguments())
+        torch.autograd.grad(unrolled.points.sum(), list(network.parameters()), allow_unused=True)
+
+    step()
+    gc.collect()
+    gc.set_debug(gc.DEBUG_SAVEALL)
+    try:
+        step()
+        gc.collect()
+        left = [each for each in gc.garbage if isinstance(each, torch.Tensor)]
+    finally:
+        gc.set_debug(0)
+        gc.garbage.clear()
+    assert left == []
