@@ -52,7 +52,7 @@ class _Relation:
     receivers: Tensor
 
     def upto(self, receivers: int) -> tuple[Any, ...]:
-        """What `pass_messages` needs for the first receivers."""
+        """Arguments of `pass_messages` for the first receivers."""
         return self.starts[:receivers], self.stops[:receivers], self.senders, self.node
 
 
@@ -293,10 +293,10 @@ class _Chunk(torch.autograd.Function):
         g_encoded = (g_gates @ weights["gates"].t()).view(nodes, samples, width)
         g_shown = _encoder_adjoint(grown, "nodes", weights, tape.shown, tape.encoded, g_encoded)
         g_still = g_nodes[rows:].view(-1, samples, width) if ctx.stands else None
-        g_edges = _edges_adjoint(net, tape, weights, grown)
+        g_controls, g_edges = _edges_adjoint(net, tape, weights, grown)
         g_weights = (grown.get(name) for name in ctx.names)
         g_memory = g_before, g_cell if ctx.remembers else None
-        return None, None, None, g_shown, g_still, None, *g_memory, *g_edges, *g_weights
+        return None, None, None, g_shown, g_still, g_controls, *g_memory, *g_edges, *g_weights
 
 
 def _activate(x: Tensor, bias: Tensor, driven: Tensor | None = None, which: Any = None) -> None:
@@ -343,7 +343,8 @@ def _encode_edges(net: CompiledForward, tape: _Tape, weights: dict[str, Tensor])
 
 def _edges_adjoint(
     net: CompiledForward, tape: _Tape, weights: dict[str, Tensor], grown: dict[str, Tensor]
-) -> list[Tensor]:
+) -> tuple[Tensor, list[Tensor]]:
+    """Gradients of the controls, and of each relation's features."""
     samples, width = tape.touching.shape[1], net.config.width
     found = []
     for i, relation in enumerate(net.relations):
@@ -357,7 +358,8 @@ def _edges_adjoint(
             driven.index_add_(0, net.graph.cable_winch, g_code)
             flat = driven[:-1].reshape(-1, width)
             grown["controls"] = tape.controls.flatten(0, 1).t() @ flat
-    return found
+            g_controls = (flat @ weights["controls"].t()).view_as(tape.controls)
+    return g_controls, found
 
 
 def _receivers(net: CompiledForward, relation: _Relation, final: bool) -> int:

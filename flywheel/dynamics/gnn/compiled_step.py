@@ -64,8 +64,9 @@ class CompiledStep:
     ) -> tuple[MechanicalState, Motion]:
         """See `Step`."""
         winding = torch.zeros_like(commands) if said.winch is None else said.winch
-        fitted, velocities, winch, speed = _Advance.apply(
-            self, state.frames, state.velocities, state.winch, said.velocity, winding, commands
+        winch = _Wind.apply(self.drives, state.winch, commands, winding)
+        fitted, velocities, speed = _Advance.apply(
+            self, state.frames, state.velocities, said.velocity
         )
         sides = state.sides
         if sides is not None:
@@ -271,23 +272,14 @@ def _end_gradients(
 
 
 class _Advance(torch.autograd.Function):
-    """Frames, velocities and winch positions of a chunk, and the nodes' velocities at its end."""
+    """Frames and velocities of a chunk, and the nodes' velocities at its end."""
 
     @staticmethod
     def forward(
-        ctx: Any,
-        step: CompiledStep,
-        frames: Tensor,
-        velocities: Tensor,
-        winch: Tensor,
-        change: Tensor,
-        winding: Tensor,
-        commands: Tensor,
+        ctx: Any, step: CompiledStep, frames: Tensor, velocities: Tensor, change: Tensor
     ) -> tuple[Tensor, ...]:
         layout, dt, of = step.layout, step.config.dt, step.parts.frames
-        velocities, winch, change, winding, commands = (
-            x.contiguous() for x in (velocities, winch, change, winding, commands)
-        )
+        velocities, change = velocities.contiguous(), change.contiguous()
         places = torch.matmul(of.to_nodes, frames)
         heading = torch.empty(2, frames.shape[-1])
         features.heading(layout, *_arrays(places, heading))
@@ -299,26 +291,21 @@ class _Advance(torch.autograd.Function):
         motion.unit_axes(of.bodies, step.head, rigid.numpy())
         if of.triple:
             rigid[:, :, step.head :] = _rotations(raw[:, :, step.head :], of.triple)
-        before = rigid[:, -2] if len(commands) > 1 else frames
+        before = rigid[:, -2] if change.shape[1] > 1 else frames
         speed = torch.matmul(of.to_nodes, (rigid[:, -1] - before) / dt)
-        nominal, wound = torch.empty_like(commands), torch.empty_like(commands)
-        motion.wind(step.drives, *_arrays(winch, commands, winding, nominal, wound))
-        ctx.step, ctx.known = (
-            step,
-            (places, heading, winch, change, winding, commands, raw, nominal),
-        )
-        return rigid, fast, wound, speed
+        ctx.step, ctx.known = step, (places, heading, change, raw)
+        return rigid, fast, speed
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         step, of = ctx.step, ctx.step.parts.frames
-        places, heading, winch, change, winding, commands, raw, nominal = ctx.known
-        g_rigid, g_fast, g_wound, g_speed = gradients
+        places, heading, change, raw = ctx.known
+        g_rigid, g_fast, g_speed = gradients
         g_rigid, g_fast = g_rigid.clone(), g_fast.clone()
-        g_frames = torch.zeros(3, raw.shape[2], raw.shape[3])
+        g_frames = torch.zeros(3, *raw.shape[2:])
         g_last = torch.matmul(of.to_nodes.t(), g_speed) / step.config.dt
         g_rigid[:, -1] += g_last
-        (g_rigid[:, -2] if len(commands) > 1 else g_frames).sub_(g_last)
+        (g_rigid[:, -2] if change.shape[1] > 1 else g_frames).sub_(g_last)
         if of.triple:
             g_rigid[:, :, step.head :] = _rotations_adjoint(
                 raw[:, :, step.head :], of.triple, g_rigid[:, :, step.head :]
@@ -331,10 +318,29 @@ class _Advance(torch.autograd.Function):
         motion.integrate_adjoint(*_arrays(change, heading), step.config.dt, *grown)
         features.heading_adjoint(step.layout, *_arrays(places, heading, g_heading, g_places))
         g_frames += torch.matmul(of.to_nodes.t(), g_places)
-        g_winch, g_winding = torch.zeros_like(winch), torch.zeros_like(winding)
-        known = _arrays(winch, commands, winding, nominal, g_wound.contiguous())
-        motion.wind_adjoint(step.drives, *known, *_arrays(g_winch, g_winding))
-        return None, g_frames, g_speeds, g_winch, g_change, g_winding, None
+        return None, g_frames, g_speeds, g_change
+
+
+class _Wind(torch.autograd.Function):
+    """Winch positions of a chunk."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, drives: motion.Drives, start: Tensor, commands: Tensor, change: Tensor
+    ) -> Tensor:
+        start, commands, change = (x.contiguous() for x in (start, commands, change))
+        nominal, wound = torch.empty_like(commands), torch.empty_like(commands)
+        motion.wind(drives, *_arrays(start, commands, change, nominal, wound))
+        ctx.drives, ctx.known = drives, (start, commands, change, nominal)
+        return wound
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        start, commands, change, _ = ctx.known
+        found = tuple(torch.zeros_like(x) for x in (start, commands, change))
+        known = _arrays(*ctx.known, gradients[0].contiguous())
+        motion.wind_adjoint(ctx.drives, *known, *_arrays(*found))
+        return None, *found
 
 
 def _rotations(raw: Tensor, count: int) -> Tensor:

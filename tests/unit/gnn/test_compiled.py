@@ -1,5 +1,6 @@
 """Compiled kernels compute what torch operations compute, gradients too, and keep nothing afterwards."""
 
+import dataclasses
 import gc
 
 import numpy as np
@@ -36,8 +37,10 @@ def hills(seed):
 
 
 def gradients(simulator, network, window, ground):
-    """(prediction, name of a weight -> gradient) of one loss over two and a half chunks."""
+    """(prediction, gradients of one loss by name: of the weights and of the controls)."""
     network.zero_grad()
+    controls = window.controls.clone().requires_grad_()
+    window = dataclasses.replace(window, controls=controls)
     unrolled = simulator.unroll(network, *window.arguments(), ground)
     losses = (
         part.square().mean() / part.detach().square().mean()

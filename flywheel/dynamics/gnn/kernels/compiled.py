@@ -8,6 +8,9 @@ they become vector instructions.
 Arrays are float32 and component-major, (C, M, K) for C components of M items of K samples. `x_adjoint`
 is the adjoint of `x`: it takes gradients of the outputs and *adds* to those of the inputs, whose names
 begin with `g_`.
+
+What is compiled is kept, and compiled anew when the kernel's own file changes. After a change of this
+file, delete the folders `__pycache__` beside it.
 """
 
 from __future__ import annotations
@@ -37,20 +40,3 @@ compiled: Any = njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST
 def norm(x: float, y: float, z: float, least: float) -> float:
     """Length of a vector, whose square is at least `least`."""
     return math.sqrt(max(x * x + y * y + z * z, least))
-
-
-@compiled
-def difference(a: F, i: int, b: F, j: int, out: F) -> None:
-    """Vectors (3, K) from item j of `b` to item i of `a`."""
-    for c in range(3):
-        for k in range(out.shape[1]):
-            out[c, k] = a[c, i, k] - b[c, j, k]
-
-
-@compiled
-def add(g: F, sign: float, g_out: F, m: int) -> None:
-    """Adds `sign` times vectors (3, K) to item m."""
-    factor = np.float32(sign)
-    for c in range(3):
-        for k in range(g.shape[1]):
-            g_out[c, m, k] += factor * g[c, k]

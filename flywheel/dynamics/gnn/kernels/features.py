@@ -13,9 +13,7 @@ from flywheel.dynamics.gnn.kernels.compiled import (
     ZERO,
     F,
     Index,
-    add,
     compiled,
-    difference,
     norm,
 )
 
@@ -56,6 +54,23 @@ class Layout(NamedTuple):
     damping: F
     contacts: Index
     signs: F
+
+
+@compiled
+def difference(a: F, i: int, b: F, j: int, out: F) -> None:
+    """Vectors (3, K) from item j of `b` to item i of `a`."""
+    for c in range(3):
+        for k in range(out.shape[1]):
+            out[c, k] = a[c, i, k] - b[c, j, k]
+
+
+@compiled
+def add(g: F, sign: float, g_out: F, m: int) -> None:
+    """Adds `sign` times vectors (3, K) to item m."""
+    factor = np.float32(sign)
+    for c in range(3):
+        for k in range(g.shape[1]):
+            g_out[c, m, k] += factor * g[c, k]
 
 
 @compiled

@@ -128,7 +128,15 @@ def wind(drives: Drives, start: F, commands: F, change: F, nominal: F, out: F) -
 
 @compiled
 def wind_adjoint(
-    drives: Drives, start: F, commands: F, change: F, nominal: F, g_out: F, g_start: F, g_change: F
+    drives: Drives,
+    start: F,
+    commands: F,
+    change: F,
+    nominal: F,
+    g_out: F,
+    g_start: F,
+    g_commands: F,
+    g_change: F,
 ) -> None:
     """Adjoint of `wind`."""
     steps, count, samples = commands.shape
@@ -142,8 +150,10 @@ def wind_adjoint(
                 passed = g_out[t, w, k] if low <= wanted <= high else ZERO
                 before = start[w, k] if t == 0 else nominal[t - 1, w, k]
                 position = keep * before + gain * commands[t, w, k]
-                back = keep * (carried[k] + passed)
+                back = carried[k] + passed
+                back = back if gain == 0 or low <= position <= high else ZERO
                 g_change[t, w, k] += passed
-                carried[k] = back if gain == 0 or low <= position <= high else ZERO
+                g_commands[t, w, k] += gain * back
+                carried[k] = keep * back
         for k in range(samples):
             g_start[w, k] += carried[k]
