@@ -305,6 +305,12 @@ def _activate(x: Tensor, bias: Tensor, driven: Tensor | None = None, which: Any 
     kernels.activate(bias.numpy(), _NONE if driven is None else driven.numpy(), which, x.numpy())
 
 
+def _through(activated: Tensor, gradient: Tensor) -> Tensor:
+    """The gradient (R, H) before an activation, in place."""
+    kernels.activate_adjoint(activated[None].numpy(), gradient[None].numpy())
+    return gradient
+
+
 def _linear_adjoint(grown: dict[str, Tensor], name: str, rows: Tensor, gradient: Tensor) -> None:
     """The gradients of a layer's weights and bias."""
     grown[name], grown[f"{name} bias"] = rows.t() @ gradient, gradient.sum(0)
@@ -411,7 +417,7 @@ def _pass_adjoint(
     rows = len(g_after)
     activated, gathered = tape.updated[number], tape.gathered[number]
     _linear_adjoint(grown, f"{number} update", activated, g_after)
-    g_sums = torch.where(activated > 0, g_after @ weights[f"{number} update"].t(), 0.0)
+    g_sums = _through(activated, g_after @ weights[f"{number} update"].t())
     _linear_adjoint(grown, f"{number} sums", gathered, g_sums)
     g_gathered = (g_sums @ weights[f"{number} sums"].t()).view(-1, samples, 1 + count, width)
     g_parts = torch.zeros(len(before), samples, 2 * count, width)
@@ -484,7 +490,7 @@ def _decode_adjoint(
     if g_velocity is not None:
         assert tape.decoded is not None
         g = _across_adjoint(grown, "node decoder 1", weights, tape.decoded, g_velocity)
-        g = torch.where(tape.decoded > 0, g, 0.0)
+        g = _through(tape.decoded, g)
         _linear_adjoint(grown, "node decoder 0", tape.nodes[-1].view(-1, width), g)
         g_nodes = g @ weights["node decoder 0"].t()
     if g_winch is not None:
@@ -492,7 +498,7 @@ def _decode_adjoint(
         g = _across_adjoint(grown, "winch decoder 1", weights, tape.averaged, g_winch)
         average = net.graph.winch_average
         g = (average.t() @ g.view(len(average), -1)).view(-1, width)
-        g = torch.where(tape.wound > 0, g, 0.0)
+        g = _through(tape.wound, g)
         _linear_adjoint(grown, "winch decoder 0", _last_messages(net, tape), g)
         g_messages = (g @ weights["winch decoder 0"].t()).view(-1, samples, width).numpy()
     return g_nodes, g_messages

@@ -5,6 +5,8 @@ Arrays are (M, K, H): M nodes or edges of K samples, H numbers wide.
 
 from __future__ import annotations
 
+import numpy as np
+
 from flywheel.dynamics.gnn.kernels.compiled import ONE, ZERO, F, Index, compiled
 
 
@@ -21,11 +23,17 @@ def activate(bias: F, driven: F, which: Index, x: F) -> None:
     count, samples, width = x.shape
     shared = bias.shape[1] == 1
     for m in range(count):
+        w = which[m]
         for k in range(samples):
-            j = 0 if shared else k
+            row, added = x[m, k], bias[m, 0 if shared else k]
             for i in range(width):
-                more = driven[which[m], k, i] if which[m] >= 0 else ZERO
-                x[m, k, i] = max(x[m, k, i] + bias[m, j, i] + more, ZERO)
+                row[i] += added[i]
+            if w >= 0:
+                more = driven[w, k]
+                for i in range(width):
+                    row[i] += more[i]
+            for i in range(width):
+                row[i] = max(row[i], ZERO)
 
 
 @compiled
@@ -108,14 +116,20 @@ def pass_messages(
     sums[:, :, place] = ZERO
     for m in range(len(starts)):
         for e in range(starts[m], stops[m]):
+            s, n = senders[e], node[e]
             for k in range(samples):
-                acts = touching[node[e], k] if node[e] >= 0 else ONE
+                acts = touching[n, k] if n >= 0 else ONE
+                message, sent, received = (
+                    edges[e, k, layer],
+                    parts[s, k, column],
+                    parts[m, k, column + 1],
+                )
                 for i in range(width):
-                    x = edges[e, k, layer, i] + parts[senders[e], k, column, i]
-                    edges[e, k, layer, i] = max(x + parts[m, k, column + 1, i], ZERO)
+                    message[i] = max(message[i] + sent[i] + received[i], ZERO)
                 if m < len(sums):
+                    total = sums[m, k, place]
                     for i in range(width):
-                        sums[m, k, place, i] += acts * edges[e, k, layer, i]
+                        total[i] += acts * message[i]
 
 
 @compiled
@@ -138,19 +152,22 @@ def pass_messages_adjoint(
     `g_messages` (E, K, H) is the gradient of the messages themselves; of size 0 for none.
     """
     samples, width = g_parts.shape[1], g_parts.shape[3]
-    direct = ONE if len(g_messages) else ZERO
+    direct, none = len(g_messages) > 0, np.zeros(width, np.float32)
     for m in range(len(starts)):
         summed = m if m < len(g_sums) else 0
         for e in range(starts[m], stops[m]):
-            also = e if len(g_messages) else 0
+            s, n = senders[e], node[e]
             for k in range(samples):
-                acts = touching[node[e], k] if node[e] >= 0 else ONE
+                acts = touching[n, k] if n >= 0 else ONE
                 acts = acts if m < len(g_sums) else ZERO
+                g, message, more = g_sums[summed, k, place], edges[e, k, layer], none
+                if direct:
+                    more = g_messages[e, k]
+                sent, received = g_parts[s, k, column], g_parts[m, k, column + 1]
                 for i in range(width):
-                    g = acts * g_sums[summed, k, place, i]
-                    if direct > 0:
-                        g += g_messages[also, k, i]
-                    g = g if edges[e, k, layer, i] > 0 else ZERO
-                    edges[e, k, layer, i] = g
-                    g_parts[senders[e], k, column, i] += g
-                    g_parts[m, k, column + 1, i] += g
+                    both = acts * g[i] + more[i]
+                    message[i] = both if message[i] > 0 else ZERO
+                for i in range(width):
+                    sent[i] += message[i]
+                for i in range(width):
+                    received[i] += message[i]
