@@ -115,3 +115,19 @@ def test_nothing_of_a_training_step_waits_for_the_garbage_collector(
         gc.set_debug(0)
         gc.garbage.clear()
     assert left == []
+
+
+@pytest.mark.parametrize("robot", ["prism3", "platform4"])
+def test_positions_of_winches_depend_on_their_commands_alike(
+    robots, make_network, make_window, seed, robot
+):
+    robot, config = robots[robot], CONFIGS["with an analytic winch"]
+    network, window = make_network(robot, config, seed), make_window(robot, config, seed)
+    found = []
+    for how in ({"step": TorchStep}, {}):
+        controls = window.controls.clone().requires_grad_()
+        moved = dataclasses.replace(window, controls=controls)
+        said = Simulator(robot, config, **how).unroll(network, *moved.arguments())
+        found.append(torch.autograd.grad(said.winch.square().sum(), controls)[0])
+    assert found[0].abs().max() > 0
+    torch.testing.assert_close(found[1], found[0], rtol=1e-4, atol=1e-6)
