@@ -1,15 +1,17 @@
 """Two checkouts in turns: how fast the network trains and plans with each, on one thread.
 
-    python -m benchmarks.speed.training BEFORE AFTER --rounds 3
+    python -m benchmarks.speed.training BEFORE AFTER --rounds 3 --precision bfloat16
 
 Prints, for each checkout, windows of 16 prediction chunks that a training step takes per CPU second
 (loss and gradient; the default network of prism3), and CPU seconds of a plan of 200 candidates over 2 s
-with the network: the best of all rounds. The machine should have nothing else to do.
+with the network: the best of all rounds. A checkout that knows no other precision computes in float32.
+The machine should have nothing else to do.
 """
 
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import os
 import subprocess
@@ -18,13 +20,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 CHUNKS, BATCHES = 16, (32, 64, 128)
 CANDIDATES, SECONDS = 200, 2.0
 CALLS = 5  # of which the fastest counts
 
 
-def measured_here() -> dict[str, float]:
+def measured_here(precision: str) -> dict[str, float]:
     """Windows per CPU second by batch, and CPU seconds of a plan, with the package that is imported here."""
     import numpy as np
     import torch
@@ -37,7 +40,9 @@ def measured_here() -> dict[str, float]:
     torch.set_num_threads(1)
     robot, config = load_robot("prism3"), NetworkConfig.lean()
     torch.manual_seed(0)
-    network, simulator = ChunkNetwork(robot, config), Simulator(robot, config)
+    known = "precision" in inspect.signature(Simulator).parameters
+    how: dict[str, Any] = {"precision": precision} if known else {}
+    network, simulator = ChunkNetwork(robot, config), Simulator(robot, config, **how)
     steps, ahead = config.history + CHUNKS * config.chunk, round(SECONDS / config.dt)
     rng = np.random.default_rng(0)
     plant = Plant(robot)
@@ -68,7 +73,7 @@ def measured_here() -> dict[str, float]:
     found = {}
     for batch in BATCHES:
         found[f"windows/s, {batch} at once"] = batch / fastest(trained(batch))
-    model = LearnedDynamics(robot, network)
+    model = LearnedDynamics(robot, network, **how)
     seen = Observation(points[:1, : past + 1], winch[:1, : past + 1])
     start = Past(seen, controls[:1, :past], winch[:1, : past + 1])
     candidates = rng.uniform(low, high, (CANDIDATES, ahead, len(robot.winches)))
@@ -87,10 +92,10 @@ def fastest(call: Callable[[], object]) -> float:
     return min(taken)
 
 
-def of_checkout(root: Path, folder: Path) -> dict[str, float]:
+def of_checkout(root: Path, folder: Path, precision: str) -> dict[str, float]:
     """One round of one checkout."""
     place = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(root)}
-    words = [sys.executable, str(Path(__file__).resolve()), "here"]
+    words = [sys.executable, str(Path(__file__).resolve()), "here", precision]
     done = subprocess.run(words, env=place, cwd=folder, capture_output=True, text=True, check=True)
     found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return found
@@ -98,19 +103,20 @@ def of_checkout(root: Path, folder: Path) -> dict[str, float]:
 
 def main() -> None:
     """See the top."""
-    if sys.argv[1:] == ["here"]:
-        print(json.dumps(measured_here()))
+    if sys.argv[1:2] == ["here"]:
+        print(json.dumps(measured_here(sys.argv[2])))
         return
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     options.add_argument("before", type=Path)
     options.add_argument("after", type=Path)
     options.add_argument("--rounds", type=int, default=3)
+    options.add_argument("--precision", choices=("float32", "bfloat16"), default="float32")
     given = options.parse_args()
     rounds: list[list[dict[str, float]]] = []
     with TemporaryDirectory() as folder:
         for _ in range(given.rounds):
             both = (given.before.resolve(), given.after.resolve())
-            rounds.append([of_checkout(root, Path(folder)) for root in both])
+            rounds.append([of_checkout(root, Path(folder), given.precision) for root in both])
     for name in rounds[0][0]:
         best = max if name.startswith("windows") else min
         before, after = (best(each[i][name] for each in rounds) for i in (0, 1))

@@ -1,7 +1,7 @@
 """The files behind a window cache: flat arrays in a folder, made at once and checked when opened.
 
-<folder>/<snapshot>-<split>-<belief>-v2/about.json   what it is of, with the sha256 of every file
-<folder>/<snapshot>-<split>-<belief>-v2/<array>.npy
+<folder>/<snapshot>-<split>-<belief>-v3/about.json   what it is of, with the sha256 of every file
+<folder>/<snapshot>-<split>-<belief>-v3/<array>.npy
 """
 
 from __future__ import annotations
@@ -23,15 +23,24 @@ from flywheel.data.store import TrajectoryStore
 from flywheel.errors import DataError
 from flywheel.files import read_bytes
 from flywheel.records import Episode, Floats, KnownWinch, Split
-from flywheel.robots import Robot
+from flywheel.robots import GRAVITY, Robot
 from flywheel.seals import Seal, check_seal, file_sha256, sealed, unsealed
+from flywheel.smoothing import savitzky_golay
 from flywheel.terrain import Terrain
 
-VERSION = 2  # version of the arrays' meaning
-ROWS = ("points", "winch", "winch_truth", "controls", "valid")  # one row per observation
+VERSION = 3  # version of the arrays' meaning
+ROWS = (  # one row per observation
+    "points",
+    "points_truth",
+    "winch",
+    "winch_truth",
+    "controls",
+    "valid",
+)
 EPISODES = ("lengths", "dataset")
 ARRAYS = (*ROWS, *EPISODES, *TERRAINS)
 _ABOUT = "about.json"
+_SMOOTHED = 0.3  # length of the parabolas that smooth measured points [sqrt(L / g)]
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -178,12 +187,28 @@ def _check_listed(episode: Episode, listed: EpisodeSummary) -> None:
 def _columns(episode: Episode, robot: Robot, winches: KnownWinch) -> Arrays:
     track = episode.trajectory
     seen = track.observations
-    truth = seen.winch if track.states is None else robot.winch_of(track.states)
+    points, winch = _smoothed(seen.points, track.dt, robot), seen.winch
+    if track.states is not None:
+        winch = robot.winch_of(track.states)
+        points = robot.points_of(track.states) if robot.free else points
     columns: dict[str, Floats] = {
         "points": seen.points,
+        "points_truth": points,
         "winch": winches(episode),
-        "winch_truth": truth,
+        "winch_truth": winch,
         "controls": np.concatenate([track.controls, np.zeros_like(track.controls[:1])]),
     }
     arrays: Arrays = {name: values.astype(np.float32) for name, values in columns.items()}
     return arrays | {"valid": seen.valid}
+
+
+def _smoothed(points: Floats, dt: float, robot: Robot) -> Floats:
+    """Measured points (T + 1, P, 3) without most of their noise; NaN stays.
+
+    Noise of a millimetre at a hundredth of a second is more speed than a robot changes in a chunk.
+    """
+    known = np.asarray(np.isfinite(points).all(axis=-1))
+    if not known.any(axis=0).all():
+        return points
+    smooth, _ = savitzky_golay(points, dt, _SMOOTHED * (robot.length / GRAVITY) ** 0.5)
+    return np.where(known[..., None], smooth, points)

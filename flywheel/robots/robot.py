@@ -145,6 +145,14 @@ class Robot:
         """Winch positions (..., W) of a plant's state [m]."""
         return state.act[..., [w.activation for w in self.winches]]
 
+    def points_of(self, state: State) -> Floats:
+        """Tracked points (..., P, 3) of a plant's state [m]; of a robot of free bodies."""
+        poses = state.qpos.reshape(*state.qpos.shape[:-1], len(self.bodies), 7)
+        places = [
+            poses[..., p.body, :3] + rotate(poses[..., p.body, 3:], p.offset) for p in self.points
+        ]
+        return np.stack(places, axis=-2)
+
     def known_winch(self, observed: Floats, controls: Floats, dt: float) -> Floats:
         """Best estimate of the winch positions (..., T + 1, W) [m] over an episode.
 

@@ -58,14 +58,17 @@ class Draw:
 def to_batch(windows: WindowBatch, history: int, device: str = "cpu") -> Batch:
     """Split windows at their present and shift each so that its robot stands above the origin."""
     shift = _ground_center(windows.points[:, history])
-    points = windows.points - shift[:, None, None]
-    angle = np.broadcast_to(windows.angle, len(points))
+    past, ahead = (
+        points - shift[:, None, None]
+        for points in (windows.points[:, : history + 1], windows.points_truth[:, history - 1 :])
+    )
+    angle = np.broadcast_to(windows.angle, len(past))
     return Batch(
-        past_points=_tensor(points[:, : history + 1], device),
+        past_points=_tensor(past, device),
         past_controls=_tensor(windows.controls[:, :history], device),
         past_winch=_tensor(windows.winch[:, : history + 1], device),
         controls=_tensor(windows.controls[:, history:], device),
-        points=_tensor(points[:, history:], device),
+        points=_tensor(ahead, device),
         winch=_tensor(windows.winch_truth[:, history + 1 :], device),
         dataset=torch.as_tensor(np.asarray(windows.dataset), dtype=torch.int64, device=device),
         terrains=windows.terrains,
@@ -81,8 +84,12 @@ def turned(windows: WindowBatch, rng: np.random.Generator) -> WindowBatch:
     turn[:, 1, 0] = np.sin(angle)
     turn[:, 0, 1] = -turn[:, 1, 0]
     turn[:, 2, 2] = 1.0
-    points = np.einsum("bij,btpj->btpi", turn, windows.points)
-    return dataclasses.replace(windows, points=points, angle=windows.angle + angle)
+    points, truth = (
+        np.einsum("bij,btpj->btpi", turn, each) for each in (windows.points, windows.points_truth)
+    )
+    return dataclasses.replace(
+        windows, points=points, points_truth=truth, angle=windows.angle + angle
+    )
 
 
 def noisy(

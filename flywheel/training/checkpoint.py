@@ -46,7 +46,7 @@ class Checkpoint:
         weights).
       step: next step.
       weights: of the network.
-      optimiser: AdamW's state.
+      optimiser: its state.
       averaged: state of the averaged weights.
       best: weights with the least selection error so far; empty before the first validation.
       best_error: that error.

@@ -78,7 +78,7 @@ class Objective:
             batch.dataset,
             batch.ground,
         )
-        nodes = self._simulator.node_positions(batch.points)
+        nodes = self._simulator.node_positions(batch.points[:, 1:])
         truth = Truth(nodes[:, 1:], nodes.diff(dim=1) / self._simulator.dt, batch.winch)
         return window_loss(
             predicted.node_positions,
@@ -113,9 +113,8 @@ class Objective:
 
     def _measured_scales(self) -> LossScales:
         batch = self.measured()
-        points = torch.cat([batch.past_points[:, -2:-1], batch.points], dim=1)
         return residual_scales(
-            self._simulator.node_positions(points),
+            self._simulator.node_positions(batch.points),
             torch.cat([batch.past_winch[:, -1:], batch.winch], dim=1),
             self._simulator.dt,
         )

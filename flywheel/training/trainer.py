@@ -38,6 +38,7 @@ from flywheel.training.checkpoint import (
 from flywheel.training.config import TrainingConfig
 from flywheel.training.loss import Losses
 from flywheel.training.objective import Objective
+from flywheel.training.optimiser import NetworkOptimiser
 from flywheel.training.progress import CurvePoint, OnProgress, TrainingProgress, TrainingResult
 from flywheel.training.schedules import learning_rate, spans, stage_at
 from flywheel.training.validation import (
@@ -55,7 +56,7 @@ class _State:
     """State of a training in progress; see `Checkpoint` for the fields."""
 
     network: ChunkNetwork
-    optimiser: torch.optim.Optimizer
+    optimiser: NetworkOptimiser
     averaged: AveragedModel
     step: int = 0
     best: dict[str, Tensor] = field(default_factory=dict)
@@ -107,7 +108,7 @@ class Trainer:
         self._initial_weights = initial_weights
         self._schedule = config.fine_tuning if initial_weights else config.initial
         self._train = train
-        self._simulator = Simulator(robot, network_config)
+        self._simulator = Simulator(robot, network_config, precision=config.precision)
         self._objective = Objective(config, self._schedule, self._simulator, train)
         self._validation = Validation(
             robot,
@@ -164,9 +165,7 @@ class Trainer:
         """Initial state: the folder's checkpoint, else the initial weights, else random ones."""
         config = self._config
         network = self._first_network().to(config.device)
-        optimiser = torch.optim.AdamW(
-            network.parameters(), self._schedule.learning_rate, weight_decay=config.weight_decay
-        )
+        optimiser = NetworkOptimiser(network, config)
         average = get_ema_multi_avg_fn(config.averaging)
         state = _State(network, optimiser, AveragedModel(network, multi_avg_fn=average))
         kept = read_checkpoint(self._folder, self._key, config.device)
@@ -194,8 +193,7 @@ class Trainer:
         return network
 
     def _train_step(self, state: _State, pool: Executor) -> Losses:
-        for group in state.optimiser.param_groups:
-            group["lr"] = learning_rate(self._schedule, state.step)
+        rate = learning_rate(self._schedule, state.step)
         state.network.train()
         losses = self._objective.backward(state.network, state.step, pool)
         norm = torch.nn.utils.clip_grad_norm_(state.network.parameters(), self._config.clip)
@@ -205,7 +203,7 @@ class Trainer:
                 f"Training step {state.step}: the loss is {losses.total.item()} and its gradient's "
                 f"norm {norm.item()}. {self._kept()}"
             )
-        state.optimiser.step()
+        state.optimiser.step(rate)
         state.averaged.update_parameters(state.network)
         return losses
 

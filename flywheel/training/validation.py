@@ -146,4 +146,4 @@ class Validation:
         )
         predicted = unrolled.points[:, : self._steps].double().cpu().numpy()
         predicted = np.clip(np.nan_to_num(predicted, nan=_FAR), -_FAR, _FAR)
-        return batch.points[:, 1:].double().cpu().numpy(), predicted
+        return batch.points[:, 2:].double().cpu().numpy(), predicted

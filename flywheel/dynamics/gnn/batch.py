@@ -20,7 +20,8 @@ class Batch:
       past_controls: (B, h, W).
       past_winch: (B, h + 1, W) best estimate of the winch positions [m].
       controls: (B, S, W) of the predicted steps.
-      points: (B, S + 1, P, 3) measured at the present and at those steps [m]; NaN where missing.
+      points: (B, S + 2, P, 3) the plant's, or measured and smoothed, from the step before the present to
+        the last one [m]; NaN where neither is known.
       winch: (B, S, W) the plant's, or measured, at those steps [m]; NaN if neither is known.
       dataset: (B,) index of the data set, int64.
       terrains: under each of B, or one for all.

@@ -7,7 +7,7 @@ compiled kernels between them. Nothing but the activations is kept for the adjoi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -21,16 +21,59 @@ from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.packed import Encoder, Layer, Packed
 from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction
 
+Precision = Literal["float32", "bfloat16", "auto"]
+Weights = dict[str, Tensor]
 _NONE = np.zeros((0, 1, 1), np.float32)
 
 
-def prepared(network: ChunkNetwork, graph: RobotGraph) -> Forward:
-    """A network's forward pass: compiled for the default architecture on the processor."""
+class _Products:
+    """Matrix products of the hidden layers.
+
+    Args:
+      precision: of the factors and of the products; sums are taken in float32. "auto" is bfloat16 where
+        the processor has instructions for it.
+    """
+
+    def __init__(self, precision: Precision) -> None:
+        able = torch.cpu.get_capabilities()
+        fast = able.get("avx512_bf16", False) or able.get("amx_bf16", False)
+        self.rounds = precision == "bfloat16" or (precision == "auto" and bool(fast))
+
+    def factor(self, x: Tensor) -> Tensor:
+        """A factor in the precision of products."""
+        return x.bfloat16() if self.rounds else x
+
+    def __call__(self, a: Tensor, b: Tensor) -> Tensor:
+        """The product of two matrices."""
+        return torch.mm(self.factor(a), self.factor(b)).float()
+
+    def plus(self, bias: Tensor, a: Tensor, b: Tensor) -> Tensor:
+        """The product of two matrices and a bias."""
+        return self(a, b).add_(bias) if self.rounds else torch.addmm(bias, a, b)
+
+    def adjoint(
+        self, grown: Weights, weights: Weights, name: str, rows: Tensor, g: Tensor
+    ) -> Tensor:
+        """Gradient of a layer's input `rows`, from that of its output; its weights' goes into `grown`."""
+        if f"{name} bias" in weights:
+            grown[f"{name} bias"] = g.sum(0)
+        g = self.factor(g)
+        grown[name] = self(rows.t(), g)
+        return self(g, weights[name].t())
+
+
+def prepared(network: ChunkNetwork, graph: RobotGraph, precision: Precision = "float32") -> Forward:
+    """A network's forward pass: compiled for the default architecture on the processor.
+
+    Args:
+      network, graph: see `CompiledForward`.
+      precision: of the compiled pass's products.
+    """
     config = network.config
     lean = config.recurrent and config.mlp_layers == 2
     lean = lean and not config.edge_updates and not config.layer_norm
     if lean and graph.device.type == "cpu":
-        return CompiledForward(network, graph)
+        return CompiledForward(network, graph, precision)
     return FusedForward(network, graph)
 
 
@@ -83,9 +126,14 @@ class CompiledForward:
     Args:
       network: the weights; packed here, so that later changes have no effect.
       graph: of the network's robot.
+      precision: of the factors of matrix products, which are summed in float32. Encoders' first layers
+        see lengths beside millimetres, and stay float32.
     """
 
-    def __init__(self, network: ChunkNetwork, graph: RobotGraph) -> None:
+    def __init__(
+        self, network: ChunkNetwork, graph: RobotGraph, precision: Precision = "float32"
+    ) -> None:
+        self.products = _Products(precision)
         self._fused = FusedForward(network, graph)
         self.graph, self.config = graph, network.config
         self.relations = graph.cached("compiled relations", _relations)
@@ -94,6 +142,14 @@ class CompiledForward:
         self._shown, self._bias = _first(packed.encoders["body_node"])
         self._dataset: tuple[Tensor, Tensor] | None = None
         self._weights = _weights(packed, self.relations)
+        self.factors: Weights = {}
+        if self.products.rounds:
+            hidden = [n for n in self._weights if n not in graph.relations and n != "controls"]
+            matrices = {n: self._weights[n] for n in hidden if self._weights[n].ndim == 2}
+            matrices = {
+                n: w for n, w in matrices.items() if "decoder 1" not in n and not n.endswith("bias")
+            }
+            self.factors = {n: w.detach().bfloat16() for n, w in matrices.items()}
 
     def warm_up(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""
@@ -141,10 +197,10 @@ def _first(encoder: Encoder) -> tuple[Tensor, Tensor]:
     return encoder.first.weight[:changing], bias
 
 
-def _weights(packed: Packed, relations: tuple[_Relation, ...]) -> dict[str, Tensor]:
+def _weights(packed: Packed, relations: tuple[_Relation, ...]) -> Weights:
     """All weights that one chunk needs but the node encoder's, by name."""
 
-    def both(name: str, layer: Layer | None) -> dict[str, Tensor]:
+    def both(name: str, layer: Layer | None) -> Weights:
         return {} if layer is None else {name: layer.weight, f"{name} bias": layer.bias}
 
     assert packed.recurrent is not None
@@ -181,8 +237,9 @@ class _Tape:
       encoded: (N K, H) activated node encoder.
       gates, tanh: of the LSTM.
       messages: per relation (E, K, L, H).
-      edge_codes: per relation (E K, H) activated edge encoder.
+      edge_codes: per relation (E K, H) activated edge encoder; `edge_factors` in products' precision.
       nodes: (M, K, H) latent vectors before each round, and after the last one.
+      factors: the nodes (M K, H) in products' precision.
       gathered, updated: per round (m K, (1 + R) H) and (m K, H).
       decoded, wound, averaged: activations of the decoders.
     """
@@ -198,7 +255,9 @@ class _Tape:
     tanh: Tensor
     nodes: list[Tensor]
     edge_codes: list[Tensor]
+    edge_factors: list[Tensor]
     messages: list[Tensor]
+    factors: list[Tensor]
     gathered: list[Tensor]
     updated: list[Tensor]
     decoded: Tensor | None = None
@@ -223,13 +282,13 @@ class _Chunk(torch.autograd.Function):
         *rest: Tensor,
     ) -> tuple[Tensor | None, ...]:
         count = len(net.relations)
-        edges, weights = rest[:count], dict(zip(names, rest[count:], strict=True))
+        edges, weights = rest[:count], dict(zip(names, rest[count:], strict=True)) | net.factors
         (_, nodes, samples), width = shown.shape, net.config.width
         encoded = torch.mm(shown.flatten(1).t(), weights["nodes"])
         _activate(encoded.view(nodes, samples, width), weights["nodes bias"])
-        gates = torch.addmm(weights["gates bias"], encoded, weights["gates"])
+        gates = net.products.plus(weights["gates bias"], encoded, weights["gates"])
         if hidden is not None:
-            gates.addmm_(hidden, weights["recurrent"])
+            gates = net.products.plus(gates, hidden, weights["recurrent"])
         gates.sigmoid_()
         before = torch.zeros_like(encoded) if cell is None else cell
         after = torch.empty_like(encoded)
@@ -253,6 +312,8 @@ class _Chunk(torch.autograd.Function):
             [],
             [],
             [],
+            [],
+            [],
         )
         _encode_edges(net, tape, weights)
         for number in range(net.config.rounds):
@@ -269,7 +330,7 @@ class _Chunk(torch.autograd.Function):
         ctx.tape = None  # the messages are overwritten here
         g_velocity, g_winch, g_said, g_after = gradients
         rows, width = tape.encoded.shape
-        grown: dict[str, Tensor] = {}
+        grown: Weights = {}
         g_nodes, g_messages = _decode_adjoint(net, tape, weights, g_velocity, g_winch, grown)
         for number in reversed(range(net.config.rounds)):
             g_nodes = _pass_adjoint(net, tape, weights, number, g_nodes, g_messages, grown)
@@ -284,13 +345,12 @@ class _Chunk(torch.autograd.Function):
             g_gates.numpy(),
             g_cell.numpy(),
         )
-        _linear_adjoint(grown, "gates", tape.encoded, g_gates)
-        g_before = None
+        g_before, adjoint = None, net.products.adjoint
         if tape.hidden is not None:
-            grown["recurrent"] = tape.hidden.t() @ g_gates
-            g_before = g_gates @ weights["recurrent"].t()
+            g_before = adjoint(grown, weights, "recurrent", tape.hidden, g_gates)
         nodes, samples = tape.shown.shape[1:]
-        g_encoded = (g_gates @ weights["gates"].t()).view(nodes, samples, width)
+        g_encoded = adjoint(grown, weights, "gates", tape.encoded, g_gates)
+        g_encoded = g_encoded.view(nodes, samples, width)
         g_shown = _encoder_adjoint(grown, "nodes", weights, tape.shown, tape.encoded, g_encoded)
         g_still = g_nodes[rows:].view(-1, samples, width) if ctx.stands else None
         g_controls, g_edges = _edges_adjoint(net, tape, weights, grown)
@@ -311,15 +371,10 @@ def _through(activated: Tensor, gradient: Tensor) -> Tensor:
     return gradient
 
 
-def _linear_adjoint(grown: dict[str, Tensor], name: str, rows: Tensor, gradient: Tensor) -> None:
-    """The gradients of a layer's weights and bias."""
-    grown[name], grown[f"{name} bias"] = rows.t() @ gradient, gradient.sum(0)
-
-
 def _encoder_adjoint(
-    grown: dict[str, Tensor],
+    grown: Weights,
     name: str,
-    weights: dict[str, Tensor],
+    weights: Weights,
     shown: Tensor,
     code: Tensor,
     gradient: Tensor,
@@ -333,7 +388,7 @@ def _encoder_adjoint(
     return (weights[name] @ flat.t()).view_as(shown)
 
 
-def _encode_edges(net: CompiledForward, tape: _Tape, weights: dict[str, Tensor]) -> None:
+def _encode_edges(net: CompiledForward, tape: _Tape, weights: Weights) -> None:
     samples, width = tape.touching.shape[1], net.config.width
     for relation, shown in zip(net.relations, tape.edges, strict=True):
         name, driven = relation.name, None
@@ -343,12 +398,14 @@ def _encode_edges(net: CompiledForward, tape: _Tape, weights: dict[str, Tensor])
             driven = driven.view(-1, samples, width)
         _activate(code.view(-1, samples, width), weights[f"{name} bias"], driven, relation.which)
         tape.edge_codes.append(code)
-        messages = torch.mm(code, weights[f"{name} messages"])
+        factor = net.products.factor(code)
+        tape.edge_factors.append(factor)
+        messages = net.products(factor, weights[f"{name} messages"])
         tape.messages.append(messages.view(-1, samples, net.config.rounds, width))
 
 
 def _edges_adjoint(
-    net: CompiledForward, tape: _Tape, weights: dict[str, Tensor], grown: dict[str, Tensor]
+    net: CompiledForward, tape: _Tape, weights: Weights, grown: Weights
 ) -> tuple[Tensor, list[Tensor]]:
     """Gradients of the controls, and of each relation's features."""
     samples, width = tape.touching.shape[1], net.config.width
@@ -356,8 +413,9 @@ def _edges_adjoint(
     for i, relation in enumerate(net.relations):
         name, code = relation.name, tape.edge_codes[i]
         g_messages = tape.messages[i].view(len(code), -1)
-        grown[f"{name} messages"] = code.t() @ g_messages
-        g_code = (g_messages @ weights[f"{name} messages"].t()).view(-1, samples, width)
+        rows = tape.edge_factors[i]
+        g_code = net.products.adjoint(grown, weights, f"{name} messages", rows, g_messages)
+        g_code = g_code.view(-1, samples, width)
         found.append(_encoder_adjoint(grown, name, weights, tape.edges[i], code, g_code))
         if name == "cable":
             driven = torch.zeros(len(tape.controls) + 1, samples, width)
@@ -373,12 +431,13 @@ def _receivers(net: CompiledForward, relation: _Relation, final: bool) -> int:
     return net.graph.body_count if final and relation.name != "cable" else net.graph.count
 
 
-def _pass(net: CompiledForward, tape: _Tape, weights: dict[str, Tensor], number: int) -> None:
+def _pass(net: CompiledForward, tape: _Tape, weights: Weights, number: int) -> None:
     """One round of message passing."""
     before, width, count = tape.nodes[-1], net.config.width, len(net.relations)
     samples, final = before.shape[1], number == net.config.rounds - 1
     updated = net.graph.body_count if final else net.graph.count
-    parts = _linear(before.view(-1, width), weights, f"{number} parts")
+    tape.factors.append(net.products.factor(before.view(-1, width)))
+    parts = _linear(net, tape.factors[-1], weights, f"{number} parts")
     parts = parts.view(len(before), samples, 2 * count, width)
     gathered = torch.empty(updated, samples, 1 + count, width)
     gathered[:, :, 0] = before[:updated]
@@ -393,9 +452,9 @@ def _pass(net: CompiledForward, tape: _Tape, weights: dict[str, Tensor], number:
             gathered.numpy(),
             1 + i,
         )
-    gathered = gathered.view(updated * samples, -1)
-    activated = _linear(gathered, weights, f"{number} sums").relu_()
-    after = _linear(activated, weights, f"{number} update")
+    gathered = net.products.factor(gathered.view(updated * samples, -1))
+    activated = _linear(net, gathered, weights, f"{number} sums").relu_()
+    after = _linear(net, activated, weights, f"{number} update")
     after += before[:updated].view(-1, width)
     tape.nodes.append(after.view(updated, samples, width))
     tape.gathered.append(gathered)
@@ -405,21 +464,21 @@ def _pass(net: CompiledForward, tape: _Tape, weights: dict[str, Tensor], number:
 def _pass_adjoint(
     net: CompiledForward,
     tape: _Tape,
-    weights: dict[str, Tensor],
+    weights: Weights,
     number: int,
     g_after: Tensor,
     g_messages: Any,
-    grown: dict[str, Tensor],
+    grown: Weights,
 ) -> Tensor:
     """(M K, H) gradient of the nodes before a round; the messages become their edges' gradients."""
     before, width, count = tape.nodes[number], net.config.width, len(net.relations)
     samples, final = before.shape[1], number == net.config.rounds - 1
     rows = len(g_after)
     activated, gathered = tape.updated[number], tape.gathered[number]
-    _linear_adjoint(grown, f"{number} update", activated, g_after)
-    g_sums = _through(activated, g_after @ weights[f"{number} update"].t())
-    _linear_adjoint(grown, f"{number} sums", gathered, g_sums)
-    g_gathered = (g_sums @ weights[f"{number} sums"].t()).view(-1, samples, 1 + count, width)
+    adjoint = net.products.adjoint
+    g_sums = _through(activated, adjoint(grown, weights, f"{number} update", activated, g_after))
+    g_gathered = adjoint(grown, weights, f"{number} sums", gathered, g_sums)
+    g_gathered = g_gathered.view(-1, samples, 1 + count, width)
     g_parts = torch.zeros(len(before), samples, 2 * count, width)
     for i, relation in enumerate(net.relations):
         needed = _receivers(net, relation, final)
@@ -437,35 +496,32 @@ def _pass_adjoint(
             g_parts.numpy(),
         )
     flat = g_parts.view(len(before) * samples, -1)
-    _linear_adjoint(grown, f"{number} parts", before.view(-1, width), flat)
-    g_before = flat @ weights[f"{number} parts"].t()
+    g_before = adjoint(grown, weights, f"{number} parts", tape.factors[number], flat)
     g_before[:rows] += g_after
     g_before[:rows].view(-1, samples, width).add_(g_gathered[:, :, 0])
     return g_before
 
 
-def _linear(rows: Tensor, weights: dict[str, Tensor], name: str) -> Tensor:
-    return torch.addmm(weights[f"{name} bias"], rows, weights[name])
+def _linear(net: CompiledForward, rows: Tensor, weights: Weights, name: str) -> Tensor:
+    return net.products.plus(weights[f"{name} bias"], rows, weights[name])
 
 
-def _decode(
-    net: CompiledForward, tape: _Tape, weights: dict[str, Tensor]
-) -> tuple[Tensor, Tensor | None]:
+def _decode(net: CompiledForward, tape: _Tape, weights: Weights) -> tuple[Tensor, Tensor | None]:
     """(3, n, N, K) velocity changes [m/s], and (n, W, K) winch changes [m] if they are learned."""
     steps, nodes, samples = net.config.chunk, *tape.shown.shape[1:]
     width = net.config.width
-    tape.decoded = _linear(tape.nodes[-1].view(-1, width), weights, "node decoder 0").relu_()
+    tape.decoded = _linear(net, tape.nodes[-1].view(-1, width), weights, "node decoder 0").relu_()
     velocity = _across(tape.decoded, weights, "node decoder 1").view(3, steps, nodes, samples)
     if "winch decoder 0" not in weights:
         return velocity, None
-    tape.wound = _linear(_last_messages(net, tape), weights, "winch decoder 0").relu_()
+    tape.wound = _linear(net, _last_messages(net, tape), weights, "winch decoder 0").relu_()
     average = net.graph.winch_average
     tape.averaged = (average @ tape.wound.view(average.shape[1], -1)).view(-1, width)
     winch = _across(tape.averaged, weights, "winch decoder 1")
     return velocity, winch.view(steps, -1, samples)
 
 
-def _across(rows: Tensor, weights: dict[str, Tensor], name: str) -> Tensor:
+def _across(rows: Tensor, weights: Weights, name: str) -> Tensor:
     """(out, rows): a last layer, which is transposed."""
     return torch.addmm(weights[f"{name} bias"], weights[name], rows.t())
 
@@ -479,10 +535,10 @@ def _last_messages(net: CompiledForward, tape: _Tape) -> Tensor:
 def _decode_adjoint(
     net: CompiledForward,
     tape: _Tape,
-    weights: dict[str, Tensor],
+    weights: Weights,
     g_velocity: Tensor | None,
     g_winch: Tensor | None,
-    grown: dict[str, Tensor],
+    grown: Weights,
 ) -> tuple[Tensor, Any]:
     """(N K, H) gradient of the decoded nodes, and (E, K, H) of the cables' last messages."""
     samples, width = tape.touching.shape[1], net.config.width
@@ -491,23 +547,24 @@ def _decode_adjoint(
         assert tape.decoded is not None
         g = _across_adjoint(grown, "node decoder 1", weights, tape.decoded, g_velocity)
         g = _through(tape.decoded, g)
-        _linear_adjoint(grown, "node decoder 0", tape.nodes[-1].view(-1, width), g)
-        g_nodes = g @ weights["node decoder 0"].t()
+        rows = tape.nodes[-1].view(-1, width)
+        g_nodes = net.products.adjoint(grown, weights, "node decoder 0", rows, g)
     if g_winch is not None:
         assert tape.wound is not None and tape.averaged is not None
         g = _across_adjoint(grown, "winch decoder 1", weights, tape.averaged, g_winch)
         average = net.graph.winch_average
         g = (average.t() @ g.view(len(average), -1)).view(-1, width)
         g = _through(tape.wound, g)
-        _linear_adjoint(grown, "winch decoder 0", _last_messages(net, tape), g)
-        g_messages = (g @ weights["winch decoder 0"].t()).view(-1, samples, width).numpy()
+        rows = _last_messages(net, tape)
+        g = net.products.adjoint(grown, weights, "winch decoder 0", rows, g)
+        g_messages = g.view(-1, samples, width).numpy()
     return g_nodes, g_messages
 
 
 def _across_adjoint(
-    grown: dict[str, Tensor],
+    grown: Weights,
     name: str,
-    weights: dict[str, Tensor],
+    weights: Weights,
     rows: Tensor,
     gradient: Tensor,
 ) -> Tensor:

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from flywheel.dynamics.gnn.compiled_network import Precision
 from flywheel.dynamics.gnn.ground import ground_of
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.simulator import Simulator, Start
@@ -36,17 +37,23 @@ class LearnedDynamics:
       network: its weights; copied, later changes have no effect.
       threads: Python threads that share the batch, block by block.
       block: largest number of candidates computed at a time.
+      precision: of its matrix products.
 
     Raises:
       ModelError: the network was made for another robot.
     """
 
     def __init__(
-        self, robot: Robot, network: ChunkNetwork, threads: int = 1, block: int = BLOCK
+        self,
+        robot: Robot,
+        network: ChunkNetwork,
+        threads: int = 1,
+        block: int = BLOCK,
+        precision: Precision = "float32",
     ) -> None:
         self.robot, self.dt, self.history = robot, network.config.dt, network.config.history
         self.digest = weights_digest(network)
-        self._simulator = Simulator(robot, network.config)
+        self._simulator = Simulator(robot, network.config, precision=precision)
         network = copy.deepcopy(network).requires_grad_(False).to("cpu")
         self._forward = self._simulator.prepare(network)
         self._threads, self._block = threads, block

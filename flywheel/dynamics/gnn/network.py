@@ -161,6 +161,16 @@ class ChunkNetwork(nn.Module):
                 parameter.mul_(_DECODER_START)
         return decoder
 
+    def hidden_matrices(self) -> list[torch.Tensor]:
+        """Weights (out, in) from latent vectors to latent vectors, of the LSTM and of all rounds."""
+        found = [] if self.memory is None else [self.memory.weight_ih, self.memory.weight_hh]
+        decoders = [self.node_decoder, self.cable_decoder]
+        linears = [linear for each in decoders if each for linear in each.linears[:-1]]
+        for each in self.rounds:
+            for perceptron in (*each.messages.values(), each.update):
+                linears += perceptron.linears
+        return found + [linear.weight for linear in linears]
+
     @property
     def parameter_count(self) -> int:
         """Number of weights."""

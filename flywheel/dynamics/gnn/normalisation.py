@@ -129,13 +129,12 @@ def _features(simulator: Simulator, batch: Batch) -> GraphFeatures:
 def _velocity_changes(simulator: Simulator, batch: Batch) -> Tensor:
     """(n, ...) velocity changes of the nodes since the present, by backward differences [m/s]."""
     steps = simulator.config.chunk
-    if batch.points.shape[1] < steps + 1:
+    if batch.points.shape[1] < steps + 2:
         raise DataError(
             f"Normalisation needs windows of {steps} steps after the present, got "
-            f"{batch.points.shape[1] - 1}."
+            f"{batch.points.shape[1] - 2}."
         )
-    before = batch.past_points[:, -2:-1].to(batch.points)
-    nodes = simulator.node_positions(torch.cat([before, batch.points[:, : steps + 1]], dim=1))
+    nodes = simulator.node_positions(batch.points[:, : steps + 2])
     velocities = nodes.diff(dim=1) / simulator.dt
     return (velocities[:, 1:] - velocities[:, :1]).transpose(0, 1)
 

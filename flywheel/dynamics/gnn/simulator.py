@@ -9,13 +9,14 @@ the fitted nodes over that step: the same definition as for a measured past.
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from flywheel.dynamics.gnn.compiled_network import prepared
+from flywheel.dynamics.gnn.compiled_network import Precision, prepared
 from flywheel.dynamics.gnn.compiled_step import CompiledStep
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.ground import Ground, flat_ground
@@ -49,17 +50,19 @@ class Simulator:
       prepare: implementation of the network's forward pass; by default compiled kernels where they
         serve the configuration and the device, else torch operations.
       step: implementation of the rest, likewise.
+      precision: of the compiled kernels' matrix products.
     """
 
     def __init__(
         self,
         robot: Robot,
         config: NetworkConfig,
-        prepare: ForwardFactory = prepared,
+        prepare: ForwardFactory | None = None,
         step: StepFactory = step_of,
+        precision: Precision = "float32",
     ) -> None:
         self.robot, self.config, self.dt = robot, config, config.dt
-        self._prepare, self._step = prepare, step
+        self._prepare, self._step = prepare or partial(prepared, precision=precision), step
         self._steps: dict[torch.device, Step] = {}
         self._parts: dict[torch.device, Parts] = {}
 

@@ -1,3 +1,4 @@
+import dataclasses
 import errno
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from benchmarks.speed.store import store_benchmark
 from flywheel.data import SplitSource, TrajectoryStore, WindowCache, assign_split, cache_files
+from flywheel.dynamics.plant import Plant
 from flywheel.errors import DataError, RunError
 from flywheel.records import Split
 from flywheel.robots import load_robot
@@ -48,6 +50,33 @@ def test_winches_are_dead_reckoned_and_their_truth_is_the_plants(tmp_path, make_
     start = prism3.winch_of(prism3.keyframe)
     reckoned = prism3.dead_reckon(start, episode.trajectory.controls, 0.01)
     np.testing.assert_array_equal(batch.winch[0], np.float32(reckoned))
+
+
+def test_targets_are_where_the_plants_points_were(tmp_path, make_episode, prism3):
+    store, snapshot, (episode,) = filled(tmp_path, make_episode, [30])
+    cache = WindowCache.build(SplitSource(store, snapshot, "train", prism3), tmp_path / "cache")
+    batch, track = cache.gather(cache.starts(30), 30), episode.trajectory
+    np.testing.assert_array_equal(batch.points[0], np.float32(track.observations.points))
+    np.testing.assert_array_equal(batch.points_truth[0], np.float32(prism3.points_of(track.states)))
+
+
+def test_targets_of_a_recording_are_its_points_with_half_the_noise(tmp_path, make_episode, prism3):
+    plant, rng = Plant(prism3), np.random.default_rng(draws.seed())
+    told = np.zeros((1, 200, len(prism3.winches)))
+    truth = plant.simulate(plant.rest(), told).observations.points[0]
+    noisy = truth + rng.normal(0, 0.003 * prism3.length, truth.shape)
+    noisy[50:53, 1] = np.nan
+    episode = make_episode("e0", steps=200, recording=True)
+    seen = dataclasses.replace(episode.trajectory.observations, points=noisy)
+    track = dataclasses.replace(episode.trajectory, observations=seen)
+    store = TrajectoryStore(tmp_path / "store")
+    store.commit("e0", [dataclasses.replace(episode, trajectory=track)])
+    source = SplitSource(store, store.seal("s", ["e0"]), "train", prism3)
+    cache = WindowCache.build(source, tmp_path / "cache")
+    targets = cache.gather(cache.starts(200), 200).points_truth[0]
+    known = np.isfinite(noisy)
+    np.testing.assert_array_equal(np.isfinite(targets), known)
+    assert np.abs(targets - truth)[known].mean() < 0.5 * np.abs(noisy - truth)[known].mean()
 
 
 def test_a_recording_has_no_truth_of_unmeasured_winches(tmp_path, make_episode, prism3):

@@ -23,7 +23,7 @@ def split(window, rows=slice(None)):
         past_controls=window.past_controls[rows],
         past_winch=window.past_winch[rows],
         controls=window.controls[rows],
-        points=torch.cat([window.past_points[rows, -1:], window.points[rows]], dim=1),
+        points=torch.cat([window.past_points[rows, -2:], window.points[rows]], dim=1),
         ground=flat_ground,
         winch=torch.full_like(window.controls[rows], torch.nan),
         dataset=window.dataset[rows],

@@ -145,3 +145,15 @@ def test_settling_is_simulating_under_the_holding_command(robot: Robot) -> None:
     start = plant.rest()
     expected = plant.simulate(start, np.zeros((1, 10, 6))).states
     np.testing.assert_array_equal(plant.settle(0.1).qpos, expected.qpos[:, -1])
+
+
+@pytest.mark.parametrize("name", ["prism3", "icosa6", "platform4"])
+def test_points_of_a_state_are_where_its_sensors_see_them(name: str) -> None:
+    plant = Plant(load_robot(name))
+    low, high = plant.robot.control_low, plant.robot.control_high
+    told = np.random.default_rng(0).uniform(low, high, (2, 60, len(low)))
+    track = plant.simulate(plant.settle(0.5, 2), told)
+    assert track.states is not None
+    np.testing.assert_allclose(
+        plant.robot.points_of(track.states), track.observations.points, atol=1e-9
+    )

@@ -43,6 +43,7 @@ TINY = {
             "warmup_steps": 1,
         },
         "chunks_per_batch": 8,
+        "least_windows": 32,
         "validate_every": 2,
         "validation_windows": 4,
         "validation_seconds": 0.3,

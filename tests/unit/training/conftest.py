@@ -49,6 +49,7 @@ def make_config():
             "initial": schedule,
             "fine_tuning": schedule,
             "chunks_per_batch": 16,
+            "least_windows": 32,
             "validate_every": 5,
             "validation_windows": 4,
             "validation_seconds": 0.2,

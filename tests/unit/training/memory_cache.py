@@ -31,6 +31,7 @@ class MemoryCache:
         rows = first[:, None] + np.arange(length + 1)
         return WindowBatch(
             self.points[episode[:, None], rows],
+            self.points[episode[:, None], rows],
             self.controls[episode[:, None], rows[:, :-1]],
             self.winch[episode[:, None], rows],
             self.winch[episode[:, None], rows],

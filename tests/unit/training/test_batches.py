@@ -37,13 +37,13 @@ def test_batches_split_at_the_present_and_stand_above_the_origin(train):
     windows = train.gather(train.starts(20)[:5], 20)
     batch = to_batch(windows, 8)
     assert batch.past_points.shape == (5, 9, 6, 3)
-    assert batch.points.shape == (5, 13, 6, 3)
+    assert batch.points.shape == (5, 14, 6, 3)
     assert batch.controls.shape == (5, 12, 6)
     assert batch.winch.shape == (5, 12, 6)
-    torch.testing.assert_close(batch.past_points[:, -1], batch.points[:, 0], rtol=0, atol=0)
-    center = batch.points[:, 0].mean(dim=1)
+    torch.testing.assert_close(batch.past_points[:, -2:], batch.points[:, :2], rtol=0, atol=0)
+    center = batch.points[:, 1].mean(dim=1)
     torch.testing.assert_close(center[:, :2], torch.zeros(5, 2), atol=1e-6, rtol=0)
-    shift = windows.points[:, 9:] - batch.points[:, 1:].numpy()
+    shift = windows.points[:, 9:] - batch.points[:, 2:].numpy()
     np.testing.assert_allclose(shift, shift[:, :1, :1] + 0 * shift, atol=1e-5)
     np.testing.assert_allclose(shift[..., 2], 0.0, atol=1e-5)
 
@@ -52,7 +52,7 @@ def test_a_missing_point_moves_the_origin_but_spoils_nothing_else(train):
     windows = train.gather(train.starts(20)[:5], 20)
     windows.points[0, 8, 2] = np.nan
     batch = to_batch(windows, 8)
-    assert torch.isnan(batch.points).sum() == 3
+    assert torch.isnan(batch.past_points).sum() == 3
 
 
 def test_the_draw_is_a_pure_function_of_seed_and_step(train):
@@ -91,7 +91,7 @@ def test_turned_and_shifted_windows_stand_on_the_same_ground(train):
     batch = to_batch(turned(windows, rng), 8)
     places = batch.points[:, :, :, :2].permute(3, 1, 2, 0).flatten(1, 2)  # (2, N, B)
     heights, _ = batch.ground(places)
-    expected, _ = terrain.at(windows.points[:, 8:, :, :2])
+    expected, _ = terrain.at(windows.points[:, 7:, :, :2])
     expected = np.moveaxis(expected, 0, -1).reshape(heights.shape)
     assert np.quantile(np.abs(heights.numpy() - expected), 0.95) < 1e-4
     piece = batch[2:5]

@@ -78,6 +78,15 @@ def upright_adjoint(axes: F, sides: F, unit: F, g_unit: F, g_axes: F) -> None:
 
 
 @compiled
+def _turned(
+    p: float, q: float, ax: float, ay: float, az: float, ux: float, uy: float, uz: float
+) -> tuple[float, float, float]:
+    """The vector p u + q a x u, across an axis a from the unit vector u across it."""
+    x, y, z = ay * uz - az * uy, az * ux - ax * uz, ax * uy - ay * ux
+    return p * ux + q * x, p * uy + q * y, p * uz + q * z
+
+
+@compiled
 def beside(ends: Ends, axes: F, unit: F, across: F) -> None:
     """Parts `across` (3, 2 C, K) of the ends' places across their rods [m]; 0 without a rod."""
     for e in range(across.shape[1]):
@@ -88,9 +97,8 @@ def beside(ends: Ends, axes: F, unit: F, across: F) -> None:
         for k in range(across.shape[2]):
             ax, ay, az = axes[0, r, k], axes[1, r, k], axes[2, r, k]
             ux, uy, uz = unit[0, r, k], unit[1, r, k], unit[2, r, k]
-            across[0, e, k] = p * ux + q * (ay * uz - az * uy)
-            across[1, e, k] = p * uy + q * (az * ux - ax * uz)
-            across[2, e, k] = p * uz + q * (ax * uy - ay * ux)
+            x, y, z = _turned(p, q, ax, ay, az, ux, uy, uz)
+            across[0, e, k], across[1, e, k], across[2, e, k] = x, y, z
 
 
 @compiled
@@ -185,9 +193,8 @@ def settle(ends: Ends, axes: F, sides: F, along: F, rest: F, out: F) -> None:
             cos, sin = math.cos(angle), math.sin(angle)
             ax, ay, az = axes[0, r, k], axes[1, r, k], axes[2, r, k]
             ux, uy, uz = unit[0, r, k], unit[1, r, k], unit[2, r, k]
-            out[0, r, k] = cos * ux + sin * (ay * uz - az * uy)
-            out[1, r, k] = cos * uy + sin * (az * ux - ax * uz)
-            out[2, r, k] = cos * uz + sin * (ax * uy - ay * ux)
+            x, y, z = _turned(cos, sin, ax, ay, az, ux, uy, uz)
+            out[0, r, k], out[1, r, k], out[2, r, k] = x, y, z
 
 
 @compiled

@@ -1,0 +1,160 @@
+"""Checkouts in turns: the network's error after equal CPU time, each with its own defaults.
+
+    python -m benchmarks.recipes BEFORE AFTER --minutes 8 --seeds 0 1 2
+    python -m benchmarks.recipes CHECKOUT --minutes 8 --settings '{"matrix_rate": 0}'
+
+Trains prism3's default network from random weights on 36 minutes of random motion without noise, on one
+thread, and prints the errors over 2 s on episodes that no training has seen. A short training says how many
+steps take the given minutes of one core; the CPU seconds that they took are printed. All have the same
+episodes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from flywheel.data import WindowCache
+    from flywheel.records import Episode, Split
+
+EPISODES: dict[Split, tuple[int, int]] = {  # how many, and their first seed
+    "train": (72, 1),
+    "validation": (8, 5001),
+    "test": (10, 9001),
+}
+SECONDS, HORIZON, STARTS = 30.0, 2.0, 20
+PILOT = 60  # steps of the training that measures how long one takes
+
+
+def recorded(split: Split) -> list[Episode]:
+    """Episodes with random controls of prism3's plant."""
+    from flywheel.robots import load_robot
+    from flywheel.runtime.config.run_config import RunConfig
+    from flywheel.runtime.workers.episode_plan import EpisodePlan
+    from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+
+    recorder = EpisodeRecorder(RunConfig(), load_robot("prism3"))
+    count, first = EPISODES[split]
+    plans = (
+        EpisodePlan(f"random-{seed}", "random", 0, split, SECONDS, seed)
+        for seed in range(first, first + count)
+    )
+    return [recorder.record(plan, None, "") for plan in plans]
+
+
+def windows(episodes: list[Episode]) -> WindowCache:
+    """Episodes as a training reads them."""
+    from flywheel.data import WindowCache
+
+    tracks = [episode.trajectory for episode in episodes]
+
+    def rows(arrays: list[np.ndarray]) -> np.ndarray:
+        return np.ascontiguousarray(np.concatenate(arrays), np.float32)
+
+    points, winch = (
+        rows([getattr(track.observations, name) for track in tracks])
+        for name in ("points", "winch")
+    )
+    known = "points_truth" in WindowCache.__dataclass_fields__
+    targets: dict[str, Any] = {"points_truth": points} if known else {}
+    return WindowCache(
+        points=points,
+        **targets,
+        winch=winch,
+        winch_truth=winch,
+        controls=rows([np.pad(track.controls, ((0, 1), (0, 0))) for track in tracks]),
+        valid=np.ones(points.shape[:2], np.bool_),
+        lengths=np.array([track.steps for track in tracks], np.int64),
+        dataset=np.zeros(len(tracks), np.int64),
+        terrains=(None,) * len(tracks),
+        datasets=("nominal",),
+        split=episodes[0].split,
+        digest=episodes[0].split,
+    )
+
+
+def trained_here(minutes: float, seed: int, settings: dict[str, Any]) -> dict[str, float]:
+    """Errors of a trained network, and what it took, with the package that is imported here."""
+    from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
+    from flywheel.evaluation import score
+    from flywheel.robots import load_robot
+    from flywheel.training import Trainer, TrainingConfig
+
+    robot, defaults = load_robot("prism3"), TrainingConfig(**settings, seed=seed)
+    train, validation = windows(recorded("train")), windows(recorded("validation"))
+
+    def trained(steps: int) -> tuple[Path, float]:
+        schedule = defaults.initial.model_copy(update={"steps": steps})
+        config = defaults.model_copy(update={"initial": schedule})
+        begun, folder = time.process_time(), Path(str(steps))
+        trainer = Trainer(config, NetworkConfig.lean(), robot, train, validation, folder)
+        weights = trainer.run().weights
+        return weights, time.process_time() - begun
+
+    trained(len(defaults.initial.stages))  # compiles the kernels
+    _, taken = trained(PILOT)
+    steps = round(60.0 * minutes / taken * PILOT)
+    weights, taken = trained(steps)
+    model = LearnedDynamics(robot, load_weights(weights, robot))
+    errors = score(
+        model, recorded("test"), horizon_seconds=HORIZON, starts_per_episode=STARTS, seed=0
+    )
+    return {
+        "RMSE/L [%]": errors.e_pos_rmse,
+        "MSE/L [%]": errors.e_pos_mse,
+        "turn [deg]": errors.e_rot,
+        "steps": steps,
+        "CPU [s]": taken,
+    }
+
+
+def of_checkout(root: Path, minutes: float, seed: int, settings: str) -> dict[str, float]:
+    """One training with a checkout."""
+    place = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(root.resolve())}
+    words = [
+        sys.executable,
+        str(Path(__file__).resolve()),
+        "here",
+        str(minutes),
+        str(seed),
+        settings,
+    ]
+    with TemporaryDirectory() as folder:
+        done = subprocess.run(words, env=place, cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def main() -> None:
+    """See the top."""
+    if sys.argv[1:2] == ["here"]:
+        minutes, seed, settings = sys.argv[2:]
+        print(json.dumps(trained_here(float(minutes), int(seed), json.loads(settings))))
+        return
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    options.add_argument("checkouts", type=Path, nargs="+")
+    options.add_argument("--minutes", type=float, default=8.0)
+    options.add_argument("--seeds", type=int, nargs="+", default=[0])
+    options.add_argument("--settings", default="{}", help="of TrainingConfig, as JSON")
+    given = options.parse_args()
+    for seed in given.seeds:
+        for root in given.checkouts:
+            found = of_checkout(root, given.minutes, seed, given.settings)
+            numbers = ", ".join(f"{name} {value:.4g}" for name, value in found.items())
+            print(f"{root.name}, seed {seed}: {numbers}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
