@@ -36,8 +36,8 @@ def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[
     for path in paths:
         imported = read_recording(path, robot, dt=dt)
         for f in imported.report.findings:
-            when = f"{f.kind} {f.subject}: {f.count} {f.action} at {f.when or 'all times'} s"
-            out.say(f"{imported.report.file}: {when}. {f.words}")
+            done = f"{f.count} {f.action} at {f.when or 'all times'} s. " if f.count else ""
+            out.say(f"{imported.report.file}: {f.kind} {f.subject}: {done}{f.words}")
         stem = printable(path.stem)
         several = len(imported.episodes) > 1
         for number, episode in enumerate(imported.episodes):

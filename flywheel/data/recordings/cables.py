@@ -86,8 +86,7 @@ class Evidence:
 
     def lengths(self, points: Floats) -> Floats:
         """(n, C) lengths of the cables between points (n, P, 3) [m]."""
-        ends = [[_place(self.robot, points, e) for e in cable.ends] for cable in self.robot.cables]
-        return np.stack([distance(a, b) for a, b in ends], axis=1)
+        return lengths_between(points, self.robot)
 
     def unexplained(self, points: Floats) -> float:
         """Root mean square of how much longer the cables are than their rest lengths and pulls explain [m].
@@ -179,6 +178,12 @@ class Evidence:
         return f"they could not hold the robot where it would be ({left:.0%} of its weight)"
 
 
+def lengths_between(points: Floats, robot: Robot) -> Floats:
+    """(n, C) lengths of the cables between points (n, P, 3) [m]; all bodies are free."""
+    ends = [[_place(robot, points, end) for end in cable.ends] for cable in robot.cables]
+    return np.stack([distance(a, b) for a, b in ends], axis=1)
+
+
 def check_frame(evidence: Evidence | None) -> list[Finding]:
     """Findings about single cables that the points contradict.
 
@@ -197,12 +202,17 @@ def check_frame(evidence: Evidence | None) -> list[Finding]:
             f"up, and where is its origin?{hint} See axes and origin of the map."
         )
     long = evidence.too_long(points)
-    words = (
-        "usually {:.3g} m longer than it can be: is it cut or hung elsewhere, or the frame wrong?"
-    )
+    words = "usually {:.3g} m longer than it can be: is it cut or hung elsewhere, or {}?"
+    other = np.where(evidence.fixed, "the frame wrong", "a marker or its axes wrong")
     return [
-        Finding("cable", "noted", evidence.robot.cables[i].name, 0, words=words.format(long[i]))
-        for i in np.flatnonzero(evidence.fixed & (long > 0))
+        Finding(
+            "cable",
+            "noted",
+            evidence.robot.cables[i].name,
+            0,
+            words=words.format(long[i], other[i]),
+        )
+        for i in np.flatnonzero(long > 0)
     ]
 
 
@@ -288,28 +298,34 @@ def _better_axes(evidence: Evidence, impossible: bool) -> str:
     return f"They would fit if the log were mirrored: {{{axes_told}}}."
 
 
+def told_positions(log: Log, robot: Robot) -> Floats:
+    """(N, W) positions of the winches by their commands alone [m]; those of rates from 0 on."""
+    steps = np.diff(log.time)
+    usual = float(np.median(steps))
+    columns = []
+    for index, winch in enumerate(robot.winches):
+        told = log.controls[:-1, index]
+        if winch.kind == "rate":
+            columns.append(np.concatenate([[0.0], np.cumsum(told * steps)]))
+        else:
+            columns.append(_lagged(told, usual, winch.time_constant))
+    return np.stack(columns, axis=1)
+
+
 def _rest_lengths(
     log: Log, robot: Robot, rows: NDArray[np.int64]
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """(n, C) rest lengths in some rows [m], and (C,) which are only known but for a constant."""
     kept = np.array([cable.rest_length for cable in robot.cables])
     rest, relative = np.tile(kept, (len(rows), 1)), np.zeros(len(kept), bool)
-    steps = np.diff(log.time)
+    told = told_positions(log, robot)[rows]
     for index, winch in enumerate(robot.winches):
-        told, measured, cables = (
-            log.controls[:-1, index],
-            log.winch[rows, index],
-            list(winch.cables),
-        )
-        relative[cables] = winch.kind == "rate" and not np.isfinite(measured).all()
-        if np.isfinite(measured).all():
-            moved = measured - kept[cables[0]]
-        elif winch.kind == "rate":
-            moved = np.concatenate([[0.0], np.cumsum(told * steps)])[rows]
-        else:
-            moved = _lagged(told, float(np.median(steps)), winch.time_constant)[rows]
-            moved = moved - kept[cables[0]]
-        rest[:, cables] += moved[:, None]
+        measured, cables = log.winch[rows, index], list(winch.cables)
+        known = bool(np.isfinite(measured).all())
+        relative[cables] = winch.kind == "rate" and not known
+        moved = measured if known else told[:, index]
+        counted = known or winch.kind == "position"  # from 0, not from the keyframe
+        rest[:, cables] += (moved - kept[cables[0]] if counted else moved)[:, None]
     return rest, relative
 
 
@@ -318,6 +334,19 @@ def _lagged(told: Floats, step: float, constant: float) -> Floats:
     share = float(np.exp(-step / constant)) if constant > 0 else 0.0
     after, _ = lfilter([1 - share], [1, -share], told, zi=[share * told[0]])
     return np.concatenate([told[:1], after])
+
+
+def stretch(robot: Robot) -> Floats:
+    """(C,) how much the robot's weight, or the tension at the keyframe, lengthens each cable [m]."""
+    kept = np.array([cable.rest_length for cable in robot.cables])
+    stiff = np.array([cable.stiffness for cable in robot.cables])
+    weight = GRAVITY * sum(body.mass for body in robot.bodies)
+    return np.maximum(weight / stiff, _at_keyframe(robot) - kept)
+
+
+def _at_keyframe(robot: Robot) -> Floats:
+    """(C,) lengths of the cables at the keyframe [m]."""
+    return robot.cable_lengths(robot.keyframe.qpos.reshape(1, -1, FREE))[0]
 
 
 def _limits(
@@ -330,10 +359,7 @@ def _limits(
         shift = kept[list(winch.cables)] - kept[winch.cables[0]]
         lowest[list(winch.cables)] = winch.rest_range[0] + shift
         highest[list(winch.cables)] = winch.rest_range[1] + shift
-    at_keyframe = robot.cable_lengths(robot.keyframe.qpos.reshape(1, -1, FREE))[0]
-    stiff = np.array([cable.stiffness for cable in robot.cables])
-    weight = GRAVITY * sum(body.mass for body in robot.bodies)
-    pull = PULLED * np.maximum(weight, stiff * (at_keyframe - kept)) / stiff
+    at_keyframe, pull = _at_keyframe(robot), PULLED * stretch(robot)
     # A winch may pay out another length than it is told or measures.
     gain = np.where(relative, 0.0, GAIN * np.median(np.abs(rest - kept), axis=0))
     return pull, pull + MISPLACED * at_keyframe + gain, lowest, highest

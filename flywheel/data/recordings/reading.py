@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flywheel import __version__
+from flywheel.data.recordings.accounts import check_accounts
 from flywheel.data.recordings.cables import Evidence, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
 from flywheel.data.recordings.columns import Log, matched, pick
@@ -172,6 +173,7 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
     check_up(tracked.ordered, robot)
     findings += floating(tracked.ordered, robot)
     findings += check_frame(Evidence.of(log, tracked.points, robot))
+    findings += check_accounts(log, tracked.points, robot)
     points, found = judged(tracked, robot, log.time, repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only

@@ -1,9 +1,9 @@
-"""Samples that repeat the previous one digit by digit: a frozen tracker, or one slower than the log.
+"""Samples that repeat the previous one digit by digit: a frozen sensor, or one slower than the log.
 
 Such a sample is not a measurement. Equal digits alone do not prove this: coarse digits repeat, and
 so does a robot at rest in a simulation without noise. A sample only counts as repeated if its
 digits should have changed, because of noise in the whole log, or because the marker moved just
-before and just after.
+before and just after. A winch may stop at once, so that of its positions only noise tells.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flywheel.data.recordings.columns import Log
+from flywheel.data.recordings.columns import Log, winch_names
 from flywheel.data.recordings.noise import last_digit, white_noise
 from flywheel.data.recordings.report import Finding
 from flywheel.records import Floats
@@ -24,25 +24,36 @@ LIKELY = 0.05  # chance of a repeat from which on single ones say nothing
 
 
 def mask_repeats(log: Log, robot: Robot) -> list[Finding]:
-    """Mask, in place, the points' samples that only repeat the previous ones.
+    """Mask, in place, samples of points and winches that only repeat the previous ones.
 
     Args:
-      log: with each time once; NaN for a missing point.
+      log: with each time once; NaN for a missing sample.
       robot: its length defines negligible changes.
     """
+    finest, sensors = FINEST * robot.length, winch_names(robot)
+    points = [(each.name, log.points[:, i], SURE_STEPS) for i, each in enumerate(robot.points)]
+    winches = [(name, log.winch[:, i : i + 1], np.inf) for name, i in sensors.items()]
     findings = []
-    for index, point in enumerate(robot.points):
-        values = log.points[:, index]
-        found = _stale(values, FINEST * robot.length)
+    for name, values, steps in points + winches:
+        found = _stale(values, finest, steps)
+        for axis in range(
+            values.shape[1]
+        ):  # one may be stuck, but of a still robot's only noise tells
+            found |= _stale(values[:, axis : axis + 1], finest, np.inf)
         if found.any():
-            values[found] = np.nan
             words = _words(found, log.time)
-            findings.append(Finding.over("repeat", "masked", point.name, found, log.time, words))
+            findings.append(Finding.over("repeat", "masked", name, found, log.time, words))
+            values[found] = np.nan
     return findings
 
 
-def _stale(values: Floats, finest: float) -> NDArray[np.bool_]:
-    """(N,) bool: True for values (N, 3) that repeat the previous ones without a measurement."""
+def _stale(values: Floats, finest: float, steps: float) -> NDArray[np.bool_]:
+    """(N,) bool: True for values (N, k) that repeat the previous ones without a measurement.
+
+    Args:
+      finest: smallest change that is one [m].
+      steps: least last digits per sample at which the values change by motion.
+    """
     found = np.zeros(len(values), bool)
     if not _equal(values[1:], values[:-1]).any():
         return found
@@ -54,7 +65,7 @@ def _stale(values: Floats, finest: float) -> NDArray[np.bool_]:
     repeats = np.bincount(index) - 1
     digit = last_digit(samples, finest)
     noisy = _chance(np.sqrt(2) * white_noise(samples, digit), digit)
-    chance = np.minimum(noisy, _chance(_least_steps(samples, SURE_STEPS * digit), digit))
+    chance = np.minimum(noisy, _chance(_least_steps(samples, steps * digit), digit))
     sure = len(values) * chance**repeats < CHANCE
     # Repeats that are too few in a run may be too many in all.
     single = chance < LIKELY
@@ -65,20 +76,20 @@ def _stale(values: Floats, finest: float) -> NDArray[np.bool_]:
 
 
 def _equal(some: Floats, others: Floats) -> NDArray[np.bool_]:
-    """(n,) bool: True for equal samples (n, 3)."""
-    x, y, z = (some[:, axis] == others[:, axis] for axis in range(3))
-    return np.asarray(x & y & z)
+    """(n,) bool: True for equal samples (n, k)."""
+    each = [some[:, axis] == others[:, axis] for axis in range(some.shape[1])]
+    return np.asarray(np.logical_and.reduce(each))
 
 
 def _least_steps(samples: Floats, least: Floats) -> Floats:
-    """(M, 3) the least of the changes before, from and after each sample to its next (M, 3) [m].
+    """(M, k) the least of the changes before, from and after each sample to its next (M, k) [m].
 
-    0 below `least` (3,): a marker that stops, or starts to move. The end of the log does not count
+    0 below `least` (k,): a marker that stops, or starts to move. The end of the log does not count
     as rest; its beginning may.
     """
     steps = np.abs(np.diff(samples, axis=0))
-    before = np.concatenate([np.zeros((1, 3)), steps])[: len(samples)]
-    endless = np.full((2, 3), np.inf)
+    before = np.concatenate([np.zeros((1, samples.shape[1])), steps])[: len(samples)]
+    endless = np.full((2, samples.shape[1]), np.inf)
     at = np.concatenate([steps, endless])[: len(before)]
     after = np.concatenate([steps[1:], endless])[: len(before)]
     found = np.minimum(before, np.minimum(at, after))
@@ -86,7 +97,7 @@ def _least_steps(samples: Floats, least: Floats) -> Floats:
 
 
 def _chance(steps: Floats, digit: Floats) -> Floats:
-    """(...) probability that no coordinate's last digit changes over normal steps (..., 3) of that size."""
+    """(...) probability that no coordinate's last digit changes over normal steps (..., k) of that size."""
     with np.errstate(divide="ignore"):
         each = np.minimum(1.0, digit / (np.sqrt(2 * np.pi) * steps))
     return np.asarray(each.prod(axis=-1))

@@ -21,7 +21,7 @@ class Finding:
 
     Attributes:
       kind: "missing", "infinite", "far", "repeat", "duplicate stamp", "irregular stamp", "gap",
-        "swap", "leap", "rod length", "rate", "height", "column" or "channel".
+        "swap", "leap", "rod length", "rate", "height", "cable", "clock", "column" or "channel".
       action: taken.
       subject: the marker, pair or column; "" for the whole log.
       count: samples (or rows).

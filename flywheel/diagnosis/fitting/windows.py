@@ -232,7 +232,7 @@ def noise_floor(points: Sequence[Floats]) -> float:
     if len(known) < FEWEST:
         raise DataError(
             f"The noise needs {FEWEST} differences over {ORDER + 1} samples in a row, got {len(known)}; "
-            "coordinates that never change do not count."
+            f"coordinates that never change do not count.{_slower(points)}"
         )
     noise = _spread(known)
     return noise if noise > _rounding(points) else _resolution(points) * UNIFORM
@@ -258,6 +258,15 @@ def filled_in(points: Sequence[Floats]) -> np.ndarray:
 def noise_doubt(points: Sequence[Floats]) -> float:
     """Standard deviation of one over the estimated variance, for a true one of 1; arguments as above."""
     return DOUBT / float(np.sqrt(max(1, len(_differences(points)))))
+
+
+def _slower(points: Sequence[Floats]) -> str:
+    """The control step with which a slower sensor has a sample in each, as a sentence; "" if it has one."""
+    seen = [np.flatnonzero(np.isfinite(p[:, i, 0])) for p in points for i in range(p.shape[1])]
+    apart = np.concatenate([np.diff(rows) for rows in seen] or [np.empty(0)])
+    if len(apart) == 0 or (steps := np.median(apart)) <= 1:
+        return ""
+    return f" Most samples are {steps:.0f} control steps apart: a --dt {steps:.0f} times as long has all."
 
 
 def _differences(points: Sequence[Floats]) -> Floats:

@@ -122,3 +122,14 @@ def test_steady_motion_is_no_step_of_a_sensor(rng: np.random.Generator) -> None:
 def test_too_few_samples_for_the_noise_are_refused(rng: np.random.Generator) -> None:
     with pytest.raises(DataError, match="differences over 5 samples in a row, got"):
         noise_floor([moving(rng, 6)])
+
+
+def test_where_a_sensor_is_slower_the_step_that_has_all_its_samples_is_named(rng):
+    slower = moving(rng)
+    slower[np.arange(len(slower)) % 4 != 0] = np.nan
+    with pytest.raises(
+        DataError, match="are 4 control steps apart: a --dt 4 times as long has all"
+    ):
+        noise_floor([slower])
+    with pytest.raises(DataError, match="do not count.$"):
+        noise_floor([np.full((400, 3, 3), np.nan)])

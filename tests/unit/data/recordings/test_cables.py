@@ -171,3 +171,14 @@ def test_columns_that_are_exchanged_from_the_beginning_are_known_by_the_cables(
     points = track.observations.points[:, [1, 0, 2, 3]]
     with pytest.raises(DataError, match="if the columns of leftA with rightA were exchanged"):
         read(tmp_path, beams, track, points)
+
+
+def test_a_body_that_is_elsewhere_is_noted_by_its_cables_on_a_robot_without_fixed_ones(tmp_path):
+    robot = load_robot("prism3")
+    track = swung(robot)
+    points = track.observations.points.copy()
+    points[:, list(robot.bodies[0].points), 0] += 2.0
+    notes = read(tmp_path, robot, track, points).report.findings
+    own = {c.name for c in robot.cables if 0 in {end.body for end in c.ends}}
+    told = {f.subject for f in notes if f.kind == "cable" and "marker or its axes wrong" in f.words}
+    assert told and told <= own

@@ -6,7 +6,7 @@ import pytest
 from flywheel.data.recordings import read_recording
 from flywheel.data.recordings.columns import Log
 from flywheel.data.recordings.repeats import mask_repeats
-from flywheel.robots import Robot
+from flywheel.robots import Robot, load_robot
 from tests.unit.data.recordings.conftest import SEED, Sheet
 
 ROWS = 1500
@@ -129,3 +129,35 @@ def test_a_coordinate_that_is_constant_by_construction_is_not_masked(robot: Robo
 
 def test_a_marker_that_never_moves_is_not_masked(robot: Robot) -> None:
     assert not masked(np.full((ROWS, 3), 0.7), robot).any()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_marker_of_which_one_coordinate_is_stuck_is_masked(axis: int, robot: Robot) -> None:
+    points = swinging() + 1e-3 * np.random.default_rng(4).standard_normal((ROWS, 3))
+    points[300:400, axis] = points[300, axis]
+    expected = (np.arange(ROWS) > 300) & (np.arange(ROWS) < 400)
+    np.testing.assert_array_equal(masked(points, robot), np.repeat(expected[:, None], 6, axis=1))
+
+
+def test_a_winch_sensor_that_is_stuck_is_masked_and_told(sheet):
+    log = sheet("platform4")
+    winch, name = next((i, w.sensor) for i, w in enumerate(log.robot.winches) if w.sensor)
+    values = log.column(name)
+    values[60:120] = values[60]
+    log.put(name, values)
+    read = read_recording(log.save(), log.robot)
+    told = [(f.kind, f.action, f.subject, f.count) for f in read.report.findings]
+    assert told == [("repeat", "masked", name, 59)], SEED
+    known = np.isfinite(read.episodes[0].trajectory.observations.winch[:, winch])
+    np.testing.assert_array_equal(np.flatnonzero(~known), np.arange(61, 120))
+
+
+def test_a_winch_without_noise_that_stops_for_a_while_is_not_masked() -> None:
+    robot = load_robot("platform4")
+    index = next(i for i, w in enumerate(robot.winches) if w.sensor)
+    rates = np.repeat([0.1, 0.0, -0.05, 0.0, 0.1], ROWS // 5)
+    winch = np.full((ROWS, len(robot.winches)), np.nan)
+    winch[:, index] = 1.0 + np.cumsum(0.01 * rates)
+    points = np.full((ROWS, len(robot.points), 3), np.nan)
+    log = Log(0.01 * np.arange(ROWS), 0 * winch, points, winch, np.arange(ROWS))
+    assert not mask_repeats(log, robot) and np.isfinite(log.winch[:, index]).all()
