@@ -4,112 +4,82 @@ Each fault is one change of one line: another operator, a number one off, a stat
 """
 
 import argparse
+import ast
 import signal
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from tests.mutants.mutation import Mutant
 from tests.mutants.sample import Source, drawn, equivalents, outdated, sources
-from tests.mutants.trial import ELSEWHERE, PASSED, TIMED_OUT, Bench, Outcome, prepare
+from tests.mutants.trial import ELSEWHERE, PASSED, TIMED_OUT, Bench, prepare
 
-SLOWER, SPARE = (
-    3.0,
-    5.0,
-)  # a mutant may compute so many times as long as the sound source, and so much [s]
-
-
-@dataclass(frozen=True)
-class Row:
-    """What became of the mutants of one file."""
-
-    caught: int
-    equivalent: int
-    survived: tuple[Mutant, ...]
-
-    @property
-    def total(self) -> int:
-        return self.caught + self.equivalent + len(self.survived)
+# A mutant may compute so many times as long as the sound source, and so much longer [s].
+SLOWER, SPARE = 3.0, 5.0
+SAME, CAUGHT, LATE, SURVIVED = FATES = "equivalent", "caught", "timed out", "survived"
 
 
-class Progress:
-    """Says after each mutant what became of it, at what rate, and how long the rest will take."""
-
-    def __init__(self, total: int) -> None:
-        self._total, self._done, self._begun = total, 0, time.monotonic()
-
-    def told(self, mutant: Mutant, what: str, seconds: float = 0.0) -> None:
-        self._done += 1
-        passed = time.monotonic() - self._begun
-        left = (self._total - self._done) * passed / self._done
-        rate = 60 * self._done / passed
-        print(
-            f"[{self._done:3d}/{self._total}] {what:10s} {seconds:5.1f} s  {mutant.path}:{mutant.line}"
-            f"  ({rate:.0f} a minute, {left / 60:.0f} min left)",
-            flush=True,
-        )
-
-
-def counted(
-    bench: Bench,
-    source: Source,
-    mutants: Sequence[Mutant],
-    known: Mapping[tuple[str, ...], str],
-    progress: Progress,
-) -> Row:
-    """Test the mutants of one file.
+def fates(
+    bench: Bench, source: Source, mutants: Sequence[Mutant], known: Collection[tuple[str, ...]]
+) -> Iterator[tuple[Mutant, str, float]]:
+    """Mutants of one file, with one of `FATES` and the time that their tests computed [s].
 
     Raises:
-      SystemExit: the tests of the sound file fail, or somebody is editing it.
+      SystemExit: the tests of the sound file fail, or do not import the copied tree.
     """
-    if (bench.tree / source.path).read_text() != source.text:
-        raise SystemExit(f"{source.path} was edited while it was copied. Begin again.")
-    sound = bench.tested(source.tests, 600.0)
+    same = ast.unparse(ast.parse(source.text))  # as mutants are: without comments
+    sound = bench.tested(source.tests, 600.0, source.path, same)
     if sound.code != PASSED:
         raise SystemExit(f"{source.path} as it is does not pass its tests.\n{sound.printed}")
-    caught, equivalent, survived = 0, 0, []
     for mutant in mutants:
         if mutant.key in known:
-            equivalent += 1
-            progress.told(mutant, "equivalent")
+            yield mutant, SAME, 0.0
             continue
         limit = SLOWER * sound.seconds + SPARE
-        outcome = bench.tested(source.tests, limit, mutant.path, mutant.source)
-        caught += outcome.caught
-        progress.told(mutant, _in_a_word(outcome), outcome.seconds)
-        if not outcome.caught:
-            survived.append(mutant)
-            print(mutant, flush=True)
-    return Row(caught, equivalent, tuple(survived))
+        code, seconds, _ = bench.tested(source.tests, limit, mutant.path, mutant.source)
+        if code == ELSEWHERE:
+            raise SystemExit("The tests did not import the copied tree; nothing was tested.")
+        yield mutant, {PASSED: SURVIVED, TIMED_OUT: LATE}.get(code, CAUGHT), seconds
 
 
-def _in_a_word(outcome: Outcome) -> str:
-    if outcome.code == ELSEWHERE:
-        raise SystemExit("The tests did not import the copied tree; nothing was tested.")
-    if not outcome.caught:
-        return "SURVIVED"
-    return "timed out" if outcome.code == TIMED_OUT else "caught"
+def count(
+    files: Sequence[Source],
+    chosen: Mapping[str, Sequence[Mutant]],
+    known: Collection[tuple[str, ...]],
+) -> dict[Mutant, str]:
+    """Test the chosen mutants of all files, and say after each how long the rest will take."""
+    begun, told, total = time.monotonic(), dict[Mutant, str](), sum(map(len, chosen.values()))
+    with Bench() as bench:
+        try:
+            for source in (source for source in files if chosen[source.path]):
+                for mutant, fate, seconds in fates(bench, source, chosen[source.path], known):
+                    told[mutant] = fate
+                    left = (total - len(told)) * (time.monotonic() - begun) / len(told)
+                    place = f"{mutant.path}:{mutant.line}"
+                    print(f"[{len(told):3d}/{total}] {fate:10s} {seconds:5.1f} s  {place}", end="")
+                    print(f"  ({left / 60:.0f} min left)", flush=True)
+        finally:
+            show(told, time.monotonic() - begun)
+    return told
 
 
-def show(rows: Mapping[str, Row], seconds: float) -> None:
-    """A table of the files, and every survivor."""
-    print(f"\n{'file':40s} mutants equivalent caught survived")
-    for path, row in rows.items():
-        print(
-            f"{path:40s} {row.total:7d} {row.equivalent:10d} {row.caught:6d} {len(row.survived):8d}"
-        )
-    total, same, caught = (
-        sum(getattr(row, what) for row in rows.values())
-        for what in ("total", "equivalent", "caught")
-    )
-    left = total - same
-    print(f"{'all':40s} {total:7d} {same:10d} {caught:6d} {left - caught:8d}")
-    share = f"{caught / left:.1%}" if left else "none"
-    print(f"\n{caught} of {left} that are not equivalent are caught: {share}. {seconds:.0f} s.")
-    for row in rows.values():
-        for mutant in row.survived:
+def show(told: Mapping[Mutant, str], seconds: float) -> None:
+    """Print every survivor, and a table of the files."""
+    for mutant, fate in told.items():
+        if fate == SURVIVED:
             print(f"survived: {mutant}")
+    print(f"\n{'file':45s}", *(f"{fate:>10s}" for fate in FATES))
+    counts = Counter((mutant.path, fate) for mutant, fate in told.items())
+    for path in dict.fromkeys(mutant.path for mutant in told):
+        print(f"{path:45s}", *(f"{counts[path, fate]:10d}" for fate in FATES))
+    print(f"{share(told):.1%} of those that are not equivalent are caught. {seconds:.0f} s.")
+
+
+def share(told: Mapping[Mutant, str]) -> float:
+    """Of the mutants that tests could notice, those that they did [-]; 1 of none."""
+    noticed = [fate != SURVIVED for fate in told.values() if fate != SAME]
+    return sum(noticed) / len(noticed) if noticed else 1.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -130,31 +100,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known = equivalents()
     for path, *change in outdated(known, files):
         print(f"{path}: equivalent.toml lists what is no mutant any more: {change}")
-    rows = count(files, chosen, known)
-    caught = sum(row.caught for row in rows.values())
-    return (
-        0 if caught >= asked.least * sum(row.total - row.equivalent for row in rows.values()) else 1
-    )
-
-
-def count(
-    files: Sequence[Source],
-    chosen: Mapping[str, Sequence[Mutant]],
-    known: Mapping[tuple[str, ...], str],
-) -> dict[str, Row]:
-    """Test the chosen mutants of all files and show what became of them, if it is ended before, too."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # through `finally`: the copy goes
-    begun, rows = time.monotonic(), dict[str, Row]()
     prepare()
-    try:
-        with Bench() as bench:
-            progress = Progress(sum(map(len, chosen.values())))
-            for source in files:
-                if mutants := chosen[source.path]:
-                    rows[source.path] = counted(bench, source, mutants, known, progress)
-    finally:
-        show(rows, time.monotonic() - begun)
-    return rows
+    return 0 if share(count(files, chosen, known)) >= asked.least else 1
 
 
 if __name__ == "__main__":

@@ -5,50 +5,29 @@ What is not computed is left as it is: annotations, decorators, docstrings, the 
 """
 
 import ast
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, product
+from os.path import commonprefix
 from typing import Any
 
 # What stands in the place of an operator, or of a function's name.
-OPERATORS: dict[type[ast.AST], tuple[str, tuple[str, ...]]] = {
-    ast.Add: ("+", ("-",)),
-    ast.Sub: ("-", ("+",)),
-    ast.Mult: ("*", ("/",)),
-    ast.Div: ("/", ("*",)),
-    ast.FloorDiv: ("//", ("*",)),
-    ast.Mod: ("%", ("*",)),
-    ast.Pow: ("**", ("*",)),
-    ast.BitAnd: ("&", ("|",)),
-    ast.BitOr: ("|", ("&",)),
-    ast.And: ("and", ("or",)),
-    ast.Or: ("or", ("and",)),
-    ast.Lt: ("<", ("<=", ">=")),
-    ast.LtE: ("<=", ("<", ">")),
-    ast.Gt: (">", (">=", "<=")),
-    ast.GtE: (">=", (">", "<")),
-    ast.Eq: ("==", ("!=",)),
-    ast.NotEq: ("!=", ("==",)),
-    ast.Is: ("is", ("is not",)),
-    ast.IsNot: ("is not", ("is",)),
-    ast.In: ("in", ("not in",)),
-    ast.NotIn: ("not in", ("in",)),
-}
-OPPOSITES = {
-    a: b
-    for one, other in (
-        ("min", "max"),
-        ("minimum", "maximum"),
-        ("argmin", "argmax"),
-        ("any", "all"),
-        ("floor", "ceil"),
-    )
-    for a, b in ((one, other), (other, one))
-}
+OPERATORS: dict[type[ast.AST], tuple[Any, ...]] = {
+    ast.Add: (ast.Sub,), ast.Sub: (ast.Add,), ast.Mult: (ast.Div,), ast.Div: (ast.Mult,),
+    ast.FloorDiv: (ast.Mult,), ast.Mod: (ast.Mult,), ast.Pow: (ast.Mult,),
+    ast.BitAnd: (ast.BitOr,), ast.BitOr: (ast.BitAnd,), ast.And: (ast.Or,), ast.Or: (ast.And,),
+    ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt),
+    ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,),
+    ast.In: (ast.NotIn,), ast.NotIn: (ast.In,),
+}  # fmt: skip
+PAIRS = ["min max", "minimum maximum", "argmin argmax", "any all", "floor ceil"]
+OPPOSITES = {a: b for pair in PAIRS for a, b in (pair.split(), pair.split()[::-1])}
 SYMMETRIC = {"min", "max", "minimum", "maximum"}  # their arguments may be swapped
 UNTOUCHED = (ast.JoinedStr, ast.Assert, ast.Import, ast.ImportFrom)
+DECLARED = {"annotation", "returns", "decorator_list", "bases"}
 SCOPES = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-COMPOSED = (ast.BinOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Lambda, ast.UnaryOp)
+SHOWN = 80  # characters of a long line on both sides of its change
 
 
 @dataclass(frozen=True)
@@ -58,9 +37,9 @@ class Mutant:
     Attributes:
       path: of the file, as it was given.
       where: name of the function or class that is changed, with those around it; "" outside of all.
-      line: first line that is changed.
-      before, after: the lines that are changed, on one line each.
-      source: the whole changed file.
+      line: of the statement or expression that is changed.
+      before, after: the statement that is changed, on one line; of a long one the part about the change.
+      source: the whole changed file, without comments.
     """
 
     path: str
@@ -79,189 +58,117 @@ class Mutant:
         return f"{self.path}:{self.line} {self.where}\n    - {self.before}\n    + {self.after}"
 
 
-Change = tuple[int, int, str]  # first byte, the one after the last, and what stands there instead
-
-
 def mutants_of(path: str, source: str) -> list[Mutant]:
     """All mutants of a file, in the order of its lines, each once."""
-    text, sound = Text(source), ast.parse(source)
-    said, found = ast.dump(sound), dict[str, Mutant]()
-    for node, where in _computed(sound, ""):
-        for first, end, new in _changes(node, text):
-            changed = text.with_change(first, end, new)
-            if changed in found or _said(changed) in (None, said):
-                continue
-            line, last = text.line_of(first), text.line_of(end)
-            gone = last - line - new.count("\n")
-            before = _one_line(source, line, last)
-            after = _one_line(changed, line, last - gone)
-            found[changed] = Mutant(path, where, line, before, after, changed)
+    tree, found = ast.parse(source), dict[str, Mutant]()
+    sound = ast.unparse(tree)
+    spare = {id(part) for node in ast.walk(tree) for part in _left_out(node)}
+    for holder, key, part, where in _computed(tree, ""):
+        node = holder[key]
+        others = [*_in_its_part(node, part), *_in_itself(node)]
+        for other in [ast.Pass(), *others] if id(node) in spare else others:
+            holder[key] = other
+            changed = ast.unparse(tree)
+            if changed != sound:
+                said = _differing(sound, changed)
+                found.setdefault(changed, Mutant(path, where, node.lineno, *said, changed))
+        holder[key] = node
     return sorted(found.values(), key=lambda mutant: mutant.line)
 
 
-class Text:
-    """A source whose places are counted in bytes, as `ast` does."""
-
-    def __init__(self, source: str) -> None:
-        self._bytes = source.encode()
-        self._lines = [0]
-        for line in self._bytes.splitlines(keepends=True):
-            self._lines.append(self._lines[-1] + len(line))
-
-    def begin(self, node: ast.AST) -> int:
-        return self._lines[node.lineno - 1] + node.col_offset  # type: ignore[attr-defined]
-
-    def end(self, node: ast.AST) -> int:
-        return self._lines[node.end_lineno - 1] + node.end_col_offset  # type: ignore[attr-defined]
-
-    def of(self, node: ast.AST) -> str:
-        """As written; in brackets where it would not hold together without."""
-        words = self.between(self.begin(node), self.end(node))
-        return f"({words})" if isinstance(node, COMPOSED) else words
-
-    def between(self, first: int, end: int) -> str:
-        return self._bytes[first:end].decode()
-
-    def find(self, sign: str, first: int, end: int) -> int:
-        return self._bytes.index(sign.encode(), first, end)
-
-    def with_change(self, first: int, end: int, new: str) -> str:
-        return (self._bytes[:first] + new.encode() + self._bytes[end:]).decode()
-
-    def line_of(self, place: int) -> int:
-        return self._bytes.count(b"\n", 0, place) + 1
-
-
-def _computed(node: ast.AST, where: str) -> Iterator[tuple[ast.AST, str]]:
-    """All that is computed, with the scope that it is in."""
-    if isinstance(node, UNTOUCHED) or _is_check(node):
-        return
-    if isinstance(node, SCOPES):
-        where = f"{where}.{node.name}".strip(".")
-    yield node, where
-    for name, value in ast.iter_fields(node):
-        if name not in {"annotation", "returns", "decorator_list", "bases"}:
-            for child in value if isinstance(value, list) else [value]:
-                if isinstance(child, ast.AST):
-                    yield from _computed(child, where)
+def _computed(parent: ast.AST, where: str) -> Iterator[tuple[Any, Any, str, str]]:
+    """All that is computed: what holds it, its key there, which part it is, and the scope around it."""
+    for part, value in ast.iter_fields(parent):
+        inside = enumerate(value) if isinstance(value, list) else [(part, value)]
+        for key, node in inside if part not in DECLARED else ():
+            if isinstance(node, ast.AST) and not _is_check(node):
+                scope = f"{where}.{node.name}".strip(".") if isinstance(node, SCOPES) else where
+                holder = value if isinstance(value, list) else vars(parent)
+                yield holder, key, "result" if isinstance(parent, ast.Return) else part, scope
+                if not isinstance(node, UNTOUCHED):
+                    yield from _computed(node, scope)
 
 
 def _is_check(node: ast.AST) -> bool:
     return isinstance(node, ast.keyword) and node.arg == "strict"
 
 
-def _changes(node: ast.AST, text: Text) -> Iterator[Change]:
-    for kinds, changes in CHANGES:
-        if isinstance(node, kinds):
-            yield from changes(node, text)
+def _in_its_part(node: ast.AST, part: str) -> Iterator[ast.AST]:
+    """A condition the other way round, unless its operator is changed; no result; a slice's end one off."""
+    if part in {"test", "ifs"} and not isinstance(node, ast.Compare | ast.UnaryOp | ast.BoolOp):
+        yield ast.UnaryOp(ast.Not(), node)
+    if part == "result":
+        yield ast.Constant(None)
+    if part in {"lower", "upper"} and not isinstance(node, ast.Constant):
+        yield ast.BinOp(node, ast.Add(), ast.Constant(1))
 
 
-def _of_operation(node: ast.BinOp, text: Text) -> Iterator[Change]:
-    """Another operator; only what is on its left."""
-    yield from _of_operator(node.op, node.left, node.right, text)
-    if isinstance(node.op, ast.Mult | ast.Div | ast.Pow | ast.Add | ast.Sub):
-        yield _replaced(node, text.of(node.left), text)
+def _in_itself(node: ast.AST) -> Iterator[ast.AST]:
+    """Another operator; only what is on its left, or without its sign; another number or call."""
+    yield from _other_operators(node)
+    match node:
+        case ast.BinOp(left, ast.Mult() | ast.Div() | ast.Pow() | ast.Add() | ast.Sub()):
+            yield left
+        case ast.UnaryOp(_, operand):
+            yield operand
+        case ast.Constant(value):
+            yield from _other_values(value)
+        case ast.Call():
+            yield from _other_calls(node)
 
 
-def _of_assignment(node: ast.AugAssign, text: Text) -> Iterator[Change]:
-    yield from _of_operator(node.op, node.target, node.value, text)
+def _other_operators(node: ast.AST) -> Iterator[ast.AST]:
+    match node:
+        case ast.BinOp(left, op, right):
+            yield from (ast.BinOp(left, other, right) for other in _instead_of(op))
+        case ast.AugAssign(target, op, value):
+            yield from (ast.AugAssign(target, other, value) for other in _instead_of(op))
+        case ast.BoolOp(op, values):
+            for other, i in product(_instead_of(op), range(len(values) - 1)):
+                two = ast.BoolOp(other, values[i : i + 2])
+                yield ast.BoolOp(op, [*values[:i], two, *values[i + 2 :]]) if values[2:] else two
+        case ast.Compare(left, ops, right):
+            for i, op in enumerate(ops):
+                for other in _instead_of(op):
+                    yield ast.Compare(left, [*ops[:i], other, *ops[i + 1 :]], right)
 
 
-def _of_condition(node: ast.BoolOp, text: Text) -> Iterator[Change]:
-    for left, right in pairwise(node.values):
-        yield from _of_operator(node.op, left, right, text)
+def _instead_of(op: ast.AST) -> list[Any]:
+    return [other() for other in OPERATORS.get(type(op), ())]
 
 
-def _of_comparison(node: ast.Compare, text: Text) -> Iterator[Change]:
-    for op, (left, right) in zip(node.ops, pairwise([node.left, *node.comparators]), strict=True):
-        yield from _of_operator(op, left, right, text)
-
-
-def _of_operator(op: ast.AST, left: ast.AST, right: ast.AST, text: Text) -> Iterator[Change]:
-    sign, others = OPERATORS.get(type(op), ("", ()))
-    place = text.find(sign, text.end(left), text.begin(right))
-    yield from ((place, place + len(sign), other) for other in others)
-
-
-def _of_sign(node: ast.UnaryOp, text: Text) -> Iterator[Change]:
-    """Without its minus, `not` or `~`."""
-    yield _replaced(node, text.of(node.operand), text)
-
-
-def _of_constant(node: ast.Constant, text: Text) -> Iterator[Change]:
+def _other_values(value: object) -> Iterator[ast.AST]:
     """A switch the other way, a number one off, or a float twice as large; 0.0 and 1.0 are exchanged."""
-    value, others = node.value, list[str]()
+    others: tuple[object, ...] = ()
     if isinstance(value, bool):
-        others = [str(not value)]
+        others = (not value,)
     elif isinstance(value, int):
-        others = [str(value + 1), f"({value - 1})" if value < 1 else str(value - 1)]
+        others = (value + 1, value - 1)
     elif isinstance(value, float):
-        others = [{0.0: "1.0", 1.0: "0.0"}.get(value, repr(2 * value))]
-    yield from (_replaced(node, other, text) for other in others)
+        others = ({0.0: 1.0, 1.0: 0.0}.get(value, 2 * value),)
+    return (ast.parse(repr(other), mode="eval").body for other in others)
 
 
-def _of_slice(node: ast.Slice, text: Text) -> Iterator[Change]:
-    """One more, where an end is not a number, which is changed by itself."""
-    for end in (node.lower, node.upper):
-        if end is not None and not isinstance(end, ast.Constant):
-            yield _replaced(end, f"{text.of(end)} + 1", text)
-
-
-def _of_name(node: ast.Call, text: Text) -> Iterator[Change]:
-    """The opposite function."""
-    if (called := _called(node)) in OPPOSITES:
-        end = text.end(node.func)
-        yield end - len(called), end, OPPOSITES[called]
-
-
-def _of_order(node: ast.Call, text: Text) -> Iterator[Change]:
-    """Two neighbouring arguments of one form the other way round."""
-    for one, other in pairwise(node.args):
-        if type(one) is type(other) and not isinstance(one, ast.Starred):
-            first, end = text.begin(one), text.end(other)
-            between = text.between(text.end(one), text.begin(other))
-            a, b = text.between(first, text.end(one)), text.between(text.begin(other), end)
-            if _called(node) not in SYMMETRIC:
-                yield first, end, f"{b}{between}{a}"
-
-
-def _of_keywords(node: ast.Call, text: Text) -> Iterator[Change]:
-    """Without a named argument."""
-    for keyword in node.keywords:
+def _other_calls(call: ast.Call) -> Iterator[ast.AST]:
+    """The opposite function; two neighbouring arguments of one form exchanged; without a named argument."""
+    func, args, named = call.func, call.args, call.keywords
+    called = func.id if isinstance(func, ast.Name) else getattr(func, "attr", "")
+    if called in OPPOSITES:
+        name = OPPOSITES[called]
+        new = ast.Name(name) if isinstance(func, ast.Name) else ast.Attribute(func.value, name)
+        yield ast.Call(new, args, named)
+    for i, (one, other) in enumerate(pairwise(args)):
+        if type(one) is type(other) is not ast.Starred and called not in SYMMETRIC:
+            yield ast.Call(func, [*args[:i], other, one, *args[i + 2 :]], named)
+    for i, keyword in enumerate(named):
         if keyword.arg is not None and not _is_check(keyword):
-            begin, end = text.begin(keyword), text.end(keyword)
-            before = [text.end(each) for each in (*node.args, *node.keywords)]
-            before = [each for each in before if each < begin]
-            comma = not before and text.between(end, end + 1) == ","
-            yield max(before, default=begin), end + comma, ""
+            yield ast.Call(func, args, named[:i] + named[i + 1 :])
 
 
-def _called(node: ast.Call) -> str:
-    return node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
-
-
-def _of_branch(node: ast.If | ast.IfExp | ast.While, text: Text) -> Iterator[Change]:
-    yield from _negated(node.test, text)
-
-
-def _of_filter(node: ast.comprehension, text: Text) -> Iterator[Change]:
-    for test in node.ifs:
-        yield from _negated(test, text)
-
-
-def _negated(test: ast.AST, text: Text) -> Iterator[Change]:
-    """The other way round, if it has no operator of its own that is changed."""
-    if not isinstance(test, ast.Compare | ast.UnaryOp | ast.BoolOp):
-        yield _replaced(test, f"not {text.of(test)}", text)
-
-
-def _of_return(node: ast.Return, text: Text) -> Iterator[Change]:
-    if node.value is not None and ast.unparse(node.value) != "None":
-        yield _replaced(node.value, "None", text)
-
-
-def _of_function(function: ast.FunctionDef, text: Text) -> Iterator[Change]:
-    """Without one of its statements, but not one that gives a name its first value."""
+def _left_out(function: ast.AST) -> Iterator[ast.AST]:
+    """Statements that a function may lack: none that gives a name its first value."""
+    if not isinstance(function, ast.FunctionDef):
+        return
     arguments = (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)
     first = {argument.arg: 0 for argument in arguments}
     for node in ast.walk(function):
@@ -269,11 +176,11 @@ def _of_function(function: ast.FunctionDef, text: Text) -> Iterator[Change]:
             first[name] = min(first.get(name, node.lineno), node.lineno)  # type: ignore[attr-defined]
     for node in ast.walk(function):
         if isinstance(node, ast.Raise | ast.AugAssign | ast.Continue | ast.Break) or _is_call(node):
-            yield _replaced(node, "pass", text)
+            yield node
         elif isinstance(node, ast.Assign):
             names = [name for part in ast.walk(node) for name in _stored(part)]
             if all(first[name] < node.lineno for name in names):
-                yield _replaced(node, "pass", text)
+                yield node
 
 
 def _stored(node: ast.AST) -> list[str]:
@@ -284,35 +191,10 @@ def _is_call(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)
 
 
-def _replaced(node: ast.AST, new: str, text: Text) -> Change:
-    return text.begin(node), text.end(node), new
-
-
-def _said(source: str) -> str | None:
-    """What a source says, however it is laid out; None if it is not Python."""
-    try:
-        return ast.dump(ast.parse(source))
-    except SyntaxError:
-        return None
-
-
-def _one_line(source: str, first: int, last: int) -> str:
-    return " ".join(line.strip() for line in source.splitlines()[first - 1 : last])
-
-
-CHANGES: tuple[tuple[Any, Callable[[Any, Text], Iterator[Change]]], ...] = (
-    (ast.BinOp, _of_operation),
-    (ast.AugAssign, _of_assignment),
-    (ast.BoolOp, _of_condition),
-    (ast.Compare, _of_comparison),
-    (ast.UnaryOp, _of_sign),
-    (ast.Constant, _of_constant),
-    (ast.Slice, _of_slice),
-    (ast.Call, _of_name),
-    (ast.Call, _of_order),
-    (ast.Call, _of_keywords),
-    (ast.If | ast.IfExp | ast.While, _of_branch),
-    (ast.comprehension, _of_filter),
-    (ast.Return, _of_return),
-    (ast.FunctionDef, _of_function),
-)
+def _differing(sound: str, changed: str) -> tuple[str, str]:
+    """The statement that differs, before and after; of a long one the part about the difference."""
+    lines = zip(sound.splitlines(), changed.splitlines(), strict=False)
+    one, other = next((a.strip(), b.strip()) for a, b in lines if a != b)
+    ends = (one, other), (one[::-1], other[::-1])
+    head, tail = (max(len(commonprefix(two)) - SHOWN, 0) for two in ends)  # noqa: RUF071
+    return one[head : len(one) - tail], other[head : len(other) - tail]

@@ -39,9 +39,9 @@ def sources(wanted: Sequence[str] = (), tests: Sequence[str] = ()) -> list[Sourc
       SystemExit: a wanted file is not listed, and no tests are given.
     """
     listed = {
-        file.relative_to(ROOT).as_posix(): tuple(entry["tests"])
-        for entry in tomllib.loads((HERE / "sources.toml").read_text())["source"]
-        for file in ROOT.glob(entry["files"])
+        file.relative_to(ROOT).as_posix(): tuple(known)
+        for pattern, known in tomllib.loads((HERE / "sources.toml").read_text()).items()
+        for file in ROOT.glob(pattern)
     }
     if tests:
         listed = {path: tuple(tests) for path in wanted or listed}
@@ -55,8 +55,8 @@ def sources(wanted: Sequence[str] = (), tests: Sequence[str] = ()) -> list[Sourc
 
 def equivalents() -> dict[tuple[str, ...], str]:
     """Mutants that no test should notice -> why, of equivalent.toml."""
-    entries = tomllib.loads((HERE / "equivalent.toml").read_text()).get("mutant", [])
-    return {(e["file"], e["where"], e["line"], e["becomes"]): e["why"] for e in entries}
+    reasons = tomllib.loads((HERE / "equivalent.toml").read_text())
+    return {tuple(key): why for why, keys in reasons.items() for key in keys}
 
 
 def outdated(known: Iterable[tuple[str, ...]], files: Sequence[Source]) -> list[tuple[str, ...]]:

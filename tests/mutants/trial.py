@@ -16,23 +16,16 @@ import tempfile
 import time
 import traceback
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 COPIED = (
-    "flywheel",
-    "benchmarks",
-    "configs",
-    "pipelines",
-    "tests",
-    "docs",
-    "README.md",
-    "pyproject.toml",
-)
+    "flywheel", "benchmarks", "configs", "pipelines", "tests", "docs", "README.md", "pyproject.toml",
+)  # fmt: skip
 HEAVY = (
     "numpy", "scipy.spatial.transform", "scipy.optimize", "torch", "torch_geometric", "mujoco", "zarr",
-    "pydantic", "hypothesis", "pytest", "xdist", "typer", "rich", "matplotlib", "plotly",
+    "numba", "pydantic", "hypothesis", "pytest", "xdist", "typer", "rich", "matplotlib", "plotly",
 )  # fmt: skip
 PATIENCE = 10.0  # times as long as tests may compute, they may take with waiting
 MEMORY = 6 * 2**30  # of address space [bytes]: a mutant may ask for any amount
@@ -40,8 +33,7 @@ MEMORY = 6 * 2**30  # of address space [bytes]: a mutant may ask for any amount
 PASSED, FAILED, TIMED_OUT, ELSEWHERE = 0, 1, 124, 70
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """How tests ended.
 
     Attributes:
@@ -53,11 +45,6 @@ class Outcome:
     code: int
     seconds: float
     printed: str
-
-    @property
-    def caught(self) -> bool:
-        """Something failed, could not even begin, or did not end."""
-        return self.code != PASSED
 
 
 class Bench:
@@ -82,18 +69,14 @@ class Bench:
     def __exit__(self, *error: object) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def tested(
-        self, tests: Sequence[str], limit: float, path: str = "", source: str = ""
-    ) -> Outcome:
-        """Run tests, with other content of one file where a path is given.
+    def tested(self, tests: Sequence[str], limit: float, path: str, source: str) -> Outcome:
+        """Run tests, with a content of one file that is given.
 
         Args:
           tests: files, folders or single tests, in their order; up to the first that fails.
           limit: of computing, at which they are ended [s].
-          path, source: of the file, and what it says instead.
+          path, source: of the file, and its content.
         """
-        if not path:
-            return self._run(tests, limit)
         file = self.tree / path
         sound = file.read_text()
         for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
@@ -137,10 +120,8 @@ def _test_here(
         import pytest
 
         options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", f"--basetemp={scratch}"]
-        options += [
-            "-W",
-            "ignore::pytest.PytestAssertRewriteWarning",
-        ]  # its plugins are imported already
+        # its plugins are imported already
+        options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
         code = int(pytest.main([*options, *tests]))
         package = sys.modules.get("flywheel")
         if package is not None and not str(package.__file__).startswith(str(tree)):
