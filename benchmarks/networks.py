@@ -1,13 +1,9 @@
 """The shipped networks: trains one, measures it, writes it with its card into the package.
 
-    python -m benchmarks.networks prism3 FOLDER      an hour or two on two cores; goes on where it was
-    python -m benchmarks.networks prism3 FOLDER --continued 1000     goes on from the shipped one, 1000 steps
+    python -m benchmarks.networks prism3 FOLDER      an hour of one core; goes on where it was
 
-The training is a run of `configs/networks/ROBOT.yaml`. Where a shipped robot has changed a little, the
-network that was shipped with it before can go on with data of the robot as it is now: the same data but for
-the planned episodes, one training, and the mean of the weights before and after it. The errors are of
-episodes with random controls that no training has seen: on the plant of the MJCF, on those of the training,
-and on others that are drawn alike.
+The training is a run of `configs/networks/ROBOT.yaml`. The errors are of episodes with random controls that
+no training has seen: on the plant of the MJCF, on those of the training, and on others that are drawn alike.
 """
 
 from __future__ import annotations
@@ -15,7 +11,6 @@ from __future__ import annotations
 import argparse
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -25,7 +20,7 @@ from scipy.stats import qmc
 
 from flywheel.cli.runs.opening import OpenRun, open_run
 from flywheel.dynamics import Persistence
-from flywheel.dynamics.gnn import LearnedDynamics, load_weights, save_weights, weights_digest
+from flywheel.dynamics.gnn import LearnedDynamics, load_weights, weights_digest
 from flywheel.dynamics.gnn.shipped import (
     FOLDER,
     MJCF,
@@ -34,12 +29,11 @@ from flywheel.dynamics.gnn.shipped import (
     PredictionError,
     shipped_networks,
 )
-from flywheel.dynamics.gnn.weights import network_from_arrays, read_about, weights_arrays
 from flywheel.dynamics.plant import PlantParameters, RestartedPlant
 from flywheel.dynamics.protocol import Dynamics
 from flywheel.evaluation import ErrorTable, score
 from flywheel.records import Episode, Floats
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import load_robot
 from flywheel.runtime.config.run_config import DataSet, RunConfig, load_config
 from flywheel.runtime.loop import run
 from flywheel.runtime.pool.progress import console_progress
@@ -165,67 +159,11 @@ def _truth(recorder: EpisodeRecorder, episode: Episode) -> Floats:
     return recorder.plant(0).observe(states).points
 
 
-def as_of_today(weights: Path, robot: Robot, path: Path) -> None:
-    """Write weights from before a change of a robot's MJCF as weights of the changed robot.
-
-    Args:
-      weights: to be read.
-      robot: with its present MJCF.
-      path: to be written.
-
-    Raises:
-      ModelError: they do not fit the robot: its bodies, cables or winches changed.
-    """
-    before = replace(robot, digest=read_about(weights)["robot"])
-    network = load_weights(weights, before)
-    save_weights(network_from_arrays(robot, network.config, weights_arrays(network)), path)
-
-
-def continued(config: RunConfig, folder: Path, steps: int) -> RunConfig:
-    """The configuration of a network that continues from the shipped one.
-
-    Args:
-      config: of one from scratch.
-      folder: of the run; its initial weights are kept next to it.
-      steps: of its training.
-    """
-    begun = folder.with_name(f"{folder.name}-begun.npz")
-    if not begun.exists():  # what is shipped is replaced at the end
-        as_of_today(FOLDER / f"{config.model}.npz", load_robot(config.model), begun)
-    training = config.training
-    schedule = training.fine_tuning.model_copy(update={"steps": steps})
-    update = {"start_from": str(begun.resolve()), "fine_tuning": schedule}
-    return config.model_copy(
-        update={
-            "iterations": 0,
-            "training": training.model_copy(update=update),
-            "evaluate": config.evaluate.model_copy(update={"tasks": 1}),
-        }
-    )
-
-
-def midway(begun: Path, trained: Path, robot: Robot, path: Path) -> None:
-    """Write the mean of two weights: about as good as the better one of both on each group of plants.
-
-    Args:
-      begun, trained: initial and final weights of a training.
-      robot: of both.
-      path: to be written.
-    """
-    networks = [load_weights(each, robot) for each in (begun, trained)]
-    first, second = map(weights_arrays, networks)
-    mean = {name: (first[name] + second[name]) / 2 for name in first}
-    made = network_from_arrays(robot, networks[0].config, mean)
-    save_weights(made, path, read_about(trained)["snapshot"])
-
-
 def card(opened: OpenRun, weights: Path) -> ModelCard:
     """The card of a run's champion."""
     config, champion = opened.config, opened.champion()
     measured, training = Measurement(config), config.training
-    begun = training.start_from
-    first = training.fine_tuning if begun else training.initial
-    steps = first.steps + champion.iteration * training.fine_tuning.steps
+    steps = training.initial.steps + champion.iteration * training.fine_tuning.steps
     episodes = opened.store.snapshot(name_of(champion.iteration, "mppi")).episodes
     seconds = sum(each.steps * config.network.dt for each in episodes if each.split == "train")
     return ModelCard(
@@ -237,7 +175,6 @@ def card(opened: OpenRun, weights: Path) -> ModelCard:
         plants=len(config.datasets),
         minutes=round(seconds / 60, 1),
         steps=steps,
-        continued=read_about(begun)["digest"] if begun else "",
         noise=config.measurement.noise,
         horizon=HORIZON,
         episodes=EPISODES,
@@ -269,20 +206,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("robot", choices=sorted(path.stem for path in CONFIGS.glob("*[0-9].yaml")))
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--continued", type=int, metavar="STEPS")
     asked = parser.parse_args()
     config = load_config(CONFIGS / f"{asked.robot}.yaml")
-    if asked.continued:
-        config = continued(config, asked.folder, asked.continued)
     run(config, asked.folder, resume=True, progress=console_progress())
     opened, weights = open_run(asked.folder), FOLDER / f"{asked.robot}.npz"
     made = opened.folder.weights(opened.champion().iteration, "mppi")
     FOLDER.mkdir(exist_ok=True)
-    if begun := opened.config.training.start_from:
-        midway(Path(begun), made, opened.robot, weights)
-    else:
-        shutil.copyfile(made, weights)
-        shutil.copyfile(made.with_suffix(".json"), weights.with_suffix(".json"))
+    shutil.copyfile(made, weights)
+    shutil.copyfile(made.with_suffix(".json"), weights.with_suffix(".json"))
     text = yaml.safe_dump(card(opened, weights).model_dump(mode="json"), sort_keys=False)
     weights.with_suffix(".yaml").write_text(text, encoding="utf-8")
     print(text)

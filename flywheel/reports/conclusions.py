@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from flywheel.results import ErrorNumbers, IterationResult, RunResult, Success
@@ -52,10 +53,11 @@ class _Pair(NamedTuple):
 
 
 def headline(run: RunResult) -> str:
-    """One sentence on the trend of error and success."""
+    """The trend of error and success, in one sentence or two."""
     results = run.of_arm("mppi")
     if (on_robot := _robot_conclusion(run)) is not None:
-        return on_robot.text
+        network = _network_conclusion(run)
+        return on_robot.text if network is None else f"{on_robot.text} {network.text}"
     if len(results) < 2:
         state = "No iteration has ended yet" if not results else "Only iteration 0 has ended"
         return f"{state}: there is nothing to compare."
@@ -88,7 +90,8 @@ def conclusions(run: RunResult) -> list[Conclusion]:
     ):  # a robot may be driven by plants alone
         found.append(_success_conclusion(results))
     if on_robot is not None:
-        found.insert(0, on_robot)
+        network = _network_conclusion(run)
+        found[:0] = [on_robot] if network is None else [on_robot, network]
     if "control" in run.arms:
         found.append(_control_conclusion(run, results[-1]))
     if run.floor is not None and (errors := run.test_errors(results[-1])) is not None:
@@ -128,6 +131,22 @@ def _robot_conclusion(run: RunResult) -> Conclusion | None:
     if _lower(after, before):
         return Conclusion("yes", f"The error of the MJCF on the robot fell {change}")
     return Conclusion("no", f"The error of the MJCF on the robot did not fall: {change}")
+
+
+def _network_conclusion(run: RunResult) -> Conclusion | None:
+    """Progress of the network on the robot; None for fewer than two iterations of one."""
+    errors = [each.short.e_pos_rmse for _, each in sorted(run.robot_errors("network").items())]
+    if len(errors) < 2:
+        return None
+    fell = [_lower(after, before) for before, after in pairwise(errors)]
+    answer: Answer = "yes" if all(fell) else "open" if _lower(errors[-1], errors[0]) else "no"
+    trend = {
+        "yes": "fell in every iteration",
+        "open": "fell, but not in every iteration",
+        "no": "did not fall",
+    }[answer]
+    values = ", ".join(f"{error:.2f}" for error in errors)
+    return Conclusion(answer, f"The network's error on the robot {trend}: {values} %.")
 
 
 def _error_conclusion(run: RunResult, results: tuple[IterationResult, ...]) -> Conclusion:

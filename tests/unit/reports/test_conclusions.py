@@ -5,7 +5,7 @@ import math
 import pytest
 
 from flywheel.reports.conclusions import conclusions, headline
-from flywheel.results import Navigation, PooledTest, RunResult, Walk
+from flywheel.results import Navigation, PooledTest, RobotScore, RunResult, Walk
 from tests.unit.reports.fake_run import fake_errors, fake_iteration, fake_run, turnless
 
 
@@ -102,3 +102,30 @@ def test_a_robot_that_shows_no_rotation_is_judged_by_positions():
     assert not any("nan" in each.text or "rotation" in each.text for each in half)
     assert "position error (RMSE/L)" in " ".join(each.text for each in half)
     assert headline(turnless(run)).split(",")[1] == headline(run).split(",")[1]
+
+
+@pytest.mark.parametrize(
+    ("levels", "answer", "words"),
+    [
+        ((3.0, 2.0, 1.0), "yes", "fell in every iteration: 15.00, 10.00, 5.00 %."),
+        ((3.0, 1.0, 2.0), "open", "fell, but not in every iteration: 15.00, 5.00, 10.00 %."),
+        ((1.0, 0.99), "no", "did not fall: 5.00, 4.95 %."),
+        ((1.0, math.nan), "no", "did not fall"),
+    ],
+)
+def test_a_page_says_whether_the_network_gets_better_on_the_robot(levels, answer, words):
+    unit = fake_errors(1.0)
+
+    def scored(level):
+        short = unit.short.model_copy(update={"e_pos_rmse": 5.0 * level})
+        return unit.model_copy(update={"short": short})
+
+    rows = [
+        RobotScore(iteration=i, model=model, minutes=1.0 + i, errors=scored(level))
+        for i, level in enumerate(levels)
+        for model in ("network", "plant", "given")
+    ]
+    run = fake_run(len(levels)).model_copy(update={"on_robot": tuple(rows)})
+    found = next(v for v in conclusions(run) if "network's error on the robot" in v.text)
+    assert found.answer == answer and words in found.text
+    assert found.text in headline(run)
