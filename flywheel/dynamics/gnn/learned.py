@@ -22,7 +22,7 @@ from flywheel.errors import ModelError
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Robot
 
-BLOCK = 128
+BLOCK = 256
 
 
 class LearnedDynamics:
