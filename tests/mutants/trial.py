@@ -28,7 +28,7 @@ HEAVY = (
     "numba", "pydantic", "hypothesis", "pytest", "xdist", "typer", "rich", "matplotlib", "plotly",
 )  # fmt: skip
 PATIENCE = 10.0  # times as long as tests may compute, they may take with waiting
-MEMORY = 6 * 2**30  # of address space [bytes]: a mutant may ask for any amount
+MEMORY = 16 * 2**30  # of address space [bytes]: a mutant may ask for any amount
 # How tests end: as pytest says, as `timeout` says, or not having tested the copy at all.
 PASSED, FAILED, TIMED_OUT, ELSEWHERE = 0, 1, 124, 70
 
