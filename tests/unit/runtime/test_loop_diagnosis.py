@@ -3,6 +3,7 @@
 import importlib
 import math
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from flywheel.diagnosis import diagnose
 from flywheel.effects import WrittenTerm
 from flywheel.results import DiagnosisNote
 from flywheel.robots import load_robot
-from flywheel.runtime.config.run_config import RunConfig
+from flywheel.runtime.config.run_config import DiagnoseConfig, RunConfig
+from flywheel.runtime.pool.jobs import PoolReport
+from flywheel.runtime.stages.outcomes import Tally
 from flywheel.runtime.workers import sim_worker
 from flywheel.runtime.workers.stored_episodes import effects_of
 from flywheel.truth_simulator import hidden_effect
@@ -92,6 +95,38 @@ def test_what_is_missing_is_added_and_data_are_simulated_anew(tmp_path, monkeypa
     again = run.turn(resume=True)
     assert "i0001-diagnose" not in run.backend.done, "an answer that is there is not sought again"
     assert [i.model for i in again.iterations] == models
+
+
+def test_a_plant_is_diagnosed_as_it_was_an_iteration_before_and_the_answer_is_kept(monkeypatch):
+    (slope,) = before = (WrittenTerm(effect="slope", location="", parameters={}),)
+    found = SimpleNamespace(
+        verdict="UNKNOWN",
+        summary=dict,
+        errors=SimpleNamespace(noise=1.0, baseline=3.0, augmented=2.0),
+        held_out=SimpleNamespace(baseline=5.0, augmented=4.0),
+    )
+    asked = []
+
+    def do(jobs, title):
+        asked.extend(jobs)
+        return PoolReport({jobs[0].id: found})
+
+    kept = SimpleNamespace(diagnosis={2: None}.get, keep_diagnosis=lambda *given: given)
+    run = SimpleNamespace(
+        folder=kept,
+        effects={1: before}.__getitem__,
+        recordings=lambda split, iteration: [f"{split}-{iteration}-{i}" for i in range(4)],
+        config=SimpleNamespace(diagnose=DiagnoseConfig(seconds=2.0, episode_seconds=1.0)),
+        do=do,
+    )
+    monkeypatch.setattr(stage, "diagnosis_page", lambda found, about: str(about))
+    iteration, note, page = stage.diagnose(run, 2, Tally())
+    used = [[f"{split}-2-{i}" for i in (0, 2)] for split in ("train", "test")]
+    assert [(job.method, job.arguments) for job in asked] == [("diagnose", (before, *used))]
+    assert iteration == 2 and note.effects == (slope,) and not note.adopted
+    assert (note.noise, note.baseline, note.augmented) == (1.0, 3.0, 2.0)
+    assert (note.held_out_baseline, note.held_out_augmented) == (5.0, 4.0)
+    assert "train-2-0, train-2-2" in page and "test-2-0, test-2-2" in page
 
 
 def test_what_makes_predictions_worse_is_not_adopted():
