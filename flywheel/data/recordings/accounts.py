@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from flywheel.data.recordings.cables import lengths_between, stretch, told_positions
+from flywheel.data.recordings.cables import Evidence, lengths_between, stretch, told_positions
 from flywheel.data.recordings.columns import Log, control_names, winch_names
 from flywheel.data.recordings.report import Finding
 from flywheel.records import Floats
@@ -25,7 +25,6 @@ FEWEST, SHORTEST = 20, 3.0  # changes that say something, and the time that they
 ALIKE = 0.8  # correlation from which two causes are not told apart
 FOLLOWS = 0.8  # correlation of changes from which one account follows the other
 SURELY = 0.9  # the same with another column or clock, which are many
-HARDLY = 0.6  # correlation below which it does not follow
 UNITS = 3.0  # times as much, or as little: no robot is so wrong, its unit is
 CLEARLY = 0.5  # another clock leaves at most this share of what is unexplained
 MOST_SHIFT, SHIFT = 2.0, 0.02  # clocks that are tried, and the step between them [s]
@@ -55,12 +54,17 @@ class Account:
 
     def changes(self, begin: Floats, end: Floats) -> Floats:
         """(n, W) changes between two times (n,) each [m]; NaN beyond the account's times."""
+        if len(begin) == 0:
+            return np.empty((0, len(self.names)))
         inside = (begin >= self.time[0]) & (end <= self.time[-1])
-        found = np.full((len(begin), len(self.names)), np.nan)
-        for index, column in enumerate(self.values.T):
-            at_begin, at_end = (np.interp(at, self.time, column) for at in (begin, end))
-            found[:, index] = np.where(inside, at_end - at_begin, np.nan)
-        return found
+        return np.where(inside[:, None], self._at(end) - self._at(begin), np.nan)
+
+    def _at(self, times: Floats) -> Floats:
+        """(n, W) positions at times (n,), interpolated [m]."""
+        after = np.clip(np.searchsorted(self.time, times), 1, max(1, len(self.time) - 1))
+        before = after - 1
+        share = (times - self.time[before]) / (self.time[after] - self.time[before])
+        return self.values[before] + share[:, None] * (self.values[after] - self.values[before])
 
     def of(self, winches: NDArray[np.int64]) -> Account:
         """The same of some winches in the rows in which all of them are known."""
@@ -69,13 +73,16 @@ class Account:
         return Account(self.noun, names, self.time[rows], self.values[np.ix_(rows, winches)])
 
 
-def check_accounts(log: Log, points: Floats, robot: Robot) -> list[Finding]:
+def check_accounts(
+    log: Log, points: Floats, robot: Robot, evidence: Evidence | None
+) -> list[Finding]:
     """Notes on winches whose sensors, or cables, do not follow what moves them.
 
     Args:
       log: with NaN for masked samples.
       points: (N, P, 3) under their names [m]; NaN where missing.
       robot: of the log.
+      evidence: of its cables.
     """
     told = Account("the commands", control_names(robot), log.time, told_positions(log, robot))
     names = list(told.names)
@@ -84,22 +91,25 @@ def check_accounts(log: Log, points: Floats, robot: Robot) -> list[Finding]:
     measured = np.flatnonzero(np.isfinite(log.winch).mean(axis=0) > OFTEN)
     sensed = Account("the winch positions", names, log.time, log.winch).of(measured)
     wide = STILL * (robot.rest_high - robot.rest_low)
-    findings = _Doubt(told.of(measured), sensed, LATE, wide[measured], direct=True).findings()
+    alone = np.ones(len(measured), bool)
+    findings = _Doubt(told.of(measured), sensed, LATE, wide[measured], alone).findings()
     first = [winch.cables[0] for winch in robot.winches]
     lengths = _lengths(log.time, points, robot, first)
-    if lengths is not None:
+    if lengths is not None and evidence is not None:
         unmeasured = np.setdiff1d(np.arange(len(robot.winches)), measured)
-        late, alone = LATE + _slow(robot, first), stretch(robot)[first]
+        late, little = LATE + _slow(robot, first), stretch(robot)[first]
+        taut = np.array([evidence.needed(cable) for cable in first])
         for cause, some in ((told.of(unmeasured), unmeasured), (sensed, measured)):
-            findings += _Doubt(cause, lengths.of(some), late, alone[some]).findings()
+            findings += _Doubt(cause, lengths.of(some), late, little[some], taut[some]).findings()
     return findings
 
 
 def _lengths(time: Floats, points: Floats, robot: Robot, cables: Sequence[int]) -> Account | None:
-    """Lengths of a cable of each winch; None where the points do not tell them."""
-    seen = np.isfinite(points[..., 0]).all(axis=1)
-    if not seen.any() or not robot.free:
+    """Lengths of a cable of each winch, at the times that matter; None where the points do not tell them."""
+    seen = np.flatnonzero(np.isfinite(points[..., 0]).all(axis=1))
+    if len(seen) == 0 or not robot.free:
         return None
+    seen = seen[np.isin(time[seen], _spans(time[seen]))]
     lengths = lengths_between(points[seen], robot)[:, cables]
     return Account("the cables", [robot.cables[i].name for i in cables], time[seen], lengths)
 
@@ -118,15 +128,20 @@ class _Doubt:
     Args:
       cause, effect: the accounts.
       late: how much later than its cause an effect may be [s].
-      alone: (W,) how much each effect may change without its cause [m].
-      direct: nothing but its cause moves an effect, as other winches move a slack cable.
+      little: (W,) how much each effect may change without its cause [m].
+      alone: (W,) nothing but its cause moves an effect, as other winches move a slack cable.
     """
 
     def __init__(
-        self, cause: Account, effect: Account, late: float, alone: Floats, direct: bool = False
+        self,
+        cause: Account,
+        effect: Account,
+        late: float,
+        little: Floats,
+        alone: NDArray[np.bool_],
     ) -> None:
-        self.cause, self.effect, self.late, self.alone = cause, effect, late, alone
-        self.direct = direct
+        self.cause, self.effect, self.late = cause, effect, late
+        self.little, self.alone = little, alone
         self.begin, self.end = _spans(effect.time)
         self.after = effect.changes(self.begin, self.end)
 
@@ -135,7 +150,7 @@ class _Doubt:
         few = len(self.begin) < FEWEST or self.end[-1] - self.begin[0] < SHORTEST
         if few or not self.cause.names:
             return []
-        found, every = self._still(), np.arange(len(self.alone))
+        found, every = self._still(), np.arange(len(self.little))
         follows, size = self._fit(0.0)
         if (follows.diagonal() < -FOLLOWS).all():
             return found + self._signs(every)
@@ -150,7 +165,7 @@ class _Doubt:
                 f"{self.effect.names[i]} changes {size[i]:.3g} times as much: is its unit right?"
             )
             found.append(self._note(i, words))
-        return found + self._others(follows, np.flatnonzero(np.abs(own) < HARDLY))
+        return found + self._others(follows, np.flatnonzero(np.abs(own) < FOLLOWS))
 
     def _others(self, follows: Floats, some: NDArray[np.int64]) -> list[Finding]:
         """About some winches that do not follow their own column, but another's of them, or late."""
@@ -160,7 +175,7 @@ class _Doubt:
             if i != j and among[i, j] > SURELY:
                 words = f"{effect} follows it, and not {cause}: are the columns exchanged?"
                 found.append(self._note(some[j], words))
-            elif shift := self._shift(some[[i]]):
+            elif self.alone[some[i]] and (shift := self._shift(some[[i]])):
                 found.append(self._note(some[i], _later(shift, effect, cause)))
         return found
 
@@ -175,14 +190,14 @@ class _Doubt:
         before = self.cause.changes(self.begin - shift, self.end - shift)
         before = before[np.isfinite(before).all(axis=1)]
         alike, _ = _correlations(before, before)
-        return np.asarray(self.direct | ((np.abs(alike) > ALIKE).sum(axis=1) < 2))
+        return np.asarray(self.alone | ((np.abs(alike) > ALIKE).sum(axis=1) < 2))
 
     def _still(self) -> list[Finding]:
         """About causes that never change, where most of their effects do."""
         if np.ptp(self.cause.values, axis=0).any():
             return []
         low, high = np.percentile(self.effect.values, [5, 95], axis=0)
-        moved = high - low > self.alone
+        moved = high - low > self.little
         words = "never changes, but {} does by {:.3g} m: is it what the winch was told?"
         return [
             self._note(i, words.format(self.effect.names[i], high[i] - low[i]))

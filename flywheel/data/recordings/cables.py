@@ -118,7 +118,13 @@ class Evidence:
         longest = np.where(self.relative, self.lowest, self.rest) - self.limit - self.slop
         return np.asarray(self.lengths(points) > longest)
 
-    def unheld(self, points: Floats) -> float:
+    def needed(self, cable: int) -> bool:
+        """Without this cable the robot would fall, so that it pulls."""
+        if not self.hangs(self.points) or self.unheld(self.points) > UNHELD:
+            return False
+        return self.unheld(self.points, without=cable) > UNHELD
+
+    def unheld(self, points: Floats, without: int | None = None) -> float:
         """Share of each body's weight that no pull of the cables can hold on average, as forces and torques.
 
         What moves to and fro is held on average, however the pull of each cable changes.
@@ -139,6 +145,8 @@ class Evidence:
                     own = slice(6 * end.body, 6 * end.body + 6)
                     columns[:, number, own] += np.concatenate([pull, lever], axis=1) / body.mass
         columns[~taut] = 0.0
+        if without is not None:
+            columns[:, without] = 0.0
         _, left = nnls(columns.reshape(-1, columns.shape[-1]).T, wanted)
         return float(left / np.sqrt(len(bodies)))
 
@@ -268,7 +276,8 @@ def _exchanged(evidence: Evidence) -> str:
         return ""
     names = [point.name for point in evidence.robot.points]
     told = [f"{names[i]} with {names[j]}" for i, j in enumerate(order) if i < j]
-    return f"They would fit if the columns of {listed(told)} were exchanged in the map."
+    columns = f"the columns of {listed(told)} were exchanged in the map"
+    return f"They would fit if {columns}, or the commands of their winches."
 
 
 def _better_axes(evidence: Evidence, impossible: bool) -> str:

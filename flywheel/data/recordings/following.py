@@ -31,6 +31,7 @@ NOISES = 8.0  # standard deviations beyond which it is not noise
 PLACED = 0.05  # share of a rod: tolerance of marker placement against the MJCF
 LEAST_WRONG = 0.02  # share of a rod's usual length in the log
 MOST_WRONG = 0.3  # share of a rod: largest tolerance, however noisy the log
+WITNESSES = 2  # points of a body from which a third one is at its distances where it belongs
 MUCH_BETTER = 0.5  # an exchange must at least halve the leaps
 FEWEST_ROWS, MOST_ROWS = 16, 4096  # rows decided at once
 ROUGH_ROWS, ROUGH_PIECE = 50_000, 500  # rows, in pieces, from which the noise is taken
@@ -215,7 +216,7 @@ def _decided(points: Floats, time: Floats, seen: _Seen, bounds: Bounds) -> _Rows
         last, when = _seen_last(now, time, there & ~wrong, seen.last, seen.when)
         since = time[:, None] - when[:-1]
         reach, way = bounds.reach(since), distance(now, last[:-1])
-        leaps = _away(there, way > reach, steady & (step <= way), seen.away)
+        leaps = _leaps(there, way > reach, steady & (step <= way), off, seen.away, bounds)
         rods = (off & ~(leaps @ bounds.ends.T)) @ bounds.ends
         changed = np.flatnonzero(((leaps | rods) != wrong).any(axis=1))
         wrong = leaps | rods
@@ -226,6 +227,30 @@ def _decided(points: Floats, time: Floats, seen: _Seen, bounds: Bounds) -> _Rows
     decided = _Rows(seen.order, now, last, when, raw, raw_when, away, reach, leaps, rods, odd)
     # In each pass at least one more row is decided, because all before it are.
     return decided.first(int(changed[0])) if len(changed) else decided
+
+
+def _leaps(
+    there: NDArray[np.bool_],
+    far: NDArray[np.bool_],
+    steady: NDArray[np.bool_],
+    off: NDArray[np.bool_],
+    before: NDArray[np.bool_],
+    bounds: Bounds,
+) -> NDArray[np.bool_]:
+    """(n, P) bool: True for leaps, until the marker is back where others of its body say that it belongs.
+
+    Args:
+      there, far, steady, before: as in `_away`.
+      off: (n, rods) wrong distances.
+    """
+    back = np.zeros_like(there)
+    while True:
+        leaps = _away(there, far, steady & ~back, before)
+        found = leaps & ~far & _confirmed(off, there & ~leaps, bounds)
+        rows = np.flatnonzero(found.any(axis=1))
+        if len(rows) == 0:
+            return leaps
+        back[rows[0]] |= found[rows[0]]  # which may change all later rows
 
 
 def _away(
@@ -249,6 +274,22 @@ def _away(
         return far
     begins = _latest(there & ~steady)[1:]  # of the steady part that each sample is in
     return there & np.take_along_axis(np.concatenate([before[None], far]), begins, axis=0)
+
+
+def _confirmed(
+    off: NDArray[np.bool_], still: NDArray[np.bool_], bounds: Bounds
+) -> NDArray[np.bool_]:
+    """(n, P) bool: True for points that did leap, but are at their distances from others that did not.
+
+    Two of these must say so. A swap with another body's marker, or a place beside it, does not look so.
+
+    Args:
+      off: (n, rods) wrong distances.
+      still: (n, P) samples that are no leaps.
+    """
+    witness = still.astype(np.int64) @ bounds.ends.T == 1  # one end leapt, the other one did not
+    right, wrong = ((witness & each).astype(np.int64) @ bounds.ends for each in (~off, off))
+    return np.asarray(~still & (right >= WITNESSES) & (wrong == 0))
 
 
 def _latest(which: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -172,8 +172,9 @@ def _checked(log: Log, robot: Robot, dt: float, repair: bool) -> tuple[Log, floa
     check_robot(tracked.ordered, robot)
     check_up(tracked.ordered, robot)
     findings += floating(tracked.ordered, robot)
-    findings += check_frame(Evidence.of(log, tracked.points, robot))
-    findings += check_accounts(log, tracked.points, robot)
+    evidence = Evidence.of(log, tracked.points, robot)
+    findings += check_frame(evidence)
+    findings += check_accounts(log, tracked.points, robot, evidence)
     points, found = judged(tracked, robot, log.time, repair)
     _check_kept(log.points, points, findings + found)
     controls = np.clip(log.controls, robot.control_low, robot.control_high)  # rounding only

@@ -20,6 +20,7 @@ from flywheel.robots import Robot
 FINEST = 1e-7  # smallest change that is one, in L: no tracker is finer
 CHANCE = 1e-6  # of a log in which a run of repeats, or their number, comes by chance
 SURE_STEPS = 20.0  # least last digits per sample at which a marker moves, noise aside
+BUFFER = 5  # rows in sequence that repeat earlier ones
 LIKELY = 0.05  # chance of a repeat from which on single ones say nothing
 
 
@@ -33,7 +34,7 @@ def mask_repeats(log: Log, robot: Robot) -> list[Finding]:
     finest, sensors = FINEST * robot.length, winch_names(robot)
     points = [(each.name, log.points[:, i], SURE_STEPS) for i, each in enumerate(robot.points)]
     winches = [(name, log.winch[:, i : i + 1], np.inf) for name, i in sensors.items()]
-    findings = []
+    findings = _mask_resent(log, finest)
     for name, values, steps in points + winches:
         found = _stale(values, finest, steps)
         for axis in range(
@@ -45,6 +46,32 @@ def mask_repeats(log: Log, robot: Robot) -> list[Finding]:
             findings.append(Finding.over("repeat", "masked", name, found, log.time, words))
             values[found] = np.nan
     return findings
+
+
+def _mask_resent(log: Log, finest: float) -> list[Finding]:
+    """Mask, in place, rows in which all points repeat an earlier stretch of rows, as a resent buffer does."""
+    values = log.points.reshape(len(log.points), -1)
+    # Sums with irrational weights are equal where the rows are.
+    sums = values @ np.sqrt(np.arange(2.0, 2.0 + values.shape[1]))
+    seen = np.flatnonzero(np.isfinite(sums))
+    _, first, inverse = np.unique(sums[seen], return_index=True, return_inverse=True)
+    back = np.arange(len(seen)) - first[inverse]
+    same = (back[1:] == back[:-1]) & (back[1:] > 1)  # as the row before
+    begin = np.flatnonzero(np.diff(same.astype(np.int8), prepend=0) == 1)
+    end = np.flatnonzero(np.diff(same.astype(np.int8), append=0) == -1)
+    long = end - begin + 2 >= BUFFER
+    if not long.any():
+        return []
+    values = values[seen]
+    digit = last_digit(values, finest)
+    if _chance(white_noise(values, digit), digit) > CHANCE:
+        return []
+    found = np.zeros(len(log.points), bool)
+    for a, b in zip(begin[long].tolist(), end[long].tolist(), strict=True):
+        found[seen[a : b + 2]] = True
+    log.points[found] = np.nan
+    words = "the digits of an earlier stretch of rows: was it sent twice?"
+    return [Finding.over("repeat", "masked", "", found, log.time, words)]
 
 
 def _stale(values: Floats, finest: float, steps: float) -> NDArray[np.bool_]:

@@ -43,9 +43,10 @@ def moved() -> dict[str, tuple[Robot, Trajectory]]:
     return {name: (robot := make(), swung(robot)) for name, make in ROBOTS.items()}
 
 
-def swung(robot: Robot) -> Trajectory:
+def swung(robot: Robot, alike: Floats | None = None) -> Trajectory:
     rng = np.random.default_rng(5)
     rates = rng.uniform(-0.75, 0.75, (1, 10, len(robot.winches))) * robot.control_high
+    rates = rates if alike is None else rates[..., :1] * alike
     controls, plant = np.repeat(rates, 40, axis=1), Plant(robot)
     flown = plant.simulate(plant.settle(0.5), controls)
     points = flown.observations[0].points
@@ -134,6 +135,16 @@ def test_all_signs_wrong_are_noted_for_each_winch_and_are_no_other_clock(moved, 
     notes = told(read(tmp_path, robot, track, lambda c: -c))
     assert list(notes) == [f"ctrl.{w.name}" for w in robot.winches]
     assert all("changes the other way" in words for words in notes.values())
+
+
+def test_a_wrong_sign_among_commands_that_are_all_alike_is_noted_where_cables_must_pull(tmp_path):
+    robot = hanging(1)
+    track = swung(robot, np.array([1.0, -1.0]))
+    assert told(read(tmp_path, robot, track)) == {}
+    (tmp_path / "log.csv").unlink()
+    notes = told(read(tmp_path, robot, track, lambda c: c * [1, -1]))
+    assert list(notes) == ["ctrl.right_winchA"]
+    assert "changes the other way" in notes["ctrl.right_winchA"]
 
 
 @pytest.mark.parametrize("name", ROBOTS)

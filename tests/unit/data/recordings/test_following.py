@@ -73,8 +73,22 @@ class RowByRow:
         way, step = distance(points, self.last), distance(points, self.raw)
         steady = (step <= self.bounds.reach(now - self.raw_when)) & (step <= way)
         far = np.where(steady, self.away, way > reach)
+        while (back := self.back(points, far, way <= reach)).any():
+            far = far & ~back
         wrong = self.bounds.wrong(np.where(far[:, None], np.nan, points))
         return far, np.array([wrong[ends].any() for ends in self.bounds.ends.T])
+
+    def back(self, points: np.ndarray, far: np.ndarray, near: np.ndarray) -> np.ndarray:
+        found, still = np.zeros(len(far), bool), np.isfinite(points[:, 0]) & ~far
+        wrong = self.bounds.wrong(points)
+        for point in np.flatnonzero(far & near):
+            seen_from = [
+                wrong[rod]
+                for rod, ends in enumerate(self.bounds.ends)
+                if ends[point] and (ends & still).any()
+            ]
+            found[point] = len(seen_from) >= 2 and not any(seen_from)
+        return found
 
     def right(self, points: np.ndarray, changed: np.ndarray) -> bool:
         touching = self.bounds.ends[:, changed].any(axis=1)
@@ -140,3 +154,13 @@ def test_a_leap_is_not_believed_because_time_goes_by(sheet: Callable[..., Sheet]
     found = track(points, log.made.time, log.robot)
     expected = (np.arange(len(points)) >= 50) & (np.arange(len(points)) < 150)
     np.testing.assert_array_equal(found.leaps, np.repeat(expected[:, None], 6, axis=1))
+
+
+def test_a_marker_that_comes_back_in_small_steps_is_believed_for_its_distances(sheet):
+    """From two others of its body that did not leap."""
+    log = sheet("platform4")
+    points, reach = log.made.true_points.copy(), Bounds.of(log.made.points, log.robot).reach(0.01)
+    points[50:80, 1, 2] += 1.3 * reach * 0.6 ** np.arange(30)
+    found = track(points, log.made.time, log.robot)
+    gone = np.flatnonzero(found.leaps[:, 1] | found.rods[:, 1])
+    assert gone[0] == 50 and gone[-1] < 60

@@ -161,3 +161,13 @@ def test_a_winch_without_noise_that_stops_for_a_while_is_not_masked() -> None:
     points = np.full((ROWS, len(robot.points), 3), np.nan)
     log = Log(0.01 * np.arange(ROWS), 0 * winch, points, winch, np.arange(ROWS))
     assert not mask_repeats(log, robot) and np.isfinite(log.winch[:, index]).all()
+
+
+def test_rows_that_were_sent_twice_are_masked_and_a_periodic_motion_without_noise_is_not(robot):
+    points = swinging() + 1e-3 * np.random.default_rng(5).standard_normal((ROWS, 3))
+    points[300:360] = points[200:260]
+    expected = (np.arange(ROWS) >= 300) & (np.arange(ROWS) < 360)
+    np.testing.assert_array_equal(masked(points, robot), np.repeat(expected[:, None], 6, axis=1))
+    (finding,) = mask_repeats(at_times(points, robot), robot)
+    assert finding.words.endswith("was it sent twice?") and finding.count == 60
+    assert not masked(swinging()[np.arange(ROWS) % 250], robot).any()
