@@ -33,6 +33,7 @@ LATE = 0.1  # how much after it, beside what cables take to follow [s]
 OFTEN = 0.5  # share of the rows in which a winch is measured; of the winches that move untold
 TINY = 1e-9  # rounding of times [s]
 SIGN = "has it the wrong sign (positive pays out), or the name of another?"
+TOLD = "is it what the winch was told, at these times?"
 STILL = 0.02  # share of its range by which a winch moved
 
 
@@ -152,8 +153,8 @@ class _Doubt:
             return []
         found, every = self._still(), np.arange(len(self.little))
         follows, size = self._fit(0.0)
-        if (follows.diagonal() < -FOLLOWS).all():
-            return found + self._signs(every)
+        if found or (follows.diagonal() < -FOLLOWS).all():
+            return found or self._signs(every)
         if shift := self._shift(every):
             words = _later(shift, self.effect.noun, self.cause.noun)
             found.append(Finding("clock", "noted", "", 0, words=words))
@@ -175,8 +176,10 @@ class _Doubt:
             if i != j and among[i, j] > SURELY:
                 words = f"{effect} follows it, and not {cause}: are the columns exchanged?"
                 found.append(self._note(some[j], words))
-            elif self.alone[some[i]] and (shift := self._shift(some[[i]])):
-                found.append(self._note(some[i], _later(shift, effect, cause)))
+            elif self.alone[some[i]] and self._moved()[some[i]]:
+                shift = self._shift(some[[i]])
+                words = f"{effect} does not follow it: {TOLD}"
+                found.append(self._note(some[i], _later(shift, effect, cause) if shift else words))
         return found
 
     def _signs(self, turned: NDArray[np.int64]) -> list[Finding]:
@@ -196,13 +199,16 @@ class _Doubt:
         """About causes that never change, where most of their effects do."""
         if np.ptp(self.cause.values, axis=0).any():
             return []
-        low, high = np.percentile(self.effect.values, [5, 95], axis=0)
-        moved = high - low > self.little
-        words = "never changes, but {} does by {:.3g} m: is it what the winch was told?"
+        moved = self._moved()
         return [
-            self._note(i, words.format(self.effect.names[i], high[i] - low[i]))
+            self._note(i, f"never changes, but {self.effect.names[i]} does: {TOLD}")
             for i in (np.flatnonzero(moved).tolist() if moved.mean() >= OFTEN else ())
         ]
+
+    def _moved(self) -> NDArray[np.bool_]:
+        """(W,) bool: True for effects that changed by more than they may without a cause."""
+        low, high = np.percentile(self.effect.values, [5, 95], axis=0)
+        return np.asarray(high - low > self.little)
 
     def _shift(self, some: NDArray[np.int64]) -> float:
         """How much later another clock has the effects of some winches, clearly, and too late [s]; else 0."""

@@ -30,6 +30,7 @@ FASTEST = 3.0  # in speeds of a fall from L: no marker is faster
 NOISES = 8.0  # standard deviations beyond which it is not noise
 PLACED = 0.05  # share of a rod: tolerance of marker placement against the MJCF
 LEAST_WRONG = 0.02  # share of a rod's usual length in the log
+MOST_WOBBLE = 3.0  # standard deviation of a distance, in those of a coordinate; of white noise 1.4
 MOST_WRONG = 0.3  # share of a rod: largest tolerance, however noisy the log
 WITNESSES = 2  # points of a body from which a third one is at its distances where it belongs
 MUCH_BETTER = 0.5  # an exchange must at least halve the leaps
@@ -71,14 +72,15 @@ class Bounds:
             replace(rod, distance=(rod.distance + float(got)) / 2)
             for rod, got in zip(rods, usual, strict=True)
         ]
-        wobble = _wobble(points, rods) / np.sqrt(2)
+        # Differences of differences: what does not move smoothly is noise, of variance 6.
+        noise = float(_roughness(points) / np.sqrt(6))
+        # Exchanged markers make distances change, but not what is nearest to each.
+        wobble = np.minimum(_wobble(points, rods) / np.sqrt(2), MOST_WOBBLE * noise)
         least = np.where(own, LEAST_WRONG, PLACED) * known
         tolerance = np.clip(NOISES * wobble, least, MOST_WRONG * known) + np.abs(usual - known) / 2
         ends = np.zeros((len(rods), points.shape[1]), bool)
         for row, rod in zip(ends, rods, strict=True):
             row[[rod.a, rod.b]] = True
-        # Differences of differences: what does not move smoothly is noise, of variance 6.
-        noise = float(_roughness(points) / np.sqrt(6))
         fall = float(np.sqrt(GRAVITY * robot.length))
         return cls(rods, ends, tolerance, noise, FASTEST * fall, np.sqrt(2) * fall)
 

@@ -189,6 +189,19 @@ def test_commands_that_were_not_logged_are_noted_where_cables_move(moved, tmp_pa
     assert all(words.startswith("never changes, but ") for words in notes.values())
 
 
+@pytest.mark.parametrize("name", ["beams", "measured"])
+def test_commands_that_stuck_at_one_value_are_noted_where_a_cable_or_sensor_moves_otherwise(
+    name, moved, tmp_path
+):
+    robot, track = moved[name]
+    notes = told(read(tmp_path, robot, track, lambda c: np.where(np.arange(4) == 2, c[:1], c)))
+    assert list(notes) == [f"ctrl.{robot.winches[2].name}"]
+    assert (
+        "does not follow it: is it what the winch was told"
+        in notes[f"ctrl.{robot.winches[2].name}"]
+    )
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

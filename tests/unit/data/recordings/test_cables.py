@@ -182,3 +182,19 @@ def test_a_body_that_is_elsewhere_is_noted_by_its_cables_on_a_robot_without_fixe
     own = {c.name for c in robot.cables if 0 in {end.body for end in c.ends}}
     told = {f.subject for f in notes if f.kind == "cable" and "marker or its axes wrong" in f.words}
     assert told and told <= own
+
+
+def test_three_markers_exchanged_in_most_rows_of_a_noisy_log_are_put_right(tmp_path: Path) -> None:
+    """Not by what their own distances vary by, which are those of other pairs in most rows."""
+    robot = load_robot("prism3")
+    track = swung(robot)
+    rng = np.random.default_rng(7)
+    right = track.observations.points + 0.003 * robot.length * rng.standard_normal((301, 6, 3))
+    points, some = right.copy(), np.array([0, 2, 5])
+    for row in np.flatnonzero(rng.random(301) < 0.6):
+        points[row, some] = right[row, np.roll(some, int(rng.integers(1, 3)))]
+    found = read(tmp_path, robot, track, points)
+    got = found.episodes[0].trajectory.observations.points
+    seen = np.isfinite(got)
+    assert seen.mean() > 0.95
+    np.testing.assert_allclose(got[seen], right[seen], atol=1e-12)
