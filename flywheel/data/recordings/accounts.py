@@ -26,6 +26,7 @@ ALIKE = 0.8  # correlation from which two causes are not told apart
 FOLLOWS = 0.8  # correlation of changes from which one account follows the other
 SURELY = 0.9  # the same with another column or clock, which are many
 UNITS = 3.0  # times as much, or as little: no robot is so wrong, its unit is
+MANY = 3  # winches that tell of another clock together, even if one or another does not follow
 CLEARLY = 0.5  # another clock leaves at most this share of what is unexplained
 MOST_SHIFT, SHIFT = 2.0, 0.02  # clocks that are tried, and the step between them [s]
 EARLY = 0.05  # how much before its cause an effect is told to be [s]
@@ -152,10 +153,12 @@ class _Doubt:
         if few or not self.cause.names:
             return []
         found, every = self._still(), np.arange(len(self.little))
-        follows, size = self._fit(0.0)
+        shift, (follows, size) = 0.0, self._fit(0.0)
         if found or (follows.diagonal() < -FOLLOWS).all():
             return found or self._signs(every)
-        if shift := self._shift(every):
+        # A few cables may be slack.
+        sure = len(every) >= MANY or self.alone.all()
+        if sure and (shift := self._shift(every)):
             words = _later(shift, self.effect.noun, self.cause.noun)
             found.append(Finding("clock", "noted", "", 0, words=words))
             follows, size = self._fit(shift)
@@ -215,9 +218,17 @@ class _Doubt:
         most = min(MOST_SHIFT, (self.end[-1] - self.begin[0]) / 3)
         shifts = SHIFT * np.arange(-round(most / SHIFT), round(most / SHIFT) + 1)
         fits = np.array([self._fit(shift, some)[0][0, 0] for shift in shifts])
-        best, now = int(fits.argmax()), max(fits[len(fits) // 2], 0.0)
+        left = 1 - np.maximum(fits, 0.0) ** 2
+        # What is periodic fits at other shifts, too: the nearest is meant.
+        good = np.flatnonzero(left <= left.min() / CLEARLY)
+        runs = np.split(good, np.flatnonzero(np.diff(good) > 1) + 1)
+        run = min(runs, key=lambda each: np.abs(shifts[each]).min())
+        best = run[left[run].argmin()]
+        zero = len(left) // 2
+        between = fits[min(best, zero) : max(best, zero) + 1]
+        periodic = fits[zero] > FOLLOWS > between.min()
+        clearly = fits[best] > SURELY and left[best] < CLEARLY * left[zero] and not periodic
         shift = float(shifts[best])
-        clearly = fits[best] > SURELY and 1 - fits[best] ** 2 < CLEARLY * (1 - now**2)
         return 0.0 if not clearly or -EARLY <= shift <= self.late else shift
 
     def _fit(

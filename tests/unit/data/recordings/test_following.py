@@ -160,7 +160,7 @@ def test_a_marker_that_comes_back_in_small_steps_is_believed_for_its_distances(s
     """From two others of its body that did not leap."""
     log = sheet("platform4")
     points, reach = log.made.true_points.copy(), Bounds.of(log.made.points, log.robot).reach(0.01)
-    points[50:80, 1, 2] += 1.3 * reach * 0.6 ** np.arange(30)
+    points[50:80, 1, 1] += 1.3 * reach * 0.6 ** np.arange(30)
     found = track(points, log.made.time, log.robot)
     gone = np.flatnonzero(found.leaps[:, 1] | found.rods[:, 1])
     assert gone[0] == 50 and gone[-1] < 60
