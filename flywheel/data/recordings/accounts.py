@@ -24,7 +24,9 @@ MOST = 400  # changes that are looked at
 FEWEST, SHORTEST = 20, 3.0  # changes that say something, and the time that they take [s]
 ALIKE = 0.8  # correlation from which two causes are not told apart
 FOLLOWS = 0.8  # correlation of changes from which one account follows the other
+HARDLY = 0.5  # the same of what must follow, and does not
 SURELY = 0.9  # the same with another column or clock, which are many
+TIMES = 1.5  # as much, or as little, that a cable may move at most to be its winch's among others like it
 UNITS = 3.0  # times as much, or as little: no robot is so wrong, its unit is
 MANY = 3  # winches that tell of another clock together, even if one or another does not follow
 CLEARLY = 0.5  # another clock leaves at most this share of what is unexplained
@@ -163,7 +165,9 @@ class _Doubt:
             found.append(Finding("clock", "noted", "", 0, words=words))
             follows, size = self._fit(shift)
         own, size = follows.diagonal(), size.diagonal()
-        found += self._signs(np.flatnonzero((own < -FOLLOWS) & self._by_itself(shift)))
+        turned = (own < -SURELY) & (size < -1 / TIMES) & (size > -TIMES)
+        turned |= (own < -FOLLOWS) & self._by_itself(shift)
+        found += self._signs(np.flatnonzero(turned))
         for i in np.flatnonzero((own > FOLLOWS) & ((size > UNITS) | (size < 1 / UNITS))).tolist():
             words = (
                 f"{self.effect.names[i]} changes {size[i]:.3g} times as much: is its unit right?"
@@ -179,10 +183,10 @@ class _Doubt:
             if i != j and among[i, j] > SURELY:
                 words = f"{effect} follows it, and not {cause}: are the columns exchanged?"
                 found.append(self._note(some[j], words))
-            elif self.alone[some[i]] and self._moved()[some[i]]:
-                shift = self._shift(some[[i]])
-                words = f"{effect} does not follow it: {TOLD}"
-                found.append(self._note(some[i], _later(shift, effect, cause) if shift else words))
+            elif self.alone[some[i]] and (shift := self._shift(some[[i]])):
+                found.append(self._note(some[i], _later(shift, effect, cause)))
+            elif self.alone[some[i]] and among[i, i] < HARDLY and self._moved()[some[i]]:
+                found.append(self._note(some[i], f"{effect} does not follow it: {TOLD}"))
         return found
 
     def _signs(self, turned: NDArray[np.int64]) -> list[Finding]:

@@ -137,14 +137,18 @@ def test_all_signs_wrong_are_noted_for_each_winch_and_are_no_other_clock(moved, 
     assert all("changes the other way" in words for words in notes.values())
 
 
-def test_a_wrong_sign_among_commands_that_are_all_alike_is_noted_where_cables_must_pull(tmp_path):
-    robot = hanging(1)
-    track = swung(robot, np.array([1.0, -1.0]))
+@pytest.mark.parametrize("name", ["beam", "prism3"])
+def test_a_wrong_sign_among_commands_that_are_alike_but_for_their_signs_is_noted(name, tmp_path):
+    """Where a cable must pull, or moves as far as its winch was told."""
+    robot = hanging(1) if name == "beam" else load_robot(name)
+    signs = np.where(np.arange(len(robot.winches)) % 2, -1.0, 1.0)
+    track = swung(robot, signs)
     assert told(read(tmp_path, robot, track)) == {}
     (tmp_path / "log.csv").unlink()
-    notes = told(read(tmp_path, robot, track, lambda c: c * [1, -1]))
-    assert list(notes) == ["ctrl.right_winchA"]
-    assert "changes the other way" in notes["ctrl.right_winchA"]
+    wrong = np.where(np.arange(len(signs)) == 1, -1, 1)
+    notes = told(read(tmp_path, robot, track, lambda c: c * wrong))
+    assert list(notes) == [f"ctrl.{robot.winches[1].name}"]
+    assert "changes the other way" in notes[f"ctrl.{robot.winches[1].name}"]
 
 
 @pytest.mark.parametrize("name", ROBOTS)
