@@ -143,7 +143,9 @@ def bench_plan(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
         "plant": PlantDynamics(Plant(robot, threads=threads)),
     }
     calls = {
-        f"MPPI plan, {name}, K = {samples}, H = {PLAN_SECONDS:g} s": _planning(model, samples)
+        f"MPPI plan, {name}, K = {samples}, H = {PLAN_SECONDS:g} s": planning(
+            model, samples, PLAN_SECONDS
+        )
         for samples in PLANS
         for name, model in models.items()
     }
@@ -151,10 +153,10 @@ def bench_plan(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
     return [Measurement(name, 1e3 * each, "ms", threads) for name, each in taken.items()]
 
 
-def _planning(model: Dynamics, samples: int) -> Callable[[], object]:
-    """One plan from the keyframe to a goal; always the same one."""
+def planning(model: Dynamics, samples: int, seconds: float) -> Callable[[], object]:
+    """One plan over these seconds, from the keyframe to a goal; always the same one."""
     robot = model.robot
-    planner = Mppi(model, MppiConfig(samples=samples, horizon_seconds=PLAN_SECONDS))
+    planner = Mppi(model, MppiConfig(samples=samples, horizon_seconds=seconds))
     plant = Plant(robot)
     state = plant.rest()
     hold = robot.holding(plant.winch(state))

@@ -17,6 +17,7 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.devices import Device
 from flywheel.dynamics.gnn.fused import FusedForward
 from flywheel.dynamics.gnn.learned import (
     BLOCK,
@@ -82,11 +83,12 @@ def rollout_call(
     candidates: int = CANDIDATES,
     threads: int = 1,
     block: int = BLOCK,
+    device: Device = "cpu",
 ) -> Callable[[], object]:
     """A call of a whole rollout of `STEPS` steps from one past, as in a planner."""
     torch.manual_seed(0)
     network = ChunkNetwork(robot, config)
-    model = LearnedDynamics(robot, network, threads, block)
+    model = LearnedDynamics(robot, network, threads, block, device=device)
     rng = np.random.default_rng(0)
     points = rng.normal(0.0, 0.5, (1, 1, len(robot.points), 3)) * robot.length
     points = np.repeat(points, config.history + 1, axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
@@ -31,6 +31,8 @@ class MppiConfig(Frozen):
       fresh: fraction of the samples that do not start from the plan: every winch strokes to an end
         or to the middle of its range.
       fresh_seconds: duration of such a stroke [s].
+      device: of a network's predictions; "cuda" for a GPU, on which plants are not simulated. Part of
+        the result: sums are rounded differently.
     """
 
     TIMES: ClassVar = ("horizon_seconds", "knot_seconds", "replan_seconds")
@@ -47,6 +49,7 @@ class MppiConfig(Frozen):
     elites: Annotated[int, Bounds(0, 10_000)] = 2
     fresh: Share = 0.4
     fresh_seconds: HorizonSeconds = 1.5
+    device: Literal["cpu", "cuda"] = "cpu"
 
     @model_validator(mode="after")
     def _acts_within_its_horizon(self) -> Self:

@@ -13,7 +13,7 @@ from flywheel.errors import ConfigError
 from flywheel.outputs import check_folder
 from flywheel.reports import write_report
 from flywheel.results import RESULT_FILE, ErrorNumbers, IterationResult, RobotResult, RunResult
-from flywheel.robots import Robot, load_robot
+from flywheel.robots import Robot
 from flywheel.run_identity import Identity
 from flywheel.runtime.config.run_config import RunConfig, WorkersConfig
 from flywheel.runtime.pool.interrupts import Interrupted, StopRequest
@@ -26,7 +26,7 @@ from flywheel.runtime.run.context import Run
 from flywheel.runtime.run.folder import RunFolder
 from flywheel.runtime.run.inventory import check_sound
 from flywheel.runtime.run.provenance import end_rests_on, keep, result_so_far
-from flywheel.runtime.run.suitability import check_reached, check_suits
+from flywheel.runtime.run.suitability import check_new, check_reached
 from flywheel.runtime.stages import (
     Tally,
     collect,
@@ -74,8 +74,8 @@ def run(
 
     Raises:
       ConfigError: the folder is in use, not writable, contains a run although `resume` is false, or
-        contains a run of another configuration; the robot cannot do the run; or the cluster is too
-        small.
+        contains a run of another configuration; the robot cannot do the run; the cluster is too
+        small; or the GPU that it asks for is not there.
       RobotError: the MJCF cannot be used.
       RunError: the run cannot continue, or its files were changed since it stopped; the message
         says why. Finished work is kept.
@@ -89,7 +89,7 @@ def run(
     if tracked and not config.tracking.uri:
         database_uri(files.path / DATABASE)  # refused before anything is there
     if not files.config_file.exists():  # a run that is refused leaves nothing
-        check_suits(config, load_robot(config.model))
+        check_new(config, address)
     files.path.mkdir(parents=True, exist_ok=True)
     with hold(files.lock, f"The run in {folder}"):
         identity = files.begin(config, resume)
@@ -102,7 +102,7 @@ def run(
                     tracker.show(done)
                 return done
         files.check_space(config.workers.least_free_gb)
-        check_reached(config, robot)
+        check_reached(config, robot, address)
         progress.say(f"The run is in {folder}. Ctrl-C stops it; --resume continues it.")
         with (
             Cluster(address, local_cores) as ray,

@@ -99,8 +99,9 @@ class TrainingConfig(Frozen):
       report_every: steps between points of the curve.
       patience: validations of the last stage without a better one before stopping early; 0 = never.
       checkpoint_every: steps between checkpoints; also written at the end of each stage.
-      device: torch device.
-      precision: of the hidden layers' matrix products; sums and weights are float32 in any case.
+      device: of the training; "cuda" for a GPU. Part of the result: sums are rounded differently.
+      precision: of the hidden layers' matrix products on the processor; sums and weights, and
+        everything on a GPU, are float32 in any case.
         "auto" is bfloat16 where the processor has instructions for it, which trains a quarter more
         windows in the same time. Part of the result.
       threads: number of parts of each batch, computed at the same time, with one thread

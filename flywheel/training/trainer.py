@@ -20,6 +20,7 @@ from flywheel.dynamics.gnn import (
     ChunkNetwork,
     NetworkConfig,
     Simulator,
+    check_device,
     fit_normalisation,
     load_weights,
     save_weights,
@@ -90,7 +91,8 @@ class Trainer:
 
     Raises:
       DataError: a split has no window of the required length.
-      ConfigError: `mix` names an unknown data set, or the folder contains another training.
+      ConfigError: `mix` names an unknown data set, the folder contains another training, or there is
+        no such device.
     """
 
     def __init__(
@@ -103,6 +105,7 @@ class Trainer:
         folder: Path,
         initial_weights: Path | None = None,
     ) -> None:
+        check_device(config.device, "training.device")
         self._config, self._robot, self._folder = config, robot, Path(folder)
         self._network_config = network_config
         self._initial_weights = initial_weights

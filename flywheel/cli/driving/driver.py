@@ -18,6 +18,7 @@ from flywheel.cli.options import CHAMPION
 from flywheel.cli.runs.opening import open_run
 from flywheel.control.drive import Drive
 from flywheel.control.protocol import OnPiece, Piece
+from flywheel.dynamics.gnn import check_device
 from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import LiveView, RestartedPlant
 from flywheel.dynamics.plant.render import render_episode
@@ -54,6 +55,7 @@ class _Driver:
         # Nothing else runs beside it: all cores plan.
         threads = f"sim_threads={len(os.sched_getaffinity(0))}"
         self.config = config_of(source, [threads, *overrides])
+        check_device(self.config.mppi.device, "mppi.device")
         self.robot = RunFolder(source).robot(self.config)
         self._known = known_effects(source, self.config, overrides)
         self._digest = ""
@@ -219,7 +221,8 @@ class RobotDriver(_Driver):
         if (path := self._file(source)) is not None:
             weights = TrainedModel.read(self.model, path, self.robot).weights
             threads, library = self.config.sim_threads, self.config.library()
-            return weights.dynamics(self.robot, threads, library), weights.digest
+            device = self.config.mppi.device
+            return weights.dynamics(self.robot, threads, library, device), weights.digest
         network, digest = network_of(source, self.config, self.robot, self.model, PLANT)
         if network is None:
             raise ConfigError(
@@ -300,9 +303,14 @@ def network_of(
     """The network for planning and its digest; none for the oracle, which the recorder makes itself."""
     if model == ORACLE:
         return None, ""
+    weights = _network_weights(source, robot, model, instead)
+    device = config.mppi.device
+    return weights.dynamics(robot, config.sim_threads, device=device), weights.digest
+
+
+def _network_weights(source: Path, robot: Robot, model: str, instead: str) -> Weights:
     if model == SHIPPED:
-        shipped = Weights.read(shipped_weights(robot), robot)
-        return shipped.dynamics(robot, config.sim_threads), shipped.digest
+        return Weights.read(shipped_weights(robot), robot)
     if not source.is_dir():
         raise ConfigError(
             f"{source} is a configuration, which has no models. Give a run's folder, or --model "
@@ -310,8 +318,7 @@ def network_of(
         )
     run = open_run(source)
     iteration = run.champion() if model == CHAMPION else run.iteration(model)
-    weights = run.weights(iteration)
-    return weights.dynamics(robot, config.sim_threads), weights.digest
+    return run.weights(iteration)
 
 
 def _written(effect: WrittenTerm) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ import torch
 from torch import Tensor
 
 from flywheel.dynamics.gnn.compiled_network import Precision
+from flywheel.dynamics.gnn.devices import Device, check_device
 from flywheel.dynamics.gnn.ground import ground_of
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.simulator import Simulator, Start
@@ -31,16 +33,19 @@ class LearnedDynamics:
     The batch is computed in blocks of equal size, small enough that a block's arrays stay in the
     processor's cache. Each block runs on one thread; `threads` of them run in parallel. The
     assignment of candidates to blocks changes predictions by rounding only (about 1e-6 relative).
+    A GPU computes the whole batch at once.
 
     Args:
       robot: the robot.
       network: its weights; copied, later changes have no effect.
       threads: Python threads that share the batch, block by block.
       block: largest number of candidates computed at a time.
-      precision: of its matrix products.
+      precision: of its matrix products, on the processor.
+      device: of the computation; "cuda" for a GPU, where `threads` and `block` have no effect.
 
     Raises:
       ModelError: the network was made for another robot.
+      ConfigError: there is no such device.
     """
 
     def __init__(
@@ -50,13 +55,16 @@ class LearnedDynamics:
         threads: int = 1,
         block: int = BLOCK,
         precision: Precision = "float32",
+        device: Device = "cpu",
     ) -> None:
+        check_device(device)
         self.robot, self.dt, self.history = robot, network.config.dt, network.config.history
         self.digest = weights_digest(network)
         self._simulator = Simulator(robot, network.config, precision=precision)
-        network = copy.deepcopy(network).requires_grad_(False).to("cpu")
-        self._forward = self._simulator.prepare(network)
-        self._threads, self._block = threads, block
+        network = copy.deepcopy(network).requires_grad_(False).to(device)
+        self._forward = self._simulator.prepare(network, device)
+        self._threads, self._block = (threads, block) if device == "cpu" else (1, sys.maxsize)
+        self._device = device
 
     @cached_property
     def _pool(self) -> ThreadPoolExecutor:
@@ -90,11 +98,14 @@ class LearnedDynamics:
 
     def _start(self, past: Past, rows: slice) -> Start:
         return self._simulator.start(
-            _tensor(past.observations.points[rows]),
-            _tensor(past.controls[rows]),
-            _tensor(past.winch[rows]),
-            ground_of(past.terrains_at(rows)),
+            self._tensor(past.observations.points[rows]),
+            self._tensor(past.controls[rows]),
+            self._tensor(past.winch[rows]),
+            ground_of(past.terrains_at(rows), self._device),
         )
+
+    def _tensor(self, array: Floats) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array)).to(self._device)
 
     @torch.inference_mode()
     def _run(
@@ -102,7 +113,8 @@ class LearnedDynamics:
     ) -> tuple[Floats, Floats]:
         """Points (b, H + 1, P, 3) and winch (b, H + 1, W) of one block, from the present on."""
         start = shared or self._start(past, rows)
-        commands, dataset = _tensor(controls[rows]), torch.tensor([past.dataset])
+        commands = self._tensor(controls[rows])
+        dataset = torch.tensor([past.dataset], device=self._device)
         unrolled = self._simulator.roll(self._forward, start, commands, dataset)
         points, winch = (
             torch.cat([now.expand(len(commands), *now.shape[1:])[:, None], ahead], dim=1)
@@ -110,7 +122,7 @@ class LearnedDynamics:
                 self._simulator.present(start), (unrolled.points, unrolled.winch), strict=True
             )
         )
-        return points.double().numpy(), winch.double().numpy()
+        return points.double().cpu().numpy(), winch.double().cpu().numpy()
 
     def _check_data_set(self, dataset: int) -> None:
         known = self._simulator.config.datasets
@@ -153,7 +165,3 @@ def one_thread_per_operation() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
-
-
-def _tensor(array: Floats) -> Tensor:
-    return torch.from_numpy(np.ascontiguousarray(array))

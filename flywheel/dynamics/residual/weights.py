@@ -208,9 +208,13 @@ class ResidualWeights:
             )
 
     def dynamics(
-        self, robot: Robot, threads: int = 1, library: Mapping[str, Effect] = NAMED
+        self,
+        robot: Robot,
+        threads: int = 1,
+        library: Mapping[str, Effect] = NAMED,
+        device: str = "cpu",
     ) -> ResidualDynamics:
-        """The dynamics model."""
+        """The dynamics model, on the processor whatever `device` is: its plant is simulated there."""
         network = _network(robot, self.config)
         state = {name: torch.from_numpy(np.array(value)) for name, value in self.arrays.items()}
         network.load_state_dict(state)

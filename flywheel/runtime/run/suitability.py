@@ -14,12 +14,13 @@ import numpy as np
 
 from flywheel.control import MppiConfig, refuse_fixed
 from flywheel.control.gaits import Gait
+from flywheel.dynamics.gnn import check_device
 from flywheel.dynamics.plant import Plant, Reckoning
 from flywheel.dynamics.plant.law_checks import check_laws
 from flywheel.errors import ConfigError, ModelError, RobotError
 from flywheel.robot_link import StandIn
 from flywheel.robot_link.opening import SIMULATED, TCP, open_link
-from flywheel.robots import Robot, draw_terrain
+from flywheel.robots import Robot, draw_terrain, load_robot
 from flywheel.runtime.config.robot_config import RobotConfig
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.run.initial_weights import initial_weights
@@ -76,12 +77,31 @@ def check_suits(config: RunConfig, robot: Robot) -> None:
         _check_robot(config, config.robot, robot)
 
 
-def check_reached(config: RunConfig, robot: Robot) -> None:
-    """Reject a run whose robot does not answer at its port, before anything is started.
+def check_new(config: RunConfig, address: str | None) -> None:
+    """Reject a run that cannot begin: see `check_devices` and `check_suits`."""
+    check_devices(config, address)
+    check_suits(config, load_robot(config.model))
+
+
+def check_devices(config: RunConfig, address: str | None) -> None:
+    """Reject a run on a GPU where there is none; in a cluster at `address` its workers ask for it.
+
+    Raises:
+      ConfigError: this machine has no such device.
+    """
+    if address is None:
+        check_device(config.training.device, "training.device")
+        check_device(config.mppi.device, "mppi.device")
+
+
+def check_reached(config: RunConfig, robot: Robot, address: str | None) -> None:
+    """Reject a run whose robot does not answer at its port, or that wants another device.
 
     Raises:
       LinkError: it does not, or is another robot.
+      ConfigError: see `check_devices`.
     """
+    check_devices(config, address)
     link = config.robot
     if link is not None and link.link.startswith(TCP):
         open_link(link.link, robot, config.network.dt).close()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.diagnosis.fitting.subject import Subject
-from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig, load_weights
+from flywheel.dynamics.gnn import Device, LearnedDynamics, NetworkConfig, load_weights
 from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays, weights_digest
 from flywheel.dynamics.residual import ResidualWeights, is_residual
 from flywheel.effects import NAMED, Effect
@@ -54,11 +54,19 @@ class Weights:
         return cls(found, network.config, weights_arrays(network))
 
     def dynamics(
-        self, robot: Robot, threads: int = 1, library: Mapping[str, Effect] = NAMED
+        self,
+        robot: Robot,
+        threads: int = 1,
+        library: Mapping[str, Effect] = NAMED,
+        device: Device = "cpu",
     ) -> LearnedDynamics:
-        """The dynamics model with these weights, which needs no library of effects."""
+        """The dynamics model with these weights, which needs no library of effects.
+
+        Raises:
+          ConfigError: there is no such device.
+        """
         network = network_from_arrays(robot, self.config, self.arrays)
-        return LearnedDynamics(robot, network, threads=threads)
+        return LearnedDynamics(robot, network, threads=threads, device=device)
 
 
 AnyWeights = Weights | ResidualWeights
