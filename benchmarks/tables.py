@@ -23,7 +23,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from benchmarks import adoption, demo, navigation, networks, residual, robot, steps
+from benchmarks import adoption, budget, demo, navigation, networks, residual, robot, steps
 from benchmarks.adoption import AdoptionRow, AdoptionStudy
 from benchmarks.demo import DemoResult, DemoRow
 from benchmarks.diagnosis.case_result import CaseResult
@@ -98,6 +98,8 @@ TABLES: dict[str, Callable[[], list[str]]] = {
     "robot-errors-cogging": lambda: robot_errors("cogging"),
     "robot-errors-rod_flex": lambda: robot_errors("rod_flex"),
     "networks": networks.table,
+    "budget": lambda: budget.table("prism3"),
+    "budget-regions": lambda: budget.regions_table("prism3"),
     "steps": lambda: steps.motions_table(read_rows(StepRow, STEPS_CSV)),
     "steps-others": lambda: steps.others_table(read_rows(StepRow, STEPS_CSV)),
     "steps-rest": lambda: steps.rest_table(read_rows(RestRow, REST_CSV)),
