@@ -1,5 +1,7 @@
 """The network on another device than the processor: the same numbers, and no tensor is left behind."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -7,26 +9,26 @@ import torch
 from flywheel.dynamics.gnn import LearnedDynamics, NetworkConfig
 from flywheel.errors import ConfigError
 from tests.other_device import OTHER, OtherDevice
+from tests.unit.gnn.test_ground import hills
 from tests.unit.gnn.test_learned import past_of
 
 CONFIGS = {"lean": NetworkConfig.lean(width=16), "paper": NetworkConfig.paper(width=8)}
 
 
+@pytest.mark.parametrize("rows", [1, 5], ids=["one past", "a past for each"])
 @pytest.mark.parametrize("name", CONFIGS)
 def test_a_rollout_on_another_device_is_that_of_the_processor(
-    name, robots, make_network, make_window, seed, monkeypatch
+    name, rows, robots, make_network, make_window, seed, monkeypatch
 ):
-    robot, config = robots["prism3"], CONFIGS[name]
-    window, network = (
-        make_window(robot, config, seed, samples=5, steps=14),
-        make_network(robot, config, seed),
-    )
-    past, controls = past_of(window, slice(0, 1)), window.controls.numpy()
+    robot, config, rng = robots["prism3"], CONFIGS[name], np.random.default_rng(seed)
+    network = make_network(robot, config, seed)
+    window = make_window(robot, config, seed, samples=5, steps=14)
+    past, controls = past_of(window, slice(0, rows)), window.controls.numpy()
+    past.observations.points[:, -3:-1, 2] = np.nan
+    past = dataclasses.replace(past, terrains=(hills(rng), *[None] * (rows - 1)))
     said = LearnedDynamics(robot, network).rollout(past, controls)
-    plain = torch.no_grad()(
-        LearnedDynamics._run.__wrapped__
-    )  # a pretended tensor has no inference mode
-    monkeypatch.setattr(LearnedDynamics, "_run", plain)
+    run = torch.no_grad()(LearnedDynamics._run.__wrapped__)  # it has no inference mode
+    monkeypatch.setattr(LearnedDynamics, "_run", run)
     with OtherDevice():
         model = LearnedDynamics(robot, network, threads=2, block=2, device=OTHER)
         assert model.blocks(4096) == [slice(0, 4096)]
