@@ -40,6 +40,7 @@ ALARMS = {
     "leap",
     "rod length",
     "cable",
+    "clock",
 }  # kinds of findings that a clean log has not
 SAME = 1e-9  # [m]
 FLAT = (
