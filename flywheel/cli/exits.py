@@ -40,7 +40,7 @@ CODES = """\
 [bold]Exit codes:[/bold] 0 all is well, 1 a check failed or a run could not go on, \
 2 bad usage or input, 70 a bug of flywheel (the message says where its traceback is), \
 130 interrupted (finished work is kept)."""
-TORCH_HAS_NO_MEMORY = "can't allocate memory"  # a RuntimeError
+TORCH_HAS_NO_MEMORY = ("can't allocate memory", "CUDA out of memory")  # in a RuntimeError
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def ending_of(error: BaseException) -> Ending:
         return Ending(exit_code(cause), str(cause))
     if isinstance(cause, OSError) and (fault := fault_of(cause)):
         return Ending(USAGE if fault.by_input else FAILED, told(cause))
-    if isinstance(cause, MemoryError) or TORCH_HAS_NO_MEMORY in str(cause):
+    if isinstance(cause, MemoryError) or any(said in str(cause) for said in TORCH_HAS_NO_MEMORY):
         return Ending(
             FAILED,
             "This needs more memory than is available. Stored data are complete. Request less at "

@@ -100,6 +100,7 @@ def test_what_the_system_refuses_is_a_sentence_with_the_path(
     ("error", "code", "words"),
     [
         (MemoryError(), FAILED, "more memory than is available"),
+        (RuntimeError("CUDA out of memory. Tried to allocate 2 GiB."), FAILED, "more memory than"),
         (RuntimeError("DefaultCPUAllocator: can't allocate memory"), FAILED, "more memory"),
         (RecursionError(), USAGE, "nested too deeply"),
         (SystemExit(signal.SIGTERM), 130, "interrupted"),
