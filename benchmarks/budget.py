@@ -37,7 +37,7 @@ from flywheel.dynamics.gnn.step import Motion, Parts
 from flywheel.dynamics.plant import MeasurementModel
 from flywheel.dynamics.plant.poses import FREE_POSITIONS
 from flywheel.dynamics.protocol import Dynamics
-from flywheel.errors import FlywheelError
+from flywheel.errors import ConfigError, FlywheelError
 from flywheel.evaluation import HISTORY_SECONDS, ErrorTable, squared_position_error
 from flywheel.outputs import write_output
 from flywheel.records import Floats, Observation, Past, State
@@ -48,6 +48,7 @@ from flywheel.rotations import rotate
 from flywheel.runtime.config.run_config import RunConfig
 from flywheel.runtime.workers.episode_plan import EpisodePlan
 from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
+from flywheel.validation import validated
 
 Flags = NDArray[np.bool_]
 BUDGET_CSV, REGIONS_CSV = RESULTS / "budget.csv", RESULTS / "budget_regions.csv"
@@ -193,7 +194,9 @@ class Budget:
         robot.require_free("compared part by part")
         self.robot, self.network, self.config = robot, network, network.config
         self.parts, now = Simulator(robot, self.config).parts(), self.config.history
-        seen = MeasurementModel(noise=noise)
+        seen = validated(
+            MeasurementModel, {"noise": noise}, "Points cannot be measured so", ConfigError
+        )
         config = RunConfig(model=robot.name, measurement=seen, network=self.config)
         recorder = EpisodeRecorder(config, robot)
         numbers = range(FIRST_SEED, FIRST_SEED + episodes)
