@@ -46,7 +46,7 @@ CONFIGS = Path(__file__).parents[1] / "configs" / "networks"
 TRAINED, OTHERS = "of the training", "others around it"
 DRAWN, OTHER_DRAWN = 0, 1  # seeds of the plants of the training, and of the others
 PLANTS = 8
-EPISODES, SECONDS, STARTS, HORIZON = 3, 15.0, 10, 2.0
+EPISODES, SECONDS, STARTS, HORIZON = 12, 15.0, 10, 2.0
 FIRST_SEED = (
     10_000_000  # of the episodes that are measured; no run derives them but by chance in 2^32
 )
@@ -120,7 +120,7 @@ class Measurement:
         return EpisodeRecorder(self._config.model_copy(update={"datasets": datasets}), self.robot)
 
     def _recorded(self, recorder: EpisodeRecorder, group: str, plant: int) -> list[Episode]:
-        first = FIRST_SEED + 1000 * (1 + list(self.groups).index(group)) + 10 * plant
+        first = FIRST_SEED + 1000 * (1 + list(self.groups).index(group)) + 100 * plant
         plans = (
             EpisodePlan(f"measured-{seed}", "random", 0, "test", SECONDS, seed)
             for seed in range(first, first + self.episodes)

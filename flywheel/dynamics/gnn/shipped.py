@@ -59,7 +59,6 @@ class ModelCard(Frozen):
       plants: used for training.
       minutes: of simulated motion in training [min].
       steps: of the optimiser.
-      continued: digest of the weights at the start of the training; "" for random ones.
       noise: of the points, in training and here [fraction of the robot's length].
       horizon: of the errors [s].
       episodes: with random controls for each plant; each lasts `seconds`, and there are `starts`
@@ -76,7 +75,6 @@ class ModelCard(Frozen):
     plants: Samples
     minutes: Annotated[float, Bounds(0, 1e9, "min")]
     steps: OptimiserSteps
-    continued: Name = ""
     noise: Share
     horizon: HorizonSeconds
     episodes: Episodes
