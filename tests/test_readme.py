@@ -32,7 +32,8 @@ def test_the_first_command_installs_what_ci_installs_and_runs_the_default() -> N
     environment, install, start = (part.strip() for part in first.split("&&"))
     assert environment == "python3 -m venv .venv"
     arguments = install.removeprefix(".venv/bin/pip install -q ")
-    assert arguments in (ROOT / ".ci" / "run").read_text()
+    with_the_site = arguments.replace("[dev]", "[dev,docs]")
+    assert with_the_site != arguments and with_the_site in (ROOT / ".ci" / "run").read_text()
     assert start == ".venv/bin/flywheel run configs/prism3_robot.yaml"
     assert second == ".venv/bin/pytest"
 
