@@ -46,7 +46,15 @@ def recorded(split: Split) -> list[Episode]:
     recorder = EpisodeRecorder(RunConfig(), load_robot("prism3"))
     count, first = EPISODES[split]
     plans = (
-        EpisodePlan(f"random-{seed}", "random", 0, split, SECONDS, seed)
+        EpisodePlan(
+            id=f"random-{seed}",
+            controller="random",
+            iteration=0,
+            split=split,
+            dataset=0,
+            seconds=SECONDS,
+            seed=seed,
+        )
         for seed in range(first, first + count)
     )
     return [recorder.record(plan, None, "") for plan in plans]
