@@ -12,6 +12,7 @@ episodes.
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import os
 import subprocess
@@ -19,6 +20,7 @@ import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,6 +46,8 @@ def recorded(split: Split) -> list[Episode]:
     from flywheel.runtime.workers.episode_recorder import EpisodeRecorder
 
     recorder = EpisodeRecorder(RunConfig(), load_robot("prism3"))
+    told = "heartbeat" in inspect.signature(recorder.record).parameters  # of an older checkout
+    more = {"heartbeat": SimpleNamespace(progress=lambda done: None)} if told else {}
     count, first = EPISODES[split]
     plans = (
         EpisodePlan(
@@ -57,29 +61,27 @@ def recorded(split: Split) -> list[Episode]:
         )
         for seed in range(first, first + count)
     )
-    return [recorder.record(plan, None, "") for plan in plans]
+    return [recorder.record(plan, None, "", **more) for plan in plans]
 
 
 def windows(episodes: list[Episode]) -> WindowCache:
     """Episodes as a training reads them."""
     from flywheel.data import WindowCache
+    from flywheel.robots import load_robot
 
-    tracks = [episode.trajectory for episode in episodes]
+    robot, tracks = load_robot("prism3"), [episode.trajectory for episode in episodes]
 
     def rows(arrays: list[np.ndarray]) -> np.ndarray:
         return np.ascontiguousarray(np.concatenate(arrays), np.float32)
 
-    points, winch = (
-        rows([getattr(track.observations, name) for track in tracks])
-        for name in ("points", "winch")
-    )
+    points = rows([track.observations.points for track in tracks])
     known = "points_truth" in WindowCache.__dataclass_fields__
     targets: dict[str, Any] = {"points_truth": points} if known else {}
     return WindowCache(
         points=points,
         **targets,
-        winch=winch,
-        winch_truth=winch,
+        winch=rows([robot.winches_of(episode) for episode in episodes]),
+        winch_truth=rows([robot.winch_of(track.states) for track in tracks if track.states]),
         controls=rows([np.pad(track.controls, ((0, 1), (0, 0))) for track in tracks]),
         valid=np.ones(points.shape[:2], np.bool_),
         lengths=np.array([track.steps for track in tracks], np.int64),
