@@ -47,7 +47,9 @@ def recorded(split: Split) -> list[Episode]:
 
     recorder = EpisodeRecorder(RunConfig(), load_robot("prism3"))
     told = "heartbeat" in inspect.signature(recorder.record).parameters  # of an older checkout
-    more = {"heartbeat": SimpleNamespace(progress=lambda done: None)} if told else {}
+    more: dict[str, Any] = (
+        {"heartbeat": SimpleNamespace(progress=lambda done: None)} if told else {}
+    )
     count, first = EPISODES[split]
     plans = (
         EpisodePlan(
