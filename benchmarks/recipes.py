@@ -23,8 +23,6 @@ from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     from flywheel.data import WindowCache
     from flywheel.records import Episode, Split
@@ -66,33 +64,15 @@ def recorded(split: Split) -> list[Episode]:
     return [recorder.record(plan, None, "", **more) for plan in plans]
 
 
-def windows(episodes: list[Episode]) -> WindowCache:
-    """Episodes as a training reads them."""
-    from flywheel.data import WindowCache
+def windows(split: Split) -> WindowCache:
+    """Episodes as a training reads them; their store is in the working folder."""
+    from flywheel.data import SplitSource, TrajectoryStore, WindowCache
     from flywheel.robots import load_robot
 
-    robot, tracks = load_robot("prism3"), [episode.trajectory for episode in episodes]
-
-    def rows(arrays: list[np.ndarray]) -> np.ndarray:
-        return np.ascontiguousarray(np.concatenate(arrays), np.float32)
-
-    points = rows([track.observations.points for track in tracks])
-    known = "points_truth" in WindowCache.__dataclass_fields__
-    targets: dict[str, Any] = {"points_truth": points} if known else {}
-    return WindowCache(
-        points=points,
-        **targets,
-        winch=rows([robot.winches_of(episode) for episode in episodes]),
-        winch_truth=rows([robot.winch_of(track.states) for track in tracks if track.states]),
-        controls=rows([np.pad(track.controls, ((0, 1), (0, 0))) for track in tracks]),
-        valid=np.ones(points.shape[:2], np.bool_),
-        lengths=np.array([track.steps for track in tracks], np.int64),
-        dataset=np.zeros(len(tracks), np.int64),
-        terrains=(None,) * len(tracks),
-        datasets=("nominal",),
-        split=episodes[0].split,
-        digest=episodes[0].split,
-    )
+    store, episodes = TrajectoryStore(f"store-{split}"), recorded(split)
+    store.commit(split, episodes)
+    source = SplitSource(store, store.seal(split, [split]), split, load_robot("prism3"))
+    return WindowCache.build(source, Path("cache"))
 
 
 def trained_here(minutes: float, seed: int, settings: dict[str, Any]) -> dict[str, float]:
@@ -103,7 +83,7 @@ def trained_here(minutes: float, seed: int, settings: dict[str, Any]) -> dict[st
     from flywheel.training import Trainer, TrainingConfig
 
     robot, defaults = load_robot("prism3"), TrainingConfig(**settings, seed=seed)
-    train, validation = windows(recorded("train")), windows(recorded("validation"))
+    train, validation = windows("train"), windows("validation")
 
     def trained(steps: int) -> tuple[Path, float]:
         schedule = defaults.initial.model_copy(update={"steps": steps})

@@ -187,15 +187,15 @@ def _check_listed(episode: Episode, listed: EpisodeSummary) -> None:
 def _columns(episode: Episode, robot: Robot, winches: KnownWinch) -> Arrays:
     track = episode.trajectory
     seen = track.observations
-    points, winch = _smoothed(seen.points, track.dt, robot), seen.winch
-    if track.states is not None:
-        winch = robot.winch_of(track.states)
-        points = robot.points_of(track.states) if robot.free else points
     columns: dict[str, Floats] = {
         "points": seen.points,
-        "points_truth": points,
+        "points_truth": (
+            _smoothed(seen.points, track.dt, robot)
+            if track.states is None or not robot.free
+            else robot.points_of(track.states)
+        ),
         "winch": winches(episode),
-        "winch_truth": winch,
+        "winch_truth": seen.winch if track.states is None else robot.winch_of(track.states),
         "controls": np.concatenate([track.controls, np.zeros_like(track.controls[:1])]),
     }
     arrays: Arrays = {name: values.astype(np.float32) for name, values in columns.items()}

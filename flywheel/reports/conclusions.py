@@ -55,9 +55,8 @@ class _Pair(NamedTuple):
 def headline(run: RunResult) -> str:
     """The trend of error and success, in one sentence or two."""
     results = run.of_arm("mppi")
-    if (on_robot := _robot_conclusion(run)) is not None:
-        network = _network_conclusion(run)
-        return on_robot.text if network is None else f"{on_robot.text} {network.text}"
+    if on_robot := _robot_conclusions(run):
+        return " ".join(each.text for each in on_robot)
     if len(results) < 2:
         state = "No iteration has ended yet" if not results else "Only iteration 0 has ended"
         return f"{state}: there is nothing to compare."
@@ -84,14 +83,10 @@ def conclusions(run: RunResult) -> list[Conclusion]:
     if len(results) < 2:
         return []
     found = [_error_conclusion(run, results)]
-    on_robot = _robot_conclusion(run)
-    if (
-        on_robot is None or results[-1].navigation is not None
-    ):  # a robot may be driven by plants alone
+    on_robot = _robot_conclusions(run)
+    if not on_robot or results[-1].navigation is not None:  # a robot may be driven by plants alone
         found.append(_success_conclusion(results))
-    if on_robot is not None:
-        network = _network_conclusion(run)
-        found[:0] = [on_robot] if network is None else [on_robot, network]
+    found[:0] = on_robot
     if "control" in run.arms:
         found.append(_control_conclusion(run, results[-1]))
     if run.floor is not None and (errors := run.test_errors(results[-1])) is not None:
@@ -111,7 +106,14 @@ def rate(success: Success) -> str:
     return f"{success.reached}/{success.total} ({success.rate:.0%}, {low:.0%} to {high:.0%})"
 
 
-def _robot_conclusion(run: RunResult) -> Conclusion | None:
+def _robot_conclusions(run: RunResult) -> list[Conclusion]:
+    """Progress of the plant and of the network on the robot; none for a run without one."""
+    plant = _plant_conclusion(run)
+    found = [] if plant is None else [plant, _network_conclusion(run)]
+    return [each for each in found if each is not None]
+
+
+def _plant_conclusion(run: RunResult) -> Conclusion | None:
     """Progress of the plant on the robot; None for a run without one."""
     given = list(run.robot_errors("given").values())
     plant = run.robot_errors("plant")

@@ -24,6 +24,8 @@ from flywheel.dynamics.gnn.prediction import Forward, Memory, Prediction
 Precision = Literal["float32", "bfloat16", "auto"]
 Weights = dict[str, Tensor]
 _NONE = np.zeros((0, 1, 1), np.float32)
+# How the names of matrices end that act on latent vectors.
+_HIDDEN = ("gates", "recurrent", "messages", "parts", "sums", "update", "decoder 0")
 
 
 class _Products:
@@ -144,12 +146,8 @@ class CompiledForward:
         self._weights = _weights(packed, self.relations)
         self.factors: Weights = {}
         if self.products.rounds:
-            hidden = [n for n in self._weights if n not in graph.relations and n != "controls"]
-            matrices = {n: self._weights[n] for n in hidden if self._weights[n].ndim == 2}
-            matrices = {
-                n: w for n, w in matrices.items() if "decoder 1" not in n and not n.endswith("bias")
-            }
-            self.factors = {n: w.detach().bfloat16() for n, w in matrices.items()}
+            hidden = {n: w for n, w in self._weights.items() if n.endswith(_HIDDEN)}
+            self.factors = {n: w.detach().bfloat16() for n, w in hidden.items()}
 
     def warm_up(self, nodes: Tensor, dataset: Tensor, memory: Memory | None) -> Memory | None:
         """Run only the LSTM over features of the body nodes (F, N, K)."""

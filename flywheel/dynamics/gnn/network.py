@@ -162,7 +162,7 @@ class ChunkNetwork(nn.Module):
         return decoder
 
     def hidden_matrices(self) -> list[torch.Tensor]:
-        """Weights (out, in) from latent vectors to latent vectors, of the LSTM and of all rounds."""
+        """Weights (out, in) of the LSTM, of all rounds, and of the decoders but for their last layers."""
         found = [] if self.memory is None else [self.memory.weight_ih, self.memory.weight_hh]
         decoders = [self.node_decoder, self.cable_decoder]
         linears = [linear for each in decoders if each for linear in each.linears[:-1]]
