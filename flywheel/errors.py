@@ -9,7 +9,13 @@ class FlywheelError(Exception):
 
 
 class RobotError(FlywheelError):
-    """An MJCF that cannot be used as a cable-driven robot."""
+    """An MJCF that cannot be used as a cable-driven robot.
+
+    Attributes:
+      problems: each of them by itself, if there are several.
+    """
+
+    problems: tuple[str, ...] = ()
 
 
 class MjcfError(RobotError):

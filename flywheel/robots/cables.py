@@ -12,7 +12,7 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.bodies import body_index, in_body_frame
 from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
-from flywheel.robots.problems import Problems
+from flywheel.robots.problems import Alike, Problems
 from flywheel.robots.winches import is_passive
 
 
@@ -21,26 +21,31 @@ def read_cables(
     data: mujoco.MjData,
     bodies: tuple[Body, ...],
     points: tuple[TrackedPoint, ...],
-    winches: tuple[Winch, ...],
+    winches: tuple[Winch, ...] | None,
     act: Floats,
 ) -> tuple[Cable, ...]:
-    """The cables, in the order of the MJCF's tendons.
+    """The cables, in the order of the MJCF's tendons, but for those that `refuse_bent` refuses.
 
     Args:
       data: with kinematics computed at the keyframe.
+      bodies: none if they cannot be read.
+      winches: None if they cannot be read; then what the MJCF drives counts as winched.
       act: (na,) the keyframe's activations.
 
     Raises:
-      RobotError: tendons that are no straight line between two sites, that end on no moving body, that
-        could push, or that nothing pulls.
+      RobotError: tendons that could push, that nothing pulls, or that a winch and a spring pull.
     """
     actuators = {
         cable: (index, actuator)
-        for index, winch in enumerate(winches)
+        for index, winch in enumerate(winches or ())
         for cable, actuator in zip(winch.cables, winch.actuators, strict=True)
     }
+    if winches is None:
+        actuators = {cable: (-1, actuator) for cable, actuator in _driven(model).items()}
     problems, cables, tendons = Problems(), [], _Tendons(model, data, bodies, points)
     for tendon in range(model.ntendon):
+        if _bend(model, tendon):
+            continue
         read = partial(tendons.passive, tendon)
         if tendon in actuators:
             read = partial(tendons.winched, tendon, *actuators[tendon], act)
@@ -59,6 +64,47 @@ def refuse_without_cables(model: mujoco.MjModel) -> None:
         raise RobotError("The MJCF has no tendon; a cable-driven robot needs at least one cable.")
 
 
+def refuse_bent(model: mujoco.MjModel) -> None:
+    """Refuse tendons that are no straight line between two bodies.
+
+    Raises:
+      RobotError: there are such tendons; it says all of them.
+    """
+    problems = Problems()
+    for tendon in range(model.ntendon):
+        if words := _bend(model, tendon):
+            name = model.tendon(tendon).name
+            problems.add_alike("tendon", repr(name) if name else f"number {tendon}", words)
+    problems.check()
+
+
+def _bend(model: mujoco.MjModel, tendon: int) -> str:
+    """Sentence with {} for a tendon that is no straight line between two bodies; "" if it is one."""
+    path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    kinds = [
+        mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower() for k in model.wrap_type[path]
+    ]
+    if kinds != ["site", "site"]:
+        return (
+            "{} must be straight between exactly two sites (no joints, pulleys or wrapping); got "
+            f"{' -> '.join(kinds)}."
+        )
+    first, second = (model.body_weldid[model.site_bodyid[site]] for site in model.wrap_objid[path])
+    if first == second:
+        where = f"the body {model.body(first).name!r}" if first else "the world"
+        return (
+            f"{{}} must connect two bodies, or one body with the world; got both ends on {where}."
+        )
+    return ""
+
+
+def _driven(model: mujoco.MjModel) -> dict[int, int]:
+    """Tendons on which there is an actuator that a control drives, and that actuator."""
+    on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    found = np.flatnonzero(on_tendon).tolist()
+    return {int(model.actuator_trnid[a, 0]): a for a in found if not is_passive(model, a)}
+
+
 @dataclass(frozen=True)
 class _Tendons:
     """The tendons of a robot at its keyframe, with kinematics computed, each as a cable."""
@@ -72,16 +118,18 @@ class _Tendons:
         """A cable with a winch, given the keyframe's activations (na,)."""
         model, name = self.model, self.model.tendon(tendon).name
         if model.tendon_stiffness[tendon] != 0:
-            raise RobotError(
-                f"The tendon {name!r} has a winch and its own stiffness; a winched cable's stiffness "
-                "is its actuator's gainprm. Put a parallel spring on a separate tendon."
+            raise Alike(
+                "tendon",
+                repr(name),
+                "{} must not have a winch and a stiffness; a winched cable's stiffness is its actuator's "
+                "gainprm. Put a parallel spring on a separate tendon.",
             )
         return Cable(
             name=name,
             ends=self._ends(tendon),
             stiffness=float(model.actuator_gainprm[actuator, 0]),
             damping=float(model.tendon_damping[tendon] - model.actuator_biasprm[actuator, 2]),
-            rest_length=float(act[model.actuator_actadr[actuator]]),
+            rest_length=float(act[model.actuator_actadr[actuator]]) if winch >= 0 else 0.0,
             winch=winch,
         )
 
@@ -98,46 +146,36 @@ class _Tendons:
         elif stiffness > 0 and low == 0 < rest:
             return Cable(name, ends, float(stiffness), float(damping), float(rest), -1)
         elif stiffness > 0:
-            raise RobotError(
-                f"The tendon {name!r} would push when shorter than {low:g} m; a cable only pulls: "
-                f'write springlength="0 {rest:g}".'
+            raise Alike(
+                "tendon",
+                f"{name!r} ({rest:g} m)",
+                "{} would push when shorter than that (springlength); a cable only pulls: write "
+                'springlength="0 L".',
             )
-        raise RobotError(
-            f"Nothing pulls the tendon {name!r}: it needs a winch, a stiffness, or one passive actuator "
-            'with gainprm "0", biastype "affine", biasprm "k*L -k -c" and forcerange "-F 0".'
+        raise Alike(
+            "tendon",
+            repr(name),
+            "Nothing pulls {}: a cable needs a winch, a stiffness, or one passive actuator with "
+            'gainprm "0", biastype "affine", biasprm "k*L -k -c" and forcerange "-F 0".',
         )
 
     def _ends(self, tendon: int) -> tuple[Attachment, Attachment]:
         model, name = self.model, self.model.tendon(tendon).name
         if model.tendon_limited[tendon] and model.tendon_range[tendon, 0] > 0:
-            raise RobotError(
-                f"The tendon {name!r} would push when shorter than {model.tendon_range[tendon, 0]:g} m (its "
-                "range); a cable only pulls: begin its range with 0."
+            raise Alike(
+                "tendon",
+                f"{name!r} ({model.tendon_range[tendon, 0]:g} m)",
+                "{} would push when shorter than that (range); a cable only pulls: begin the range with 0.",
             )
-        path = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-        kinds = [
-            mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower()
-            for k in model.wrap_type[path]
-        ]
-        if kinds != ["site", "site"]:
-            raise RobotError(
-                f"The tendon {name!r} passes {' -> '.join(kinds)}; a cable is straight between exactly two "
-                "sites (no joints, pulleys or wrapping)."
-            )
-        first, second = (self._attachment(int(site)) for site in model.wrap_objid[path])
-        if first.body == second.body:
-            where = "the world" if first.body < 0 else f"the body {self.bodies[first.body].name!r}"
-            raise RobotError(
-                f"The tendon {name!r} has both ends on {where}; a cable must connect two bodies, or one "
-                "body with the world."
-            )
+        start = model.tendon_adr[tendon]
+        first, second = (self._attachment(int(s)) for s in model.wrap_objid[start : start + 2])
         return first, second
 
     def _attachment(self, site: int) -> Attachment:
         body = body_index(self.model, self.model.site_bodyid[site])
         offset = in_body_frame(self.model, self.data, body, self.data.site_xpos[site])
-        if body < 0:
-            return Attachment(-1, offset, -1)
+        if body < 0 or not self.bodies:
+            return Attachment(body, offset, -1)
 
         def gap(point: int) -> tuple[float, ...]:
             """Distance to a point; ties are broken by position, not by number."""

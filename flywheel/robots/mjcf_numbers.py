@@ -7,6 +7,7 @@ some numbers. The checks are on the compiled model, where defaults, classes and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from operator import attrgetter
 
 import mujoco
@@ -14,6 +15,7 @@ import numpy as np
 
 from flywheel.errors import MjcfError
 from flywheel.records import Floats
+from flywheel.robots.problems import Problems
 
 FAR = 1e4  # [m]; the cables of the largest cable-driven robot, a telescope, are 600 m long
 HEAVY = 1e9  # [kg], [kg m^2]
@@ -143,10 +145,12 @@ def check_numbers(model: mujoco.MjModel, what: str) -> None:
       what: its name, at the beginning of a sentence: "The MJCF".
 
     Raises:
-      MjcfError: one is; the message names the element, its attribute, and the allowed values.
+      MjcfError: some are; the message names the elements, their attributes, and the allowed values.
     """
+    problems = Problems()
     for allowed in ALLOWED:
-        _refuse_outside(model, allowed, what)
+        problems.attempt(partial(_refuse_outside, model, allowed, what))
+    problems.check()
     fields = [name for name in dir(model) if not name.startswith("_")]
     arrays = {name: getattr(model, name) for name in fields}
     arrays = {n: a for n, a in arrays.items() if isinstance(a, np.ndarray) and a.dtype.kind == "f"}

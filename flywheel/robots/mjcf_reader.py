@@ -26,7 +26,7 @@ import numpy as np
 from flywheel.errors import MjcfError, RobotError
 from flywheel.records import Floats, State
 from flywheel.robots.bodies import moving_bodies, read_bodies
-from flywheel.robots.cables import read_cables, refuse_without_cables
+from flywheel.robots.cables import read_cables, refuse_bent, refuse_without_cables
 from flywheel.robots.ground import ground_of
 from flywheel.robots.integrators import integrator_of
 from flywheel.robots.mjcf_numbers import check_numbers
@@ -63,12 +63,8 @@ def read_robot(source: str | Path) -> Robot:
     is_text = isinstance(source, str) and source.lstrip().startswith("<")
     xml = str(source) if is_text else read_mjcf(source)
     root, spec, model, misfit = _compiled(xml)
-    if not root.attrib.get("model"):
-        raise RobotError('The MJCF has no name: write <mujoco model="my_robot">.')
-    check_numbers(model, "The MJCF")
-    _refuse_tilted(model)
     keyframe = _keyframe(model)
-    bodies, points, winches, cables = _parts(spec, model, keyframe, misfit)
+    bodies, points, winches, cables = _parts(root, spec, model, keyframe, misfit)
     # The digest is independent of comments, layout and the order of attributes.
     canonical = ElementTree.canonicalize(xml, strip_text=True, with_comments=False)
     return Robot(
@@ -88,57 +84,96 @@ def read_robot(source: str | Path) -> Robot:
     )
 
 
-def _compiled(xml: str) -> tuple[ElementTree.Element, mujoco.MjSpec, mujoco.MjModel, str]:
+def _compiled(
+    xml: str,
+) -> tuple[ElementTree.Element, mujoco.MjSpec, mujoco.MjModel, MjcfError | None]:
     """The same as `compiled`, and why MuJoCo refuses the keyframes, without which it is compiled then.
 
     A keyframe does not fit where actuators are not what they were meant to be; then that has to be told, too.
     """
     try:
-        return *compiled(xml), ""
+        return *compiled(xml), None
     except MjcfError as error:
         if "keyframe" not in str(error):
             raise
         try:
-            return *compiled(without_keyframes(xml)), str(error)
+            return *compiled(without_keyframes(xml)), error
         except MjcfError:
             raise error from None
 
 
 def _parts(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, keyframe: State, misfit: str
+    root: ElementTree.Element,
+    spec: mujoco.MjSpec,
+    model: mujoco.MjModel,
+    keyframe: State,
+    misfit: MjcfError | None,
 ) -> tuple[tuple[Body, ...], tuple[TrackedPoint, ...], tuple[Winch, ...], tuple[Cable, ...]]:
     """The parts of a robot.
 
     Args:
       keyframe: see `_keyframe`.
-      misfit: why MuJoCo refuses the keyframes; "" if it does not.
+      misfit: see `_compiled`.
 
     Raises:
-      MjcfError: there is such a misfit.
+      MjcfError: MuJoCo refuses it, or it has numbers that cannot be.
       RobotError: something else is wrong; both say everything that is.
     """
     problems = Problems()
-    problems.attempt(partial(_refuse_immovable, model))
-    problems.attempt(partial(refuse_without_cables, model))
+    for structure in (_refuse_immovable, refuse_without_cables, refuse_bent):
+        problems.attempt(partial(structure, model))
+    _check_numbers(problems, root, model)
+    problems.attempt(partial(_refuse_tilted, model))
     winches = problems.attempt(partial(read_winches, model, keyframe.act))
-    if misfit:
-        problems.add(misfit)
-    else:
-        problems.attempt(partial(_refuse_keyless, model))
+    problems.attempt(partial(_refuse_keyless, model, misfit))
     for refuse in (_refuse_disabled, _refuse_memories, _refuse_unnamed):
         problems.attempt(partial(refuse, model))
     problems.attempt(partial(_refuse_joints_out_of_range, model, keyframe))
     data = problems.attempt(partial(_placed, model, keyframe))
     seen = cables = None
-    if data is not None and moving_bodies(model):
-        seen = problems.attempt(partial(read_bodies, spec, model, data))
-    if data is not None and seen is not None and winches is not None and model.ntendon:
-        read = partial(read_cables, model, data, *seen, winches, keyframe.act)
+    if data is not None:
+        if moving_bodies(model):
+            seen = problems.attempt(partial(read_bodies, spec, model, data))
+        bodies, points = seen or ((), ())
+        read = partial(read_cables, model, data, bodies, points, winches, keyframe.act)
         cables = problems.attempt(read)
-        problems.attempt(partial(_refuse_equal_columns, seen[1], winches))
-    problems.check(bad_input=bool(misfit))
+        problems.attempt(partial(_refuse_equal_columns, points, winches or ()))
+    _add_joints(problems, model)
+    problems.check()
     assert seen is not None and winches is not None and cables is not None
     return *seen, winches, cables
+
+
+def _check_numbers(problems: Problems, root: ElementTree.Element, model: mujoco.MjModel) -> None:
+    """Add the missing name and the numbers that cannot be.
+
+    Raises:
+      MjcfError: there are such numbers, with which nothing can be computed.
+    """
+    if not root.attrib.get("model"):
+        problems.add('The MJCF has no name: write <mujoco model="my_robot">.')
+    before = len(problems)
+    problems.attempt(partial(check_numbers, model, "The MJCF"))
+    if len(problems) > before:
+        _add_joints(problems, model)
+        problems.check()
+
+
+def _add_joints(problems: Problems, model: mujoco.MjModel) -> None:
+    """Begin the problems of an MJCF that has any with its joints, with which few commands can do anything."""
+    held = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
+    if not problems or not held:
+        return
+    kinds = (mujoco.mjtJoint(int(model.jnt_type[j])).name.removeprefix("mjJNT_") for j in held)
+    names = (
+        f"{model.joint(j).name!r} ({kind.lower()}, of the body {model.body(model.jnt_bodyid[j]).name!r})"
+        for j, kind in zip(held, kinds, strict=True)
+    )
+    joints = "It has the joint" if len(held) == 1 else "It has joints:"
+    problems.add_first(
+        f"{joints} {', '.join(names)}. Robots of free bodies (<freejoint/>) are what compare, diagnose and "
+        "adapt are made for."
+    )
 
 
 def _refuse_tilted(model: mujoco.MjModel) -> None:
@@ -168,17 +203,29 @@ def _numbers(values: np.ndarray) -> str:
 
 
 def _refuse_unnamed(model: mujoco.MjModel) -> None:
+    problems = Problems()
     kinds = {"tendon": model.ntendon, "actuator": model.nu, "sensor": model.nsensor}
     for kind, count in kinds.items():
-        for index in range(count):
-            if not getattr(model, kind)(index).name:
-                raise RobotError(
-                    f"The {kind} number {index} (counted from 0) has no name; every tendon, actuator "
-                    "and sensor needs one, because columns of recordings are named after them."
-                )
-    for index in range(1, model.nbody):
-        if model.body_weldid[index] == index and not model.body(index).name:
-            raise RobotError(f"The moving body number {index} has no name; give it one.")
+        unnamed = [index for index in range(count) if not getattr(model, kind)(index).name]
+        if unnamed:
+            problems.add(
+                f"{_numbered(kind, unnamed)} (counted from 0) no name; every tendon, actuator "
+                "and sensor needs one, because columns of recordings are named after them."
+            )
+    if unnamed := [index for index in moving_bodies(model) if not model.body(index).name]:
+        problems.add(f"{_numbered('moving body', unnamed)} no name; give each one.")
+    problems.check()
+
+
+def _numbered(kind: str, numbers: list[int]) -> str:
+    """Elements without names as a subject, with its verb."""
+    kinds = {"moving body": "moving bodies"}.get(kind, f"{kind}s")
+    numbering = ", ".join(map(str, numbers))
+    return (
+        f"The {kind} number {numbering} has"
+        if len(numbers) == 1
+        else f"The {kinds} number {numbering} have"
+    )
 
 
 def _refuse_equal_columns(points: tuple[TrackedPoint, ...], winches: tuple[Winch, ...]) -> None:
@@ -200,9 +247,10 @@ def _refuse_equal_columns(points: tuple[TrackedPoint, ...], winches: tuple[Winch
 
 
 def _refuse_disabled(model: mujoco.MjModel) -> None:
-    for bit, flag in NEEDED.items():
-        if model.opt.disableflags & bit:
-            raise RobotError(f'The MJCF switches off a required feature: <flag {flag}="disable">.')
+    off = [flag for bit, flag in NEEDED.items() if model.opt.disableflags & bit]
+    if off:
+        flags = " ".join(f'{flag}="disable"' for flag in off)
+        raise RobotError(f"The MJCF switches off a required feature: <flag {flags}>.")
 
 
 def _refuse_memories(model: mujoco.MjModel) -> None:
@@ -217,15 +265,17 @@ def _refuse_memories(model: mujoco.MjModel) -> None:
 
 
 def _refuse_joints_out_of_range(model: mujoco.MjModel, keyframe: State) -> None:
+    problems = Problems()
     single = np.isin(model.jnt_type, [int(kind) for kind in SINGLE])
     for joint in np.flatnonzero(model.jnt_limited & single).tolist():
         low, high = model.jnt_range[joint]
         value = keyframe.qpos[model.jnt_qposadr[joint]]
         if not low <= value <= high:
-            raise RobotError(
+            problems.add(
                 f"The first keyframe has the joint {model.joint(joint).name!r} at {value:g}, allowed "
                 f"{low:g} to {high:g} (its range)."
             )
+    problems.check()
 
 
 def _placed(model: mujoco.MjModel, keyframe: State) -> mujoco.MjData:
@@ -251,7 +301,9 @@ def _refuse_immovable(model: mujoco.MjModel) -> None:
         raise RobotError(f"No body moves: {whom}.")
 
 
-def _refuse_keyless(model: mujoco.MjModel) -> None:
+def _refuse_keyless(model: mujoco.MjModel, misfit: MjcfError | None) -> None:
+    if misfit is not None:
+        raise misfit
     if model.nkey == 0:
         raise RobotError(
             "The MJCF has no keyframe; give it one with qpos and act (the winches' rest "

@@ -15,6 +15,7 @@ import mujoco
 from flywheel.errors import MjcfError
 from flywheel.files import MB, read_text, shown
 from flywheel.robots.mujoco_warnings import collected_warnings
+from flywheel.robots.problems import Problems
 
 LARGEST = 5 * MB  # of a text [bytes]; those of a robot of 300 bodies have some 0.5 MB
 MOST_ELEMENTS = 8000  # copies counted, for which MuJoCo takes 2 s; a robot of 300 bodies has 5,000
@@ -71,6 +72,7 @@ WITHOUT_SEARCH = (
     "muscle",
     "none",
 )  # modes of <lengthrange> in which a robot without muscles is not simulated
+SHOWN = 5  # of the elements that have one problem
 PICTURES = "file"  # how attributes of <texture> begin that read one
 
 
@@ -196,6 +198,7 @@ def _parsed(xml: str, what: str) -> ElementTree.Element:
 
 
 def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
+    found: dict[_Unfit, list[str]] = {}
     for element in root.iter():
         unfit = UNFIT.get(element.tag)
         if element.tag == "texture" and any(key.startswith(PICTURES) for key in element.attrib):
@@ -205,9 +208,13 @@ def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
         if "muscle" in (element.get("gaintype"), element.get("biastype")):
             unfit = _MUSCLE
         if unfit is not None:
-            raise MjcfError(
-                f"{what} {unfit.does} (<{element.tag} {shown(element.attrib)}>); {unfit.but}."
-            )
+            found.setdefault(unfit, []).append(f"<{element.tag} {shown(element.attrib)}>")
+    problems = Problems()
+    for unfit, elements in found.items():
+        more = f" and {len(elements) - SHOWN} more" if len(elements) > SHOWN else ""
+        reason = f"{what} {unfit.does} ({', '.join(elements[:SHOWN])}{more}); {unfit.but}."
+        problems.add(reason, bad_input=True)
+    problems.check()
 
 
 def _nan(root: ElementTree.Element) -> str:

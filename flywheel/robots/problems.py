@@ -10,54 +10,74 @@ from flywheel.errors import MjcfError, RobotError
 T = TypeVar("T")
 
 
-class Several(RobotError):
-    """More than one problem.
+class Alike(RobotError):
+    """A problem of one element, told together with those that have the same.
 
     Args:
-      problems: in the order in which they were found.
+      kind: of the element: "tendon".
+      name: of the element, as in a sentence: "'left'".
+      sentence: with {} for the elements.
     """
 
-    def __init__(self, problems: Sequence[str]) -> None:
-        super().__init__(listed(problems))
-        self.problems = tuple(problems)
+    def __init__(self, kind: str, name: str, sentence: str) -> None:
+        super().__init__(_about(kind, [name], sentence))
+        self.parts = kind, name, sentence
 
 
 class Problems:
     """Problems in the order in which they were found, the decisive ones first."""
 
     def __init__(self) -> None:
-        self._found: list[str] = []
+        self._found: dict[str | tuple[str, str], list[str]] = {}  # (kind, sentence) -> elements
+        self._bad_input = False
 
-    def add(self, problem: str) -> None:
-        """One more."""
-        self._found.append(problem)
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def add(self, problem: str, bad_input: bool = False) -> None:
+        """One more; bad input if there is no robot in such a file."""
+        self._found[problem] = []
+        self._bad_input |= bad_input
+
+    def add_alike(self, kind: str, name: str, sentence: str) -> None:
+        """One more, see `Alike`."""
+        self._found.setdefault((kind, sentence), []).append(name)
+
+    def add_first(self, problem: str) -> None:
+        """One more, before all others."""
+        self._found = {problem: [], **self._found}
 
     def attempt(self, read: Callable[[], T]) -> T | None:
         """The result of reading something, or None with its problems added."""
         try:
             return read()
-        except Several as error:
-            self._found.extend(error.problems)
+        except Alike as error:
+            self.add_alike(*error.parts)
         except RobotError as error:
-            self.add(str(error))
+            for problem in problems_of(error):
+                self.add(problem, isinstance(error, MjcfError))
         return None
 
-    def check(self, bad_input: bool = False) -> None:
+    def check(self) -> None:
         """Refuse an MJCF that has any.
 
-        Args:
-          bad_input: MuJoCo refuses it, too.
-
         Raises:
-          MjcfError: it has, and is bad input; the message says all of them.
+          MjcfError: it has, and one of them is bad input; the message says all of them.
           RobotError: it has.
         """
-        if self._found and bad_input:
-            raise MjcfError(listed(self._found))
-        if len(self._found) > 1:
-            raise Several(self._found)
         if self._found:
-            raise RobotError(self._found[0])
+            problems = [
+                key if isinstance(key, str) else _about(key[0], names, key[1])
+                for key, names in self._found.items()
+            ]
+            error = (MjcfError if self._bad_input else RobotError)(listed(problems))
+            error.problems = tuple(problems)
+            raise error
+
+
+def problems_of(error: RobotError) -> tuple[str, ...]:
+    """The problems of a refused MJCF, one by one."""
+    return error.problems or (str(error),)
 
 
 def listed(problems: Sequence[str]) -> str:
@@ -65,3 +85,8 @@ def listed(problems: Sequence[str]) -> str:
     if len(problems) == 1:
         return problems[0]
     return "\n".join(["", *(f"{i}. {each}" for i, each in enumerate(problems, 1))])
+
+
+def _about(kind: str, names: Sequence[str], sentence: str) -> str:
+    words = sentence.replace("{}", f"the {kind}{'s' if len(names) > 1 else ''} {', '.join(names)}")
+    return words[0].upper() + words[1:]

@@ -14,6 +14,7 @@ rest length [m], reached with the lag `dynprm` [s]. Several cables on one winch 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
 import mujoco
@@ -45,16 +46,19 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
     driving = [a for a in range(model.nu) if not is_passive(model, a)]
     if not driving:
         raise RobotError("The MJCF has no winch; at least one actuator must drive a tendon.")
-    _refuse_disabled(model)
-    _refuse_unfit(model, driving)
+    problems = Problems()
+    problems.attempt(partial(_refuse_disabled, model))
+    problems.attempt(partial(_refuse_unfit, model, driving))
+    problems.attempt(partial(_refuse_shared_cables, model, driving))
+    problems.check()
     for actuator in driving:
-        _check_start(model, actuator, act)
+        problems.attempt(partial(_check_start, model, actuator, act))
+    problems.check()
     measured = _measured(model)
     groups = _groups(model, driving)
     for name, actuators in groups.items():
         _check_alike(model, name, actuators, act)
     winches = [_winch(model, name, group, measured) for name, group in groups.items()]
-    _refuse_shared_cables(model, winches)
     return tuple(sorted(winches, key=lambda w: min(w.actuators)))
 
 
@@ -88,15 +92,13 @@ def _winch(
 
 
 def _refuse_unfit(model: mujoco.MjModel, driving: list[int]) -> None:
-    """Refuse actuators that are not winches': everything that each lacks, alike ones together."""
-    lacking: dict[str, list[str]] = {}
+    """Refuse actuators that are not winches', with everything that they lack."""
+    problems = Problems()
     for actuator in driving:
         for need in _unmet(model, actuator):
-            lacking.setdefault(need, []).append(repr(model.actuator(actuator).name))
-    problems = Problems()
-    for need, names in lacking.items():
-        whom = "actuator" if len(names) == 1 else "actuators"
-        problems.add(f"The {whom} {', '.join(names)} must {need}.")
+            problems.add_alike(
+                "actuator", repr(model.actuator(actuator).name), f"{{}} must {need}."
+            )
     problems.check()
 
 
@@ -187,12 +189,14 @@ def _check_start(model: mujoco.MjModel, actuator: int, act: Floats) -> None:
 
 
 def _refuse_disabled(model: mujoco.MjModel) -> None:
+    problems = Problems()
     for actuator, group in enumerate(model.actuator_group.tolist()):
         if 0 <= group <= LAST_GROUP and int(model.opt.disableactuator) >> group & 1:
-            raise RobotError(
+            problems.add(
                 f"The actuator {model.actuator(actuator).name!r} is in group {group}, which the MJCF's "
                 "actuatorgroupdisable switches off; leave the actuator or the group out."
             )
+    problems.check()
 
 
 def _groups(model: mujoco.MjModel, driving: list[int]) -> dict[str, tuple[int, ...]]:
@@ -260,13 +264,17 @@ def _measured(model: mujoco.MjModel) -> dict[int, str]:
     return {int(model.sensor_objid[i]): model.sensor(int(i)).name for i in sensors}
 
 
-def _refuse_shared_cables(model: mujoco.MjModel, winches: list[Winch]) -> None:
-    owner: dict[int, str] = {}
-    for winch in winches:
-        for cable in winch.cables:
-            if cable in owner:
-                raise RobotError(
-                    f"The tendon {model.tendon(cable).name!r} is driven by {owner[cable]!r} and "
-                    f"{winch.name!r}; a cable has one winch."
-                )
-            owner[cable] = winch.name
+def _refuse_shared_cables(model: mujoco.MjModel, driving: list[int]) -> None:
+    owners: dict[int, list[str]] = {}
+    for actuator in driving:
+        if model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON:
+            cable = int(model.actuator_trnid[actuator, 0])
+            owners.setdefault(cable, []).append(repr(model.actuator(actuator).name))
+    problems = Problems()
+    for cable, names in owners.items():
+        if len(names) > 1:
+            problems.add(
+                f"The tendon {model.tendon(cable).name!r} is driven by {' and '.join(names)}; a cable has "
+                "one winch."
+            )
+    problems.check()

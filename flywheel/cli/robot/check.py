@@ -145,8 +145,13 @@ def _control_step(robot: Robot, dt: float | None) -> float:
 def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
     """True if a robot can be used, judged by its motion while its winches hold, and a sentence."""
     moved = f"{found.moved:.3g} m ({100 * found.moved / robot.length:.3g} % of L) from its keyframe"
+    if found.lost and not (robot.grounded or robot.tethered):
+        return False, (
+            f"Nothing holds it, and it falls: {moved}. No cable ends on the world, and there is no ground: "
+            'a plane (<geom type="plane" size="0 0 1"/>) is one.'
+        )
     if found.lost:
-        return False, f"It flies away: {moved}. Does something hold it, and is there a ground?"
+        return False, f"It flies away: {moved}."
     if found.still:
         return True, f"It settles: {moved}, at {found.speed:.3g} m/s, after some seconds."
     speeds = f"from {found.early:.3g} to {found.late:.3g} m/s"

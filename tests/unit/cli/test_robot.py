@@ -183,6 +183,19 @@ def test_a_robot_that_nothing_holds_or_that_explodes_fails(tmp_path: Path) -> No
     assert re.search("It flies away|diverged", checked(tmp_path, *stiff, code=1))
 
 
+def test_a_robot_that_nothing_holds_falls(tmp_path: Path) -> None:
+    file = tmp_path / "loose.xml"
+    xml = (ROOT / "flywheel/robots/mjcf/prism3.xml").read_text()
+    plane = re.findall(r'<geom [^>]*type="plane"[^>]*/>', xml)
+    for each in plane:
+        xml = xml.replace(each, "")
+    assert plane
+    file.write_text(xml)
+    done = run(app, ["robot", "check", str(file)])
+    assert done.exit_code == 1
+    assert "Nothing holds it, and it falls" in done.output
+
+
 def test_what_cannot_be_read_is_bad_input(tmp_path: Path) -> None:
     assert run(app, ["robot", "check", "prism4"]).exit_code == 2
     os.mkfifo(tmp_path / "pipe.xml")

@@ -31,7 +31,7 @@ def option(text: str) -> tuple[str, str]:
         ([(STAY, f'{STAY} damping="-inf"')], "tendon 'stay' has damping -inf N s/m; allowed 0 to"),
         ([('stiffness="20"', 'stiffness="-20"')], "tendon 'stay' has stiffness -20 N/m"),
         ([('springlength="0 1.2"', 'springlength="0 inf"')], "'stay' has springlength inf m"),
-        ([(STAY, f'{STAY} limited="true" range="1 2"')], "'stay' would push when shorter than 1 m"),
+        ([(STAY, f'{STAY} limited="true" range="1 2"')], "'stay' (1 m) would push when shorter"),
         ([(BALL, 'size=".1" mass="inf"')], "body 'shade' has mass inf kg"),
         ([(BALL, 'size="1e200" mass="1"')], "geom 'shade' has size 1e+200 m"),
         ([(BALL, f'{BALL} friction="-1 0 0"')], "geom 'shade' has friction -1"),

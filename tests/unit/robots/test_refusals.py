@@ -117,34 +117,34 @@ def test_the_example_itself_is_accepted() -> None:
                     '<site site="hook"/><site site="ceiling"/>',
                 )
             ],
-            "'stay' has both ends on the world",
+            "'stay' must connect two bodies.*both ends on the world",
         ),
         (
             [
                 ('<site name="shade"/>', '<site name="shade"/><site name="b"/>'),
                 ('<site site="hook"/><site site="shade"/>', '<site site="b"/><site site="shade"/>'),
             ],
-            "'stay' has both ends on the body 'shade'",
+            "'stay' must connect.*both ends on the body 'shade'",
         ),
         (
             [('<site site="hook"/>', '<site site="hook"/><site site="ceiling"/>')],
-            "'stay' passes site -> site -> site",
+            "'stay' must be straight.*got site -> site -> site",
         ),
         (
             [
                 ('<site site="hook"/>', '<site site="hook"/><geom geom="ground"/>'),
                 ('type="plane" size="5 5 .1"', 'type="sphere" size=".1" pos="0 0 -1"'),
             ],
-            "'stay' passes site -> sphere -> site",
+            "'stay' must be straight.*got site -> sphere -> site",
         ),
         (
             [('springlength="0 1.2"', 'springlength="1.2"')],
-            "'stay' would push.*springlength=\"0 1.2\"",
+            r"'stay' \(1.2 m\) would push.*springlength=\"0 L\"",
         ),
         ([('stiffness="20" springlength="0 1.2"', "")], "Nothing pulls the tendon 'stay'"),
         (
             [('<spatial name="cord">', '<spatial name="cord" stiffness="9">')],
-            "'cord' has a winch and",
+            "'cord' must not have a winch and",
         ),
         ([('ctrllimited="true" ctrlrange="-1 1"', "")], "'reel' must have a ctrlrange"),
         ([('actlimited="true" actrange="0.5 2"', "")], "'reel' must have an actrange"),
@@ -267,10 +267,63 @@ def test_a_keyframe_that_does_not_fit_actuators_that_are_no_winches_is_told_afte
 def test_what_makes_an_mjcf_no_robot_at_all_is_told_first() -> None:
     found = problems(edited(("<freejoint/>", ""), (REEL, ""), (KEY, "")))
     assert found[0] == "No body moves: give 'shade' a <freejoint/>."
-    assert found[1].startswith("The MJCF has no winch")
+    assert found[1] == (
+        "The tendons 'cord', 'stay' must connect two bodies, or one body with the world; got both ends on "
+        "the world."
+    )
+    assert found[2].startswith("The MJCF has no winch")
     tendons = GOOD[GOOD.index("  <tendon>") : GOOD.index("  <sensor>")]
     found = problems(edited((tendons, ""), (KEY, "")))
     assert found[0].startswith("The MJCF has no tendon") and "no winch" in found[1]
+
+
+def test_joints_are_told_first_where_an_mjcf_is_refused() -> None:
+    hinge = ("<freejoint/>", '<joint name="pin" type="hinge"/>')
+    found = problems(edited(hinge, (KEY, ""), ('springlength="0 1.2"', 'springlength="1.2"')))
+    assert found[0].startswith("It has the joint 'pin' (hinge, of the body 'shade').")
+    assert "no keyframe" in found[1] and "would push" in found[2]
+
+
+def test_a_missing_name_sideways_gravity_and_a_slack_spring_are_told_at_once() -> None:
+    found = problems(
+        edited(
+            ('<mujoco model="lamp">', '<mujoco><option gravity="0 -9.81 0"/>'),
+            ('springlength="0 1.2"', 'springlength="1.2"'),
+            ('<framepos name="light"', "<framepos"),
+        ),
+        MjcfError,
+    )
+    expected = ("no name:", "gravity along -y", "The sensor number 0", "'stay' (1.2 m) would push")
+    assert len(found) == 4 and all(map(str.__contains__, found, expected))
+
+
+def test_tendons_that_would_push_are_told_together_and_even_without_tracked_points() -> None:
+    path = '<site site="hook"/><site site="shade"/>'
+    second = f'<spatial name="{{}}" stiffness="9" springlength="{{}}">{path}</spatial>'
+    sensor = '<framepos name="light" objtype="site" objname="shade"/>'
+    more = second.format("a", 0.5) + second.format("b", 0.7)
+    found = problems(edited(("</tendon>", f"{more}</tendon>"), (sensor, "")))
+    assert found[1] == (
+        "The tendons 'a' (0.5 m), 'b' (0.7 m) would push when shorter than that (springlength); a cable only "
+        'pulls: write springlength="0 L".'
+    )
+
+
+def test_all_wrong_numbers_and_all_other_files_are_told_at_once() -> None:
+    found = problems(
+        edited(('size=".1" mass="1"', 'size=".1" mass="inf"'), ('"0 0 3"', '"0 0 9e9"')), MjcfError
+    )
+    assert "'ceiling' has pos 9e+09 m" in found[0] and "'shade' has mass inf" in found[1]
+    files = '<asset><mesh file="a.obj"/><mesh file="b.obj"/></asset><include file="c.xml"/><tendon>'
+    with pytest.raises(MjcfError, match="a.obj.*b.obj.*c.xml.*self-contained"):
+        read_robot(edited(("<tendon>", files)))
+
+
+def test_a_cable_with_two_actuators_is_told_beside_what_they_lack() -> None:
+    second = '<velocity name="damper" tendon="cord" kv="3"/></actuator>'
+    found = problems(edited(("</actuator>", second)))
+    assert "'damper' must have dyntype" in found[0]
+    assert any("'cord' is driven by 'reel' and 'damper'" in each for each in found)
 
 
 def test_actuators_that_lack_the_same_are_told_together() -> None:
