@@ -27,7 +27,7 @@ class Log:
 
 
 def read_logs(paths: Sequence[Path], robot: Robot, dt: float, out: Out) -> list[Log]:
-    """Read CSV logs, and print the findings in each.
+    """Read logs, and print the findings in each.
 
     Raises:
       DataError: a log cannot be used.

@@ -20,7 +20,7 @@ from flywheel.outputs import check_folder, printable
 
 if TYPE_CHECKING:
     from flywheel.data import TrajectoryStore
-    from flywheel.data.recordings import Imported, ImportReport, Told
+    from flywheel.data.recordings import Imported, ImportReport, RecordingMap, Told
     from flywheel.records import Split
     from flywheel.robots import Robot
     from flywheel.runtime.pool.progress import Progress, Stage
@@ -49,13 +49,16 @@ class SplitChoice(StrEnum):
 
 @app.command("import")
 def import_(
-    logs: Annotated[list[Path], typer.Argument(metavar="CSV...")],
     store: Annotated[
         Path,
         typer.Option(
             metavar="RUN_OR_STORE", help="A run's folder, or a folder of episodes; made if missing."
         ),
     ],
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[LOG]...", help="Files; none if the map names them (files)."),
+    ] = None,
     robot: RobotOption = None,
     split: Annotated[
         SplitChoice, typer.Option(help="Split of the episodes, permanently.")
@@ -74,21 +77,26 @@ def import_(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make episodes from CSV logs, and report masked, repaired or resampled samples.
+    """Make episodes from logs, and report masked, repaired or resampled samples.
 
-    If one of them cannot be used, none is stored, and the message says why.
+    Formats are told by content: CSV and other tables, Motive, Vicon, Qualisys, TRC, C3D, MAT, NPZ, HDF5,
+    Parquet (also LeRobot's), ROS bags, MCAP. If one log cannot be used, none is stored, and the message says
+    why.
 
     [bold]Examples[/bold]
 
     flywheel recordings import monday.csv --robot prism3 --store runs/prism3/store --dry-run
 
     flywheel recordings import logs/*.csv --robot my.xml --store mine --split test
+
+    flywheel recordings import --map monday.yaml --robot my.xml --store mine
     """
     from flywheel.data.recordings import read_map, read_recording
 
     owner = _robot(store, robot)
     place = None if dry_run else _store(store)
     how = read_map(map_file) if map_file else None
+    logs = _named(logs, map_file, how)
     chosen = None if split is SplitChoice.auto else cast("Split", split.value)
 
     def read(log: Path) -> Imported:
@@ -162,6 +170,24 @@ class Read:
     report: ImportReport
     split: Split
     imported: Imported | None
+
+
+def _named(logs: list[Path] | None, map_file: Path | None, how: RecordingMap | None) -> list[Path]:
+    """The logs that were given, or the map that names them.
+
+    Raises:
+      DataError: neither, or both.
+    """
+    from flywheel.errors import DataError
+
+    files = how is not None and bool(how.files)
+    if logs and files:
+        raise DataError(f"The map {map_file} names its files: give no other logs beside it.")
+    if logs:
+        return logs
+    if not files or map_file is None:
+        raise DataError("Give a log, or a map that names them (--map, files).")
+    return [map_file]
 
 
 def _show_imported(

@@ -29,7 +29,7 @@ class Log:
       controls: (N, W) commands, each acting from its row's time to the next row's.
       points: (N, P, 3) measured [m].
       winch: (N, W) measured winch positions [m].
-      lines: (N,) of the file.
+      lines: (N,) of the file; 0 for rows between those of a slow tracker, which only have commands.
     """
 
     time: Floats

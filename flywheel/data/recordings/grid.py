@@ -37,7 +37,7 @@ def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajecto
     Raises:
       DataError: most samples fall between the grid's times.
     """
-    time = log.time - _phase(log.time, period, dt)
+    time = log.time - phase(log.time, period, dt)
     nearest = np.rint(time / dt).astype(np.int64)
     off = np.abs(time - nearest * dt)
     fits = off <= jitter * dt + 1e-9
@@ -47,7 +47,9 @@ def on_grid(log: Log, period: float, dt: float, jitter: float) -> tuple[Trajecto
     there = chosen >= 0
     points, winch = _taken(log.points, chosen), _taken(log.winch, chosen)
     begins = np.where(fits, nearest * dt, time)  # of each command
-    controls = _held(begins, log.controls, steps, dt)
+    edges = dt * np.arange(steps + 1)
+    edges[0] = max(edges[0], begins[0])
+    controls = held(begins, log.controls, edges)
     used = np.zeros(len(time), bool)
     used[chosen[there]] = True
     findings = _findings(log, used, fits, off, period, dt)
@@ -70,7 +72,7 @@ def check_steps(parts: Sequence[Log], robot: Robot, dt: float) -> None:
         )
 
 
-def _phase(time: Floats, period: float, dt: float) -> float:
+def phase(time: Floats, period: float, dt: float) -> float:
     """Time at which the grid begins: the median offset of the first rows' stamps."""
     multiple = max(1.0, np.rint(period / dt)) / max(1.0, np.rint(dt / period))
     if abs(period / (multiple * dt) - 1) < CLOSE:
@@ -99,18 +101,22 @@ def _taken(values: Floats, chosen: NDArray[np.int64]) -> Floats:
     return found
 
 
-def _held(begins: Floats, controls: Floats, steps: int, dt: float) -> Floats:
-    """(steps, W) commands that hold from row to row, as means over each step."""
-    edges = dt * np.arange(steps + 1)
-    edges[0] = max(edges[0], begins[0])
-    tiny = 1e-6 * dt  # edges and rows of the same time differ by rounding
+def held(begins: Floats, controls: Floats, edges: Floats) -> Floats:
+    """(steps, W) commands that hold from row to row, as means over the steps between edges (steps + 1,) [s].
+
+    Args:
+      begins: (N,) time from which each row's commands hold [s].
+      controls: (N, W) commands; the last row's act on nothing.
+      edges: increasing times [s].
+    """
+    tiny = 1e-6 * np.diff(edges)  # edges and rows of the same time differ by rounding
     first = np.searchsorted(begins, edges[:-1] + tiny, side="right") - 1
     last = np.searchsorted(begins, edges[1:] - tiny, side="right") - 1
     first = np.maximum(first, 0)
     single = controls[first]
     if np.array_equal(first, last):
         return single
-    known = controls[:-1]  # the last row's commands act on nothing
+    known = controls[:-1]
     until = np.concatenate(
         [np.zeros((1, known.shape[1])), np.cumsum(known * np.diff(begins)[:, None], axis=0)]
     )

@@ -18,30 +18,31 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from flywheel.data.recordings.table import LONGEST_NAME, is_plain
+from flywheel.data.recordings.sources import (
+    LENGTHS,
+    TIMES,
+    Channel,
+    Coordinate,
+    FileEntry,
+    MarkerSource,
+    Name,
+    PoseSource,
+    Radius,
+    TimeUnit,
+    factor_of,
+    plain,
+)
 from flywheel.errors import ConfigError
 from flywheel.files import read_yaml, shown
 from flywheel.quantities import Bounds, ControlStep
 from flywheel.records import Floats
 from flywheel.validation import Frozen, validated
 
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
-ANGLES = {"rad": 1.0, "deg": math.pi / 180}  # angle of a winch's drum
 LONGEST_WORDS = 1000  # characters of a note
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Repair = Literal["swaps"]
 
 
-def _plain(text: str) -> str:
-    if not is_plain(text):
-        raise ValueError(f"control characters are not allowed; got {shown(text)}")
-    return text
-
-
-Name = Annotated[str, Field(max_length=LONGEST_NAME), AfterValidator(_plain)]
-Coordinate = Annotated[float, Bounds(-1e8, 1e8, "m")]  # positions anywhere on Earth are smaller
-Radius = Annotated[float, Bounds(1e-4, 100, "m")]  # of a drum
 Jitter = Annotated[float, Bounds(0, 0.5, below=True)]
 
 
@@ -79,7 +80,7 @@ class Units(Frozen):
     """Units of the log's columns.
 
     Attributes:
-      time: "s", "ms", "us" or "ns".
+      time: "s", "ms", "us", "ns", "min" or "h".
       points: "m", "cm", "mm", "in" or "ft".
       control: a length (for position winches), a length per second (for rate winches), or an angle
         of the drum in "rad" or "deg", or per second; with "-" in front if positive hauls in.
@@ -87,7 +88,7 @@ class Units(Frozen):
       drum: radius of the winches' drums, if commands or positions are angles [m].
     """
 
-    time: Literal["s", "ms", "us", "ns"] = "s"
+    time: TimeUnit = "s"
     points: Literal["m", "cm", "mm", "in", "ft"] = "m"
     control: str = "m/s"
     winch: str = "m"
@@ -104,17 +105,9 @@ class Units(Frozen):
         unit: str = getattr(self, name)
         if name in ("time", "points"):
             return {**TIMES, **LENGTHS}[unit]
-        base = unit.removesuffix("/s") if name == "control" else unit
-        sign, base = (-1.0, base[1:]) if base.startswith("-") else (1.0, base)
-        if base in LENGTHS:
-            return sign * LENGTHS[base]
-        if base not in ANGLES:
-            allowed = ", ".join([*LENGTHS, *ANGLES])
-            per = ", each also per second (mm/s)" if name == "control" else ""
-            raise ValueError(f"units.{name} is one of {allowed}{per}; got {shown(unit)}")
-        if self.drum is None:
-            raise ValueError(f"units.{name} {unit!r} is an angle: give units.drum, its radius [m]")
-        return sign * ANGLES[base] * self.drum
+        if name != "control" and unit.endswith("/s"):
+            raise ValueError(f"units.{name} is a length or an angle; got {shown(unit)}")
+        return factor_of(unit, f"units.{name}", self.drum)
 
 
 class RecordingMap(Frozen):
@@ -130,6 +123,12 @@ class RecordingMap(Frozen):
       ignore: unused columns of the log.
       repair: "swaps": correct swapped markers; without it they are masked.
       jitter: largest distance of a stamp from the grid, as a fraction of dt.
+      files: files of the recording, the first of which is the clock; by default the log itself.
+      markers: tracked point -> marker of a file: its name, three columns, names of its parts, or null if it
+        was not measured.
+      poses: body -> its pose in a file, for the points that are not under markers.
+      commands: winch -> its commands.
+      winches: winch -> its measured positions.
     """
 
     columns: dict[Name, Name] = Field(default={})
@@ -137,10 +136,20 @@ class RecordingMap(Frozen):
     axes: Axes = Axes()
     origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     dt: ControlStep | None = None
-    conditions: Annotated[str, Field(max_length=LONGEST_WORDS), AfterValidator(_plain)] = ""
+    conditions: Annotated[str, Field(max_length=LONGEST_WORDS), AfterValidator(plain)] = ""
     ignore: tuple[Name, ...] = ()
     repair: tuple[Repair, ...] = ("swaps",)
     jitter: Jitter = 0.25
+    files: tuple[FileEntry, ...] = ()
+    markers: dict[Name, MarkerSource] = Field(default={})
+    poses: dict[Name, PoseSource] = Field(default={})
+    commands: dict[Name, Channel] = Field(default={})
+    winches: dict[Name, Channel] = Field(default={})
+
+    @property
+    def assembles(self) -> bool:
+        """True if the map names files, markers, bodies or channels, not only columns of one table."""
+        return bool(self.files or self.markers or self.poses or self.commands or self.winches)
 
 
 def read_map(path: Path) -> RecordingMap:

@@ -1,4 +1,4 @@
-"""Reading a log: from CSV to episodes, with every doubt as an error or a line of the report."""
+"""Reading a log: from files to episodes, with every doubt as an error or a line of the report."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from flywheel import __version__
 from flywheel.data.recordings.accounts import check_accounts
+from flywheel.data.recordings.assembly import assemble
 from flywheel.data.recordings.cables import Evidence, check_frame
 from flywheel.data.recordings.clock import stretches, usual_period, without_duplicates
 from flywheel.data.recordings.columns import Log, matched, pick
+from flywheel.data.recordings.formats import TABLE, format_of
 from flywheel.data.recordings.geometry import (
     check_commands,
     check_robot,
@@ -30,15 +32,17 @@ from flywheel.data.recordings.naming import named
 from flywheel.data.recordings.noise import noisy_commands
 from flywheel.data.recordings.repeats import mask_repeats
 from flywheel.data.recordings.report import Finding, ImportReport, listed
+from flywheel.data.recordings.sources import FileEntry
 from flywheel.data.recordings.table import Told, open_table
 from flywheel.data.recordings.values import check_commanded, mask_impossible
 from flywheel.data.splits import assign_split
-from flywheel.errors import DataError
+from flywheel.errors import ConfigError, DataError
 from flywheel.outputs import printable
 from flywheel.quantities import CONTROL_STEP
 from flywheel.records import Episode, Floats, Provenance, Split, Trajectory
 from flywheel.robots import Robot
 
+MAPS = (".yaml", ".yml")
 DATASET = "recording"  # name of the data set, for the network's one-hot
 SHARES: dict[Split, float] = {"train": 0.6, "validation": 0.2, "test": 0.2}
 DIGITS = 16  # characters of the content's digest, in names
@@ -77,9 +81,10 @@ def read_recording(
     Row t contains the measurements at its time and the commands until the next row's.
 
     Args:
-      path: of the CSV.
+      path: of the log, or of a map (YAML) that names its files.
       robot: of the log.
-      how: mapping of its columns; by default the YAML of the same name next to it, if there is one.
+      how: mapping of its columns; by default the YAML of the same name next to it, if there is one. Its files
+        are relative to the log's folder.
       dt: control step of the episodes [s].
       split: of the episodes; by default from the hash of the content.
       told: called during reading, with the bytes so far and those of the file.
@@ -90,14 +95,15 @@ def read_recording(
     """
     CONTROL_STEP.check(dt, "A control step, dt,", DataError)
     path = Path(path)
-    how, digest, log, findings = _read(path, robot, how, told)
+    how = beside(path) if how is None else how
+    digest, log, findings, slow = _read(path, robot, how, dt, told)
     rows = len(log.time)
     try:
         log, period, found = _checked(log, robot, dt, "swaps" in how.repair)
         findings += found
         tracks, found = _trajectories(log, robot, period, dt, how.jitter)
         findings += found
-        seen = _seen(tracks, period, dt)
+        seen = _seen(tracks, max(period, slow), dt)
     except DataError as error:
         raise DataError(f"{printable(path.name)}: {error}") from None
     name = f"{DATASET}-{_slug(path.name)}-{digest[:DIGITS]}"
@@ -120,22 +126,38 @@ def read_recording(
 def beside(path: Path) -> RecordingMap:
     """The map in the YAML of the same name next to a log; the default one without it.
 
+    A log that is YAML itself is a map that names the files.
+
     Raises:
       ConfigError: it is wrong.
     """
-    found = [p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.exists()]
+    if path.suffix in MAPS:
+        format_of(path)  # refuses what runs code
+        how = read_map(path)
+        if not how.files:
+            raise ConfigError(f"{path} is a map, and no log: it must name the logs under files.")
+        return how
+    found = [p for p in (path.parent / f"{path.stem}{end}" for end in MAPS) if p.is_file()]
     return read_map(found[0]) if found else RecordingMap()
 
 
 def _read(
-    path: Path, robot: Robot, how: RecordingMap | None, told: Told | None
-) -> tuple[RecordingMap, str, Log, list[Finding]]:
-    """The map, the digest, and the log's raw values."""
-    with open_table(path, told) as sheet:
-        how = beside(path) if how is None else how
-        columns = matched(sheet, robot, how)
-        table = sheet.read(list(columns.theirs.values()), most_rows(robot))
-    return how, table.digest, *pick(table, columns, robot, how)
+    path: Path, robot: Robot, how: RecordingMap, dt: float, told: Told | None
+) -> tuple[str, Log, list[Finding], float]:
+    """The digest, the log's raw values, and the time between rows with points if others are between [s]."""
+    if not how.assembles and not path.is_dir() and format_of(path) is TABLE:
+        with open_table(path, told) as sheet:
+            columns = matched(sheet, robot, how)
+            table = sheet.read(list(columns.theirs.values()), most_rows(robot))
+        return table.digest, *pick(table, columns, robot, how), 0.0
+    entries = how.files or (FileEntry(path=path.name),)
+    try:
+        found = assemble(path.parent, entries, robot, how, dt)
+    except DataError as error:
+        if len(entries) == 1 and str(error).startswith(printable(path.name)):
+            raise
+        raise DataError(f"{printable(path.name)}: {error}") from None
+    return found.digest, found.log, list(found.findings), found.period
 
 
 def _episodes(

@@ -50,30 +50,30 @@ def mask_impossible(log: Log, robot: Robot) -> list[Finding]:
     markers = [
         found
         for index, point in enumerate(robot.points)
-        for found in _masked(log.points[:, index], point.name, log.time, robot)
+        for found in _masked(log.points[:, index], point.name, log, robot)
     ]
     _check_near(markers, log.points, robot)
     findings = markers
     for name, index in winch_names(robot).items():
         values = log.winch[:, index, None]
         if not np.isnan(values).all():  # else there is no such column
-            found = _masked(values, name, log.time, robot)
+            found = _masked(values, name, log, robot)
             _check_near(found, values, robot)
             findings = findings + found
     return findings
 
 
-def _masked(values: Floats, name: str, time: Floats, robot: Robot) -> list[Finding]:
-    """Mask the impossible rows of values (N, axes)."""
+def _masked(values: Floats, name: str, log: Log, robot: Robot) -> list[Finding]:
+    """Mask the impossible rows of values (N, axes); rows of no file miss nothing."""
     infinite = np.asarray(np.isinf(values).any(axis=1))
     missing = np.isnan(values).any(axis=1) & ~infinite
     far = (np.abs(values) > FARTHEST * robot.length).any(axis=1) & ~infinite & ~missing
     values[infinite | missing | far] = np.nan
     return [
-        Finding.over(kind, "masked", name, where, time, words)
+        Finding.over(kind, "masked", name, where, log.time, words)
         for kind, where, words in (
             ("infinite", infinite, ""),
-            ("missing", missing, ""),
+            ("missing", missing & (log.lines > 0), ""),
             ("far", far, f"more than {FARTHEST:g} lengths of the robot away: not a position"),
         )
         if where.any()

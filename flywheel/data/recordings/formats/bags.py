@@ -1,0 +1,67 @@
+"""ROS 1 bags, and ROS 2 bags as folders, by rosbags: no ROS is needed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from flywheel.data.recordings.formats.messages import Topic, subnormal
+from flywheel.data.recordings.formats.stream import Contents
+from flywheel.errors import ConfigError, DataError
+
+
+def read(path: Path, names: tuple[str, ...]) -> Contents:
+    """See `Reader`. Topics are streams; columns are `/topic.field`."""
+    try:
+        from rosbags.highlevel import AnyReader  # an extra
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise ConfigError("ROS bags need rosbags: install flywheel[formats].") from None
+    notes: list[str] = []
+    if path.suffix == ".db3" or (
+        path.is_file() and path.parent.joinpath("metadata.yaml").is_file()
+    ):
+        path = path.parent
+    topics: dict[str, Topic] = {}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            _collect(reader, topics, notes)
+    except Exception as error:  # rosbags raises whatever a damaged file leads to
+        if isinstance(error, DataError):
+            raise
+        if not topics:
+            raise DataError(f"it cannot be read: {error}.") from None
+        notes.append(f"it ends early: {error}")
+    return contents(topics, notes)
+
+
+def _collect(reader: Any, topics: dict[str, Topic], notes: list[str]) -> None:
+    unknown = set()
+    for connection, logged, raw in reader.messages():
+        try:
+            message = reader.deserialize(raw, connection.msgtype)
+        except KeyError:  # a kind of message without a definition
+            unknown.add(connection.topic)
+            continue
+        topics.setdefault(connection.topic, Topic(connection.topic)).add(message, logged)
+    notes += [
+        f"{topic} is left out: the bag does not define its messages" for topic in sorted(unknown)
+    ]
+
+
+def contents(topics: dict[str, Topic], notes: list[str]) -> Contents:
+    """The topics that have numbers.
+
+    Raises:
+      DataError: none has, or a number is the bits of another.
+    """
+    streams = [found for topic in topics.values() if (found := topic.stream()) is not None]
+    if not streams:
+        raise DataError(f"none of its {len(topics)} topics has two messages with numbers.")
+    for each in streams:
+        for name, values in each.columns.items():
+            if subnormal(values):
+                raise DataError(
+                    f"{name} has numbers below 1e-307: were whole numbers written into a field of fractions?"
+                )
+    return Contents(tuple(streams), tuple(notes))

@@ -1,0 +1,145 @@
+"""Files of each format, made from a known motion, become an episode with its positions and commands."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flywheel.data.recordings import read_map, read_recording
+from flywheel.errors import DataError
+from flywheel.records import Trajectory
+from tests.unit.data.recordings.formats import writers
+from tests.unit.data.recordings.formats.truth import AXES, Truth, made
+
+TIME = np.arange(301) / writers.RATE
+CLOSE = 2e-6  # [m], what the files' digits leave
+MOTORS = "{path: motors.txt, columns: [t, a, b, c, ticks, rear]}"
+COMMANDS = "commands: {winch_fl: a, winch_fr: b, rear: {from: c, unit: m}}\n"
+VECTORS = (
+    "markers: {front: 'M[0]', left: 'M[1]', right: 'M[2]'}\n"
+    "commands: {winch_fl: 'U[0]', winch_fr: 'U[1]', rear: {from: 'U[2]', unit: m}}\n"
+)
+FLAT = VECTORS.replace("M[0]", "M[0:3]").replace("M[1]", "M[3:6]").replace("M[2]", "M[6:9]")
+
+
+def vectors(markers: str, commands: str, text: str = VECTORS) -> str:
+    return text.replace("M[", f"{markers}[").replace("U[", f"{commands}[")
+
+
+@pytest.fixture(scope="session")
+def truth() -> Truth:
+    return made(4.0)
+
+
+def imported(path: Path, text: str, truth: Truth, dt: float = 0.01) -> tuple[Trajectory, set[str]]:
+    (path.parent / "map.yaml").write_text(text)
+    read = read_recording(path, truth.robot, how=read_map(path.parent / "map.yaml"), dt=dt)
+    (episode,) = read.episodes
+    return episode.trajectory, {finding.words for finding in read.report.findings}
+
+
+def check(track: Trajectory, truth: Truth, hidden: bool = True) -> None:
+    """Raises AssertionError if an episode is not the motion, from its beginning."""
+    time = track.dt * np.arange(track.steps + 1)
+    points = truth.points(time)
+    got = track.observations.points
+    if hidden:
+        assert np.isnan(got[20:30, 1]).all()
+        assert np.isnan(got[..., 0]).sum() == 10
+    assert np.nanmax(np.abs(got - points)) < CLOSE
+    np.testing.assert_allclose(track.controls, truth.commands(time[:-1]), atol=1e-6)
+
+
+@pytest.mark.parametrize("version", ["1.1", "1.23", "1.25"])
+def test_motive(version: str, truth: Truth, tmp_path: Path) -> None:
+    writers.motive(truth, tmp_path / "take.txt", TIME, version)
+    writers.motors(truth, tmp_path / "motors.txt", TIME)
+    markers = ", ".join(f'{n}: "Platform:{n}"' for n in writers.names(truth))
+    text = f"files: [{{path: take.txt}}, {MOTORS}]\n{AXES}{COMMANDS}markers: {{{markers}}}\n"
+    track, words = imported(tmp_path / "take.txt", text, truth)
+    check(track, truth)
+    assert any("Unlabeled 1189" in each and "one marker" in each for each in words)
+
+
+def test_motives_body_gives_the_points_of_its_pose(truth: Truth, tmp_path: Path) -> None:
+    writers.motive(truth, tmp_path / "take.csv", TIME)
+    writers.motors(truth, tmp_path / "motors.txt", TIME)
+    text = f"files: [{{path: take.csv}}, {MOTORS}]\n{AXES}{COMMANDS}poses: {{platform: Platform}}\n"
+    check(imported(tmp_path / "take.csv", text, truth)[0], truth, hidden=False)
+
+
+def test_vicon(truth: Truth, tmp_path: Path) -> None:
+    writers.vicon(truth, tmp_path / "take.csv", TIME)
+    text = (
+        "markers: {front: 'robot:front', left: 'robot:left', right: 'robot:right'}\n"
+        "commands: {winch_fl: 'Motor - Rate.winch_fl', winch_fr: 'Motor - Rate.winch_fr',\n"
+        "  rear: {from: 'Motor - Rate.rear', unit: m}}\n"
+    )
+    check(imported(tmp_path / "take.csv", text, truth)[0], truth)
+
+
+@pytest.mark.parametrize("frames", [True, False])
+def test_qualisys(frames: bool, truth: Truth, tmp_path: Path) -> None:
+    writers.qualisys(truth, tmp_path / "take.tsv", TIME, frames)
+    writers.motors(truth, tmp_path / "motors.txt", TIME)
+    text = f"files: [{{path: take.tsv}}, {MOTORS}]\n{COMMANDS}"
+    check(imported(tmp_path / "take.tsv", text, truth)[0], truth)
+
+
+def test_trc(truth: Truth, tmp_path: Path) -> None:
+    writers.trc(truth, tmp_path / "take.csv", TIME)
+    writers.motors(truth, tmp_path / "motors.txt", TIME)
+    text = f"files: [{{path: take.csv}}, {MOTORS}]\n{COMMANDS}"
+    check(imported(tmp_path / "take.csv", text, truth)[0], truth)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        ("npz", vectors("markers", "u")),
+        ("mat", vectors("log.markers", "log.u") + "files: [{path: log.bin, time: log.t}]\n"),
+        ("hdf5", vectors("one/markers", "one/u") + "files: [{path: log.bin, time: one/t}]\n"),
+        ("mat73", vectors("log.markers", "log.u") + "files: [{path: log.bin, time: log.t}]\n"),
+        ("parquet", "columns: {time: t}\ncommands: {rear: {from: ctrl.rear, unit: m}}\n"),
+        (
+            "lerobot",
+            "files: [{path: log.bin, where: {episode_index: 1}}]\n"
+            "markers: {front: S.front, left: S.left, right: S.right}\n"
+            "commands: {winch_fl: A.winch_fl, winch_fr: A.winch_fr, rear: {from: A.rear, unit: m}}\n",
+        ),
+        ("c3d", f"files: [{{path: log.bin}}, {MOTORS}]\n{COMMANDS}"),
+        ("mcap", vectors("/markers.data", "/motors.data", FLAT)),
+        ("bag1", vectors("/markers.data", "/motors.data", FLAT)),
+        ("bag2", vectors("/markers.data", "/motors.data", FLAT)),
+    ],
+)
+def test_arrays_and_messages(kind: str, text: str, truth: Truth, tmp_path: Path) -> None:
+    needs = {"hdf5": "h5py", "mat73": "h5py", "c3d": "ezc3d", "bag1": "rosbags", "bag2": "rosbags"}
+    pytest.importorskip(needs.get(kind, "mcap" if kind == "mcap" else "numpy"))
+    made_file = tmp_path / ("log.npz" if kind == "npz" else "log.bin")  # savez adds its own
+    if kind == "bag1":
+        made_file = tmp_path / "log.bag"
+    getattr(writers, kind)(truth, made_file, TIME)
+    if kind == "c3d":
+        writers.motors(truth, tmp_path / "motors.txt", TIME)
+    if kind == "lerobot":
+        text = text.replace("S.", "observation.state.").replace("A.", "action.")
+    track, _ = imported(made_file, text, truth)
+    check(track, truth)
+
+
+def test_what_runs_code_is_refused_before_it_is_read(tmp_path: Path, truth: Truth) -> None:
+    import pickle
+
+    (tmp_path / "a.bin").write_bytes(pickle.dumps({"a": 1}))
+    (tmp_path / "b.txt").write_bytes(pickle.dumps(np.arange(3), protocol=0))
+    (tmp_path / "c.yaml").write_text("!!python/object/apply:os.system [ls]\n")
+    np.savez(tmp_path / "d.npz", a=np.array([{}], dtype=object), t=np.arange(3))
+    for name, words in (
+        ("a.bin", "pickle"),
+        ("b.txt", "pickle"),
+        ("c.yaml", "tags"),
+        ("d.npz", "pickle"),
+    ):
+        with pytest.raises(DataError, match=words):
+            read_recording(tmp_path / name, truth.robot)
