@@ -92,16 +92,17 @@ def robots() -> Table:
 
 def models() -> Table:
     """Predictors: networks to be trained, and baselines."""
-    from flywheel.dynamics import Persistence, PlantDynamics
+    from flywheel.dynamics import PlantDynamics
+    from flywheel.dynamics.baselines.named import BASELINES
+    from flywheel.dynamics.baselines.weights import FITTED
     from flywheel.dynamics.gnn import NetworkConfig
     from flywheel.dynamics.gnn.shipped import ModelCard, shipped_networks
-    from flywheel.dynamics.plant import RestartedPlant
 
     rows = [
         ("lean", "network", first_line(NetworkConfig.lean)),
         ("paper", "network", first_line(NetworkConfig.paper)),
-        ("persistence", "baseline", first_line(Persistence)),
-        ("floor", "MuJoCo", first_line(RestartedPlant)),
+        *((name, "baseline", first_line(make)) for name, make in BASELINES.items()),
+        *((f"{name}, fitted", "baseline", first_line(kind)) for name, kind in FITTED.items()),
         ("oracle", "MuJoCo", first_line(PlantDynamics)),
         *(
             (f"shipped for {robot}", "network", str(ModelCard.read(path)))

@@ -17,6 +17,7 @@ from flywheel.cli.logs.compare import compare
 from flywheel.cli.logs.correct import correct
 from flywheel.cli.logs.design import design
 from flywheel.cli.logs.diagnose import diagnose
+from flywheel.cli.logs.fit import fit
 from flywheel.cli.logs.power import power
 from flywheel.cli.robot import check as robot
 from flywheel.cli.runs import config, data
@@ -81,6 +82,7 @@ app.add_typer(data.app, name="data", rich_help_panel=RUNS)
 app.command(rich_help_panel=LOGS)(diagnose)
 app.command(rich_help_panel=LOGS)(adopt)
 app.command(rich_help_panel=LOGS)(correct)
+app.command(rich_help_panel=LOGS)(fit)
 app.command(rich_help_panel=LOGS)(compare)
 app.command(rich_help_panel=LOGS)(power)
 app.command(rich_help_panel=LOGS)(design)

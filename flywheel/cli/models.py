@@ -1,7 +1,7 @@
 """Names on the command line: plants, trained models, effects of the library.
 
-A plant is a shipped robot, an MJCF, or an adopted plant. A model is a plant, a model of a run, or a
-file of weights: of a network, or of a corrected plant.
+A plant is a shipped robot, an MJCF, or an adopted plant. A model is a plant, a baseline, a model of a
+run, or a file of weights: of a network, of a corrected plant, or of a fitted baseline.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any, Self
 
 from flywheel.cli.runs.opening import open_run
 from flywheel.diagnosis.comparison import Subject
+from flywheel.dynamics.baselines.named import BASELINES
 from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import Plant, with_effects
 from flywheel.dynamics.plant.law_checks import check_laws
@@ -29,9 +30,9 @@ from flywheel.runtime.workers.model_weights import TrainedModel
 
 PLANT = "plant"
 ALLOWED = (
-    f"{PLANT!r}, {SHIPPED!r} (the network that comes with Flywheel for the robot), the folder of an adopted "
-    "plant, a run's folder (its champion), RUN:NAME (another of its models), or a file of weights; each may "
-    "have LABEL= in front"
+    f"{PLANT!r}, {SHIPPED!r} (the network that comes with Flywheel for the robot), a baseline "
+    f"({', '.join(BASELINES)}), the folder of an adopted plant, a run's folder (its champion), RUN:NAME "
+    "(another of its models), or a file of weights; each may have LABEL= in front"
 )
 
 
@@ -156,6 +157,8 @@ def open_model(
     name = label or what
     if what == PLANT:
         return Subject.of_plant(name, open_plant(robot_name, dt, threads, library))
+    if what in BASELINES:
+        return Subject(name, BASELINES[what](robot, dt, threads))
     if adopted_file(what) is not None:
         return Subject.of_plant(name, open_plant(what, dt, threads, library))
     return open_trained(spec, robot).subject(robot, threads)
@@ -165,7 +168,7 @@ def open_trained(spec: str, robot: Robot) -> TrainedModel:
     """The trained model of `[LABEL=]SPEC`.
 
     Args:
-      spec: see `ALLOWED`, except plants.
+      spec: see `ALLOWED`, except plants and baselines by name.
       robot: to be predicted.
 
     Raises:

@@ -75,9 +75,9 @@ def read_bodies(
         if not on_it:
             unseen.append(repr(name))
             continue
-        total, moments, com = _mass_of(model, data, root)
+        total, moments, com, principal = _mass_of(model, data, root)
         primitives = _primitives(model, data, index, mass, inertia, total)
-        bodies.append(Body(name, total, moments, com, primitives, on_it))
+        bodies.append(Body(name, total, moments, com, primitives, on_it, principal))
     if unseen:
         whom = "the body" if len(unseen) == 1 else "the bodies"
         raise RobotError(
@@ -180,9 +180,11 @@ def _primitives(
     )
 
 
-def _mass_of(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> tuple[float, Floats, Floats]:
-    """Mass, principal moments (3,) and centre of mass (3,) in its frame, including all bodies
-    welded to it.
+def _mass_of(
+    model: mujoco.MjModel, data: mujoco.MjData, root: int
+) -> tuple[float, Floats, Floats, Floats]:
+    """Mass, principal moments (3,), centre of mass (3,) and principal axes (3, 3) in its frame,
+    including all bodies welded to it.
     """
     to_root = data.xmat[root].reshape(3, 3).T
     parts = np.flatnonzero(model.body_weldid == root)
@@ -195,4 +197,5 @@ def _mass_of(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> tuple[flo
         turn = to_root @ data.ximat[part].reshape(3, 3)
         tensor += turn @ np.diag(model.body_inertia[part]) @ turn.T
         tensor += m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return total, np.linalg.eigvalsh(tensor)[::-1].copy(), com
+    moments, axes = np.linalg.eigh(tensor)
+    return total, moments[::-1].copy(), com, axes[:, ::-1].copy()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
 
 from flywheel.records import Floats
 
@@ -44,6 +46,7 @@ class Body:
       com: (3,) centre of mass in the body frame [m].
       primitives: its geometric pieces.
       points: indices into `Robot.points` of the tracked points on it.
+      principal: (3, 3) its columns are the principal axes in the body frame, in the moments' order.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Body:
     com: Floats
     primitives: tuple[Primitive, ...]
     points: tuple[int, ...]
+    principal: Floats = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,6 @@ from flywheel.dynamics.residual import (
     mean_offsets,
 )
 from flywheel.errors import DataError, ModelError
-from flywheel.evaluation import past_at, places
-from flywheel.evaluation.pasts import stacked
 from flywheel.quantities import (
     Bounds,
     Factor,
@@ -43,8 +41,9 @@ from flywheel.quantities import (
     Samples,
     Seed,
 )
-from flywheel.records import Episode, Floats, Provenance, Trajectory
+from flywheel.records import Floats, Trajectory
 from flywheel.training.batches import generator
+from flywheel.training.spans import Present, Span, check_recordings, presents, questions, split
 from flywheel.validation import Frozen
 
 SHARES = np.linspace(0.0, 1.0, 21)  # of the correction, that are tried
@@ -183,7 +182,7 @@ def train_residual(
     """
     begun = time.monotonic()
     lookout = Lookout(plant, config)
-    check(plant, recordings)
+    check_recordings(plant.robot, plant.dt, recordings)
     learned, judged = split(recordings, training.held_out)
     steps = min(horizon_of(lookout, parts, training) for parts in (learned, judged))
     train = windows_of(lookout, learned, steps, training, _part(say, 0.0, 0.2))
@@ -205,56 +204,6 @@ def train_residual(
         held_out=len(held_out),
         seconds=time.monotonic() - begun,
         curve=tuple(fitting.curve),
-    )
-
-
-def check(plant: RestartedPlant, recordings: Sequence[Trajectory]) -> None:
-    """Check that recordings fit the plant.
-
-    Raises:
-      DataError: they do not.
-    """
-    robot = plant.robot
-    if not recordings:
-        raise DataError("There is no recording to learn from.")
-    for number, track in enumerate(recordings):
-        got = (track.observations.points.shape[-2], track.controls.shape[-1])
-        if got != (wanted := (len(robot.points), len(robot.winches))):
-            raise DataError(
-                f"Recording {number} has (points, winches) = {got}; robot {robot.name} has {wanted}."
-            )
-        if abs(track.dt - plant.dt) > 1e-9:
-            raise DataError(
-                f"Recording {number} is in control steps of {track.dt:g} s, the plant in steps of "
-                f"{plant.dt:g} s."
-            )
-
-
-@dataclass(frozen=True)
-class Span:
-    """A range of steps of a recording for windows; steps before it are used as past only.
-
-    Attributes:
-      track: the whole recording.
-      begin, end: first and last step.
-    """
-
-    track: Trajectory
-    begin: int
-    end: int
-
-
-def split(recordings: Sequence[Trajectory], share: float) -> tuple[list[Span], list[Span]]:
-    """Training and held-out parts: whole recordings if there are enough, else the end of each."""
-    count, period = len(recordings), max(2, round(1 / share))
-    if count >= period:
-        held = range(period - 1, count, period)
-        whole = [Span(track, 0, track.steps) for track in recordings]
-        return [p for i, p in enumerate(whole) if i not in held], [whole[i] for i in held]
-    pairs = [(track, round((1 - share) * track.steps)) for track in recordings]
-    return (
-        [Span(track, 0, cut) for track, cut in pairs],
-        [Span(track, cut, track.steps) for track, cut in pairs],
     )
 
 
@@ -305,48 +254,34 @@ def windows_of(
     return _joined(windows)
 
 
-_Present = tuple[Episode, int, Floats]
-"""A recording, a step of it, and its winch positions."""
-
-
 def _presents(
     plant: RestartedPlant, parts: Sequence[Span], steps: int, training: ResidualTraining
-) -> list[_Present]:
+) -> list[Present]:
     """Starts of windows of so many steps."""
-    about = Provenance(plant.robot.digest, source="recording", dataset="recording")
     reckoning = Reckoning(plant.robot, plant.dt, plant.plant.terms)
     stride = max(1, round(training.spacing / plant.dt))
-    found: list[_Present] = []
-    for number, part in enumerate(parts):
-        episode = Episode(f"recording-{number}", part.track, about, "train")
-        at = places(episode, steps, max(part.begin, plant.history))
-        at = at[(at >= part.begin) & (at + steps <= part.end)][::stride]
-        if len(at):
-            winch = reckoning.known(part.track)
-            found += [(episode, int(start), winch) for start in at]
-    return found[:: max(1, math.ceil(len(found) / training.windows))]
+    return presents(
+        plant.robot, parts, reckoning.known, plant.history, steps, stride, training.windows
+    )
 
 
-def _predictable(lookout: Lookout, presents: Sequence[_Present], steps: int) -> list[PlantWindows]:
+def _predictable(lookout: Lookout, starts: Sequence[Present], steps: int) -> list[PlantWindows]:
     """Windows with the plant's predictions, without those in which it diverges or a point is out of
     sight.
     """
     try:
-        return [_predicted(lookout, presents, steps)]
+        return [_predicted(lookout, starts, steps)]
     except ModelError:
-        half = len(presents) // 2
+        half = len(starts) // 2
         if not half:
             return []
-        parts = (presents[:half], presents[half:])
+        parts = (starts[:half], starts[half:])
         return [found for part in parts for found in _predictable(lookout, part, steps)]
 
 
-def _predicted(lookout: Lookout, presents: Sequence[_Present], steps: int) -> PlantWindows:
+def _predicted(lookout: Lookout, starts: Sequence[Present], steps: int) -> PlantWindows:
     plant = lookout.plant
-    past = stacked([past_at(e, plant.robot, s, lookout.history, w) for e, s, w in presents])
-    tracks = [(episode.trajectory, s) for episode, s, _ in presents]
-    controls = np.stack([t.controls[s : s + steps] for t, s in tracks])
-    measured = np.stack([t.observations.points[s : s + steps + 1] for t, s in tracks])
+    past, controls, measured = questions(plant.robot, starts, lookout.history, steps)
     sight, motion = lookout.look(past, controls)
     left, weight = mean_offsets(motion.observations.points, measured, lookout.every)
     return PlantWindows(

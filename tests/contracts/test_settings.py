@@ -13,16 +13,26 @@ from pydantic import BaseModel
 
 import flywheel
 from flywheel.diagnosis.results.answer import Answer
+from flywheel.dynamics.baselines import LinearConfig
 from flywheel.dynamics.residual import CorrectedPlant, ResidualConfig
 from flywheel.effects import AdoptedPlant
 from flywheel.errors import ConfigError
 from flywheel.quantities import Bounds
 from flywheel.results import ResultRecord
 from flywheel.runtime.config.run_config import RunConfig
+from flywheel.training.baselines import FitSettings
 from flywheel.training.residual import ResidualTraining
 from flywheel.validation import validated
 
-SETTINGS = (RunConfig, AdoptedPlant, ResidualConfig, ResidualTraining, CorrectedPlant)
+SETTINGS = (
+    RunConfig,
+    AdoptedPlant,
+    ResidualConfig,
+    ResidualTraining,
+    CorrectedPlant,
+    LinearConfig,
+    FitSettings,
+)
 NOT_ALLOWED = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**30, 10**400, True, "5", [1])
 # Evidence, which is shown, and compared at most.
 SHOWN_ONLY = ("Fitted.low", "Fitted.high", "HeldOut.")

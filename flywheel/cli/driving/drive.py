@@ -52,7 +52,7 @@ ModelOption = Annotated[
     typer.Option(
         help="champion, an iteration's number, plant (the MJCF with adopted effects), residual "
         "(that plant, corrected by a network), shipped (the network that comes with "
-        "Flywheel), or a file of weights."
+        "Flywheel), a baseline (flywheel list models), or a file of weights."
     ),
 ]
 ArgumentsOption = Annotated[

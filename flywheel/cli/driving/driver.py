@@ -18,6 +18,7 @@ from flywheel.cli.options import CHAMPION
 from flywheel.cli.runs.opening import open_run
 from flywheel.control.drive import Drive
 from flywheel.control.protocol import OnPiece, Piece
+from flywheel.dynamics.baselines.named import BASELINES
 from flywheel.dynamics.gnn import check_device
 from flywheel.dynamics.gnn.shipped import SHIPPED, shipped_weights
 from flywheel.dynamics.plant import LiveView, RestartedPlant
@@ -94,7 +95,7 @@ class PlantDriver(_Driver):
     Args:
       source: folder of a run, or file of a configuration.
       overrides: "key=value" on top of it.
-      model: "champion", "oracle", "shipped", or an iteration of the run.
+      model: "champion", "oracle", "shipped", a baseline, an iteration of the run, or a file of weights.
       hidden: true effects of the plant instead of the known ones, see `hidden_effects`; it is then
         simulated in shorter steps, too.
 
@@ -129,7 +130,7 @@ class PlantDriver(_Driver):
     def plan(self, seed: int) -> EpisodePlan:
         """The plan of one episode."""
         controller = ORACLE if self.model == ORACLE else "mppi"
-        plan = self._plan(f"navigate-{self.model}", controller, "test", seed)
+        plan = self._plan(f"navigate-{Path(self.model).stem}", controller, "test", seed)
         return replace(plan, hidden=self._hidden)
 
     def drive(self, seed: int, stage: Stage, show: bool = False) -> tuple[DriveLine, Episode]:
@@ -180,7 +181,7 @@ class RobotDriver(_Driver):
       source: folder of a run, or file of a configuration.
       overrides: "key=value" on top of it.
       model: "champion", an iteration of the run, "plant" (the MJCF with the known effects),
-        "residual" (that plant with the correcting network), "shipped", or a file of weights.
+        "residual" (that plant with the correcting network), "shipped", a baseline, or a file of weights.
       where: address of the robot, see `open_link`.
       stand_in: its physics and sensors, if it is simulated.
       arguments: of a user's link.
@@ -218,22 +219,16 @@ class RobotDriver(_Driver):
         if self.model == PLANT:
             plant = EpisodeRecorder(self.config, self.robot).plant(0, self._known)
             return RestartedPlant.from_measurements(plant), ""
-        if (path := self._file(source)) is not None:
-            weights = TrainedModel.read(self.model, path, self.robot).weights
-            threads, library = self.config.sim_threads, self.config.library()
-            device = self.config.mppi.device
-            return weights.dynamics(self.robot, threads, library, device), weights.digest
-        network, digest = network_of(source, self.config, self.robot, self.model, PLANT)
+        model = str(self._residual(source)) if self.model == RESIDUAL else self.model
+        network, digest = network_of(source, self.config, self.robot, model, PLANT)
         if network is None:
             raise ConfigError(
                 f"A robot's full state is unknown, but --model {self.model} needs it; use {PLANT}."
             )
         return network, digest
 
-    def _file(self, source: Path) -> Path | None:
-        """The file of weights given as the model, or the last residual model of the run."""
-        if self.model != RESIDUAL:
-            return path if (path := Path(self.model)).is_file() else None
+    def _residual(self, source: Path) -> Path:
+        """The last residual model of the run."""
         folder = RunFolder(source)
         paths = [folder.residual(i) for i in range(self.config.iterations, -1, -1)]
         found = next((path for path in paths if path.exists()), None)
@@ -300,12 +295,30 @@ def known_effects(source: Path, config: RunConfig, overrides: tuple[str, ...]) -
 def network_of(
     source: Path, config: RunConfig, robot: Robot, model: str, instead: str = ORACLE
 ) -> tuple[Dynamics | None, str]:
-    """The network for planning and its digest; none for the oracle, which the recorder makes itself."""
+    """The model for planning and its digest; none for the oracle, which the recorder makes itself.
+
+    The digest of a baseline by name is empty.
+
+    Raises:
+      ConfigError: there is none, or it is of another control step.
+    """
     if model == ORACLE:
         return None, ""
-    weights = _network_weights(source, robot, model, instead)
-    device = config.mppi.device
-    return weights.dynamics(robot, config.sim_threads, device=device), weights.digest
+    if model in BASELINES:
+        return BASELINES[model](robot, config.network.dt, config.sim_threads), ""
+    weights = (
+        TrainedModel.read(model, path, robot).weights
+        if (path := Path(model)).is_file()
+        else _network_weights(source, robot, model, instead)
+    )
+    threads, library, device = config.sim_threads, config.library(), config.mppi.device
+    dynamics = weights.dynamics(robot, threads, library, device)
+    if abs(dynamics.dt - config.network.dt) > 1e-9:
+        raise ConfigError(
+            f"The model {model} predicts in steps of {dynamics.dt:g} s; network.dt is "
+            f"{config.network.dt:g} s."
+        )
+    return dynamics, weights.digest
 
 
 def _network_weights(source: Path, robot: Robot, model: str, instead: str) -> Weights:
@@ -313,8 +326,8 @@ def _network_weights(source: Path, robot: Robot, model: str, instead: str) -> We
         return Weights.read(shipped_weights(robot), robot)
     if not source.is_dir():
         raise ConfigError(
-            f"{source} is a configuration, which has no models. Give a run's folder, or --model "
-            f"{instead} or {SHIPPED}."
+            f"{source} is a configuration, which has no model {model!r}. Give a run's folder, or --model "
+            f"{instead}, {SHIPPED}, {', '.join(BASELINES)}, or a file of weights."
         )
     run = open_run(source)
     iteration = run.champion() if model == CHAMPION else run.iteration(model)

@@ -22,14 +22,14 @@ SourceArgument = Annotated[
     str,
     typer.Argument(
         metavar="RUN|CONFIG",
-        help="A run's folder, or a configuration by name or file (with --model shipped, plant or oracle).",
+        help="A run's folder, or a configuration by name or file (with any --model that is not of a run).",
     ),
 ]
 ModelOption = Annotated[
     str,
     typer.Option(
-        help="champion, an iteration's number, shipped (the network that comes with Flywheel), or oracle "
-        "(the plant itself)."
+        help="champion, an iteration's number, shipped (the network that comes with Flywheel), oracle "
+        "(the plant itself), a baseline (flywheel list models), or a file of weights."
     ),
 ]
 SeedOption = Annotated[

@@ -30,7 +30,8 @@ Models = Annotated[
     typer.Option(
         metavar="[LABEL=]SPEC",
         help="plant (the default), an adopted plant's folder, a run's folder (its champion), "
-        "RUN:NAME, or a file of weights (also those of `flywheel correct`). Repeatable.",
+        "RUN:NAME, a baseline (flywheel list models), or a file of weights (also those of `flywheel "
+        "correct` and `fit`). Repeatable.",
     ),
 ]
 HorizonOption = Annotated[

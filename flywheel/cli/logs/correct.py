@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -14,9 +14,11 @@ from flywheel.cli.options import DtOption, JsonOption, PlantOption, ThreadsOptio
 from flywheel.quantities import HORIZON_SECONDS, SEED, Bounds
 
 if TYPE_CHECKING:
-    from flywheel.dynamics.residual import ResidualConfig
-    from flywheel.training.residual import ResidualResult, ResidualTraining
+    from flywheel.training.residual import ResidualResult
+    from flywheel.validation import Frozen
 
+M = TypeVar("M", bound="Frozen")
+T = TypeVar("T", bound="Frozen")
 NETWORK = "network"
 ANY = Bounds(-1e12, 1e12)  # of a setting, whose own bounds are asked afterwards
 
@@ -25,7 +27,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="SETTING=NUMBER",
-        help="Value of a setting of the training, such as steps=800, or of the network, such as "
+        help="Value of a setting of the training, such as steps=800, or of the model, such as "
         "network.width=32. Repeatable.",
     ),
 ]
@@ -62,19 +64,19 @@ def correct(
     from flywheel.cli.logs.reading import read_logs
     from flywheel.cli.models import open_plant
     from flywheel.dynamics.plant import RestartedPlant
-    from flywheel.dynamics.residual import ResidualWeights
+    from flywheel.dynamics.residual import ResidualConfig, ResidualWeights
     from flywheel.errors import ConfigError
     from flywheel.outputs import check_outputs
     from flywheel.runtime.pool.interrupts import StopRequest
     from flywheel.runtime.pool.progress import console_progress
-    from flywheel.training.residual import train_residual
+    from flywheel.training.residual import ResidualTraining, train_residual
 
     if out.suffix == ".json":
         raise ConfigError(f"--out is the file of the weights, which end in .npz; got {out.name}.")
-    side = out.with_suffix(".json")
-    outputs = {"model": out, "side file of the model": side, "JSON": json}
+    outputs = {"model": out, "side file of the model": out.with_suffix(".json"), "JSON": json}
     check_outputs(outputs, inputs=[*recordings, robot])
-    config, training = settings_of(settings or [], horizon, seed)
+    given = (ResidualTraining, {"horizon": horizon, "seed": seed})
+    config, training = settings_of(settings or [], (ResidualConfig, {}), given, NETWORK)
     plant, shown = RestartedPlant.from_measurements(open_plant(robot, dt, threads)), console()
     tracks = [each.trajectory for each in read_logs(recordings, plant.robot, dt, shown)]
     with StopRequest() as stop, console_progress().stage("correct", training.steps) as stage:
@@ -93,32 +95,37 @@ def correct(
 
 
 def settings_of(
-    statements: Sequence[str], horizon: float, seed: int
-) -> tuple[ResidualConfig, ResidualTraining]:
-    """The settings, from "steps=800" and "network.width=32".
+    statements: Sequence[str],
+    model: tuple[type[M], Mapping[str, Any]],
+    training: tuple[type[T], Mapping[str, Any]],
+    part: str,
+) -> tuple[M, T]:
+    """The settings of a model and of its training, from "steps=800" and "network.width=32".
+
+    Args:
+      statements: such texts.
+      model, training: class of the settings, and their given values.
+      part: before the dot of the model's settings.
 
     Raises:
       ConfigError: there is no such setting, or its value is invalid.
     """
     from flywheel.cli.logs.diagnose import pairs_of
-    from flywheel.dynamics.residual import ResidualConfig
     from flywheel.errors import ConfigError
-    from flywheel.training.residual import ResidualTraining
     from flywheel.validation import validated
 
-    network: dict[str, float] = {}
-    training: dict[str, float] = {"horizon": horizon, "seed": seed}
+    of_model, of_training = dict(model[1]), dict(training[1])
     for path, text in pairs_of(statements, "--set takes SETTING=NUMBER;"):
         first, dot, name = path.partition(".")
         value = number(text, path, ANY)
         whole = int(value) if value == int(value) else value
-        if dot and first == NETWORK:
-            network[name] = whole
+        if dot and first == part:
+            of_model[name] = whole
         else:
-            training[path] = whole
+            of_training[path] = whole
     return (
-        validated(ResidualConfig, network, "--set network", ConfigError),
-        validated(ResidualTraining, training, "--set", ConfigError),
+        validated(model[0], of_model, f"--set {part}", ConfigError),
+        validated(training[0], of_training, "--set", ConfigError),
     )
 
 

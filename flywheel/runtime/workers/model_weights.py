@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flywheel.diagnosis.fitting.subject import Subject
+from flywheel.dynamics.baselines.weights import BaselineWeights, is_baseline
 from flywheel.dynamics.gnn import Device, LearnedDynamics, NetworkConfig, load_weights
 from flywheel.dynamics.gnn.weights import network_from_arrays, weights_arrays, weights_digest
 from flywheel.dynamics.residual import ResidualWeights, is_residual
@@ -69,14 +70,14 @@ class Weights:
         return LearnedDynamics(robot, network, threads=threads, device=device)
 
 
-AnyWeights = Weights | ResidualWeights
-"""Weights of a network, or of a corrected plant."""
+AnyWeights = Weights | ResidualWeights | BaselineWeights
+"""Weights of a network or a corrected plant, or the numbers of a fitted baseline."""
 
 
 def read_weights(
     path: Path, robot: Robot, digest: str = "", library: Mapping[str, Effect] = NAMED
 ) -> AnyWeights:
-    """Read a file of either kind.
+    """Read a file of any kind.
 
     Args:
       path: of the file.
@@ -89,6 +90,8 @@ def read_weights(
     """
     if is_residual(path):
         return ResidualWeights.read(path, robot, library=library)
+    if is_baseline(path):
+        return BaselineWeights.read(path, robot)
     return Weights.read(path, robot, digest)
 
 
@@ -98,7 +101,7 @@ class TrainedModel:
 
     Attributes:
       name: for people.
-      weights: of the network, or of the corrected plant.
+      weights: of the network or the corrected plant, or of the baseline.
       dataset: index of the data set for recordings.
       effects: known effects of the robot during training.
       library: of these.

@@ -13,11 +13,11 @@ from flywheel.cli.main import app
 from flywheel.cli.models import open_model, open_trained
 from flywheel.data.recordings import write_recording
 from flywheel.dynamics.plant import MeasurementModel, Plant
-from flywheel.dynamics.residual import ResidualDynamics
+from flywheel.dynamics.residual import ResidualConfig, ResidualDynamics
 from flywheel.errors import ConfigError, ModelError
 from flywheel.records import Episode, Provenance, Trajectory
 from flywheel.robots import load_robot
-from flywheel.training.residual import _Fitting
+from flywheel.training.residual import ResidualTraining, _Fitting
 
 PRISM = load_robot("prism3")
 FEW = ("--horizon", "0.3", "--set", "steps=2", "--set", "network.width=8", "--set", "spacing=0.4")
@@ -83,12 +83,16 @@ def test_a_model_comes_out_that_compare_and_diagnose_can_hold(logs, tmp_path):
 
 
 def test_settings_are_of_the_training_or_of_the_network():
-    network, training = settings_of(["steps=7", "network.width=32", "sure=2.5"], 1.5, 3)
+    def settings(*statements):
+        given = {"horizon": 1.5, "seed": 3}
+        return settings_of(statements, (ResidualConfig, {}), (ResidualTraining, given), "network")
+
+    network, training = settings("steps=7", "network.width=32", "sure=2.5")
     assert (network.width, training.steps, training.sure) == (32, 7, 2.5)
     assert (training.horizon, training.seed) == (1.5, 3)
     for wrong in ("steps", "stepz=3", "network.width=0", "network.x=1", "steps=a"):
         with pytest.raises(ConfigError):
-            settings_of([wrong], 1.0, 0)
+            settings(wrong)
 
 
 def test_a_name_that_is_that_of_the_side_file_is_refused(tmp_path):

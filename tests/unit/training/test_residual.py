@@ -12,12 +12,11 @@ from flywheel.records import Observation, Past, Trajectory
 from flywheel.robots import load_robot
 from flywheel.training.residual import (
     ResidualTraining,
-    Span,
     chosen_share,
-    split,
     train_residual,
     windows_of,
 )
+from flywheel.training.spans import Span, split
 
 PRISM = load_robot("prism3")
 CONFIG = ResidualConfig(width=16, interval=0.2, past=0.4)

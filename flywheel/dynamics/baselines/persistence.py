@@ -1,4 +1,4 @@
-"""Trivial dynamics models, as baselines for all others."""
+"""The dynamics model that predicts no motion."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flywheel.errors import ModelError
+from flywheel.dynamics.baselines.inputs import check_shapes, without_gaps
 from flywheel.records import Floats, Past, Rollout
 from flywheel.robots import Robot
 
@@ -33,21 +33,11 @@ class Persistence:
         Raises:
           ModelError: the shapes do not fit the robot, or a point is missing in the whole past.
         """
+        check_shapes(self.robot, past, controls)
         batch, horizon, winches = controls.shape
-        if winches != len(self.robot.winches):
-            raise ModelError(
-                f"Robot {self.robot.name} has {len(self.robot.winches)} winches, got controls for "
-                f"{winches}."
-            )
-        seen = past.observations.points
-        points = seen[:, -1].copy()
-        for step in range(2, seen.shape[1] + 1):
-            points = np.where(np.isfinite(points), points, seen[:, -step])
-        if not np.isfinite(points).all():
-            raise ModelError(
-                "A tracked point was not seen in the whole past; there is no position to repeat."
-            )
-        points = np.broadcast_to(points[:, None], (len(points), horizon + 1, *points.shape[1:]))
+        points = without_gaps(past.observations.points)[:, -1:]
         start = np.broadcast_to(past.winch[:, -1], (batch, winches))
         winch = self.robot.dead_reckon(start, controls, self.dt)
-        return Rollout(np.broadcast_to(points, (batch, *points.shape[1:])).copy(), winch)
+        return Rollout(
+            np.broadcast_to(points, (batch, horizon + 1, *points.shape[2:])).copy(), winch
+        )
