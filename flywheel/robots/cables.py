@@ -12,8 +12,10 @@ from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.bodies import body_index, in_body_frame
 from flywheel.robots.parts import Attachment, Body, Cable, TrackedPoint, Winch
-from flywheel.robots.problems import Alike, Problems
+from flywheel.robots.problems import Alike, Problems, called
 from flywheel.robots.winches import is_passive
+
+BENT = "{} must be straight between exactly two sites (no joints, pulleys or wrapping); got {}."
 
 
 def read_cables(
@@ -73,8 +75,7 @@ def refuse_bent(model: mujoco.MjModel) -> None:
     problems = Problems()
     for tendon in range(model.ntendon):
         if words := _bend(model, tendon):
-            name = model.tendon(tendon).name
-            problems.add_alike("tendon", repr(name) if name else f"number {tendon}", words)
+            problems.add_alike("tendon", called(model, "tendon", tendon), words)
     problems.check()
 
 
@@ -85,10 +86,7 @@ def _bend(model: mujoco.MjModel, tendon: int) -> str:
         mujoco.mjtWrap(int(k)).name.removeprefix("mjWRAP_").lower() for k in model.wrap_type[path]
     ]
     if kinds != ["site", "site"]:
-        return (
-            "{} must be straight between exactly two sites (no joints, pulleys or wrapping); got "
-            f"{' -> '.join(kinds)}."
-        )
+        return BENT.format("{}", " -> ".join(kinds))
     first, second = (model.body_weldid[model.site_bodyid[site]] for site in model.wrap_objid[path])
     if first == second:
         where = f"the body {model.body(first).name!r}" if first else "the world"
@@ -120,7 +118,7 @@ class _Tendons:
         if model.tendon_stiffness[tendon] != 0:
             raise Alike(
                 "tendon",
-                repr(name),
+                called(model, "tendon", tendon),
                 "{} must not have a winch and a stiffness; a winched cable's stiffness is its actuator's "
                 "gainprm. Put a parallel spring on a separate tendon.",
             )
@@ -148,23 +146,23 @@ class _Tendons:
         elif stiffness > 0:
             raise Alike(
                 "tendon",
-                f"{name!r} ({rest:g} m)",
+                f"{called(model, 'tendon', tendon)} ({rest:g} m)",
                 "{} would push when shorter than that (springlength); a cable only pulls: write "
                 'springlength="0 L".',
             )
         raise Alike(
             "tendon",
-            repr(name),
+            called(model, "tendon", tendon),
             "Nothing pulls {}: a cable needs a winch, a stiffness, or one passive actuator with "
             'gainprm "0", biastype "affine", biasprm "k*L -k -c" and forcerange "-F 0".',
         )
 
     def _ends(self, tendon: int) -> tuple[Attachment, Attachment]:
-        model, name = self.model, self.model.tendon(tendon).name
+        model = self.model
         if model.tendon_limited[tendon] and model.tendon_range[tendon, 0] > 0:
             raise Alike(
                 "tendon",
-                f"{name!r} ({model.tendon_range[tendon, 0]:g} m)",
+                f"{called(model, 'tendon', tendon)} ({model.tendon_range[tendon, 0]:g} m)",
                 "{} would push when shorter than that (range); a cable only pulls: begin the range with 0.",
             )
         start = model.tendon_adr[tendon]

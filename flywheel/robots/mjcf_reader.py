@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
@@ -162,17 +163,21 @@ def _check_numbers(problems: Problems, root: ElementTree.Element, model: mujoco.
 def _add_joints(problems: Problems, model: mujoco.MjModel) -> None:
     """Begin the problems of an MJCF that has any with its joints, with which few commands can do anything."""
     held = np.flatnonzero(model.jnt_type != mujoco.mjtJoint.mjJNT_FREE).tolist()
-    if not problems or not held:
-        return
-    kinds = (mujoco.mjtJoint(int(model.jnt_type[j])).name.removeprefix("mjJNT_") for j in held)
-    names = (
-        f"{model.joint(j).name!r} ({kind.lower()}, of the body {model.body(model.jnt_bodyid[j]).name!r})"
-        for j, kind in zip(held, kinds, strict=True)
-    )
-    joints = "It has the joint" if len(held) == 1 else "It has joints:"
-    problems.add_first(
-        f"{joints} {', '.join(names)}. Robots of free bodies (<freejoint/>) are what compare, diagnose and "
-        "adapt are made for."
+    if problems and held:
+        kinds = [mujoco.mjtJoint(int(model.jnt_type[j])).name for j in held]
+        joints = [
+            (model.joint(j).name, kind.removeprefix("mjJNT_").lower(), model.body(body).name)
+            for j, kind, body in zip(held, kinds, model.jnt_bodyid[held].tolist(), strict=True)
+        ]
+        problems.add_first(about_joints(joints))
+
+
+def about_joints(joints: Sequence[tuple[str, str, str]]) -> str:
+    """A sentence about the joints, by name, kind and body, of an MJCF that cannot be used as it is."""
+    each = ", ".join(f"{name!r} ({kind}, of the body {body!r})" for name, kind, body in joints)
+    return (
+        f"It has {'the joint' if len(joints) == 1 else 'the joints'} {each}. Robots of free bodies "
+        "(<freejoint/>) are what compare, diagnose and adapt are made for."
     )
 
 
@@ -209,7 +214,7 @@ def _refuse_unnamed(model: mujoco.MjModel) -> None:
         unnamed = [index for index in range(count) if not getattr(model, kind)(index).name]
         if unnamed:
             problems.add(
-                f"{_numbered(kind, unnamed)} (counted from 0) no name; every tendon, actuator "
+                f"{_numbered(kind, unnamed)} no name; every tendon, actuator "
                 "and sensor needs one, because columns of recordings are named after them."
             )
     if unnamed := [index for index in moving_bodies(model) if not model.body(index).name]:
@@ -220,12 +225,8 @@ def _refuse_unnamed(model: mujoco.MjModel) -> None:
 def _numbered(kind: str, numbers: list[int]) -> str:
     """Elements without names as a subject, with its verb."""
     kinds = {"moving body": "moving bodies"}.get(kind, f"{kind}s")
-    numbering = ", ".join(map(str, numbers))
-    return (
-        f"The {kind} number {numbering} has"
-        if len(numbers) == 1
-        else f"The {kinds} number {numbering} have"
-    )
+    numbering = f"number {', '.join(map(str, numbers))} (counted from 0)"
+    return f"The {kind} {numbering} has" if len(numbers) == 1 else f"The {kinds} {numbering} have"
 
 
 def _refuse_equal_columns(points: tuple[TrackedPoint, ...], winches: tuple[Winch, ...]) -> None:

@@ -97,8 +97,8 @@ def compiled(
     Raises:
       MjcfError: not an MJCF; one that reads other files or is too large; or MuJoCo rejects it.
     """
-    root = _parsed(xml, f"The {what}")
-    _refuse_unfit(root, f"The {what}")
+    root = parsed(xml, f"The {what}")
+    refuse_unfit(root, f"The {what}")
     try:
         with collected_warnings() as said:
             spec = mujoco.MjSpec.from_string(xml)
@@ -113,7 +113,7 @@ def compiled(
 
 def without_keyframes(xml: str) -> str:
     """The same MJCF with no keyframe."""
-    root = _parsed(xml, "The MJCF")
+    root = parsed(xml, "The MJCF")
     for keyframes in root.findall("keyframe"):
         root.remove(keyframes)
     return ElementTree.tostring(root, encoding="unicode")
@@ -124,10 +124,11 @@ class _Counting(ElementTree.TreeBuilder):
 
     Args:
       what: name of the text, at the beginning of a sentence.
+      comments: keep them.
     """
 
-    def __init__(self, what: str) -> None:
-        super().__init__()
+    def __init__(self, what: str, comments: bool) -> None:
+        super().__init__(insert_comments=comments)
         self._what = what
         self._copies = [1]  # of each element that is open
         self._elements = 0
@@ -173,12 +174,22 @@ def _copies(tag: str, attributes: dict[str, str]) -> int:
         return 1  # which MuJoCo refuses
 
 
-def _parsed(xml: str, what: str) -> ElementTree.Element:
+def parsed(xml: str, what: str, comments: bool = False) -> ElementTree.Element:
+    """The elements of an MJCF.
+
+    Args:
+      xml: its text.
+      what: its name, at the beginning of a sentence.
+      comments: keep them.
+
+    Raises:
+      MjcfError: too large, not XML, or not an MJCF.
+    """
     if len(xml) > LARGEST:
         raise MjcfError(f"{what} has {len(xml):,} characters; at most {LARGEST:,.0f} are read.")
     if not xml.strip():
         raise MjcfError(f"{what} is empty; it needs at least <mujoco model=...>.")
-    parser = ElementTree.XMLParser(target=_Counting(what))
+    parser = ElementTree.XMLParser(target=_Counting(what, comments))
     try:
         parser.feed(xml)
         root: ElementTree.Element = parser.close()
@@ -197,7 +208,12 @@ def _parsed(xml: str, what: str) -> ElementTree.Element:
     return root
 
 
-def _refuse_unfit(root: ElementTree.Element, what: str) -> None:
+def refuse_unfit(root: ElementTree.Element, what: str) -> None:
+    """Refuse elements that read other files, bend, or need more than winches and rigid bodies.
+
+    Raises:
+      MjcfError: there are such elements; the message says all of them.
+    """
     found: dict[_Unfit, list[str]] = {}
     for element in root.iter():
         unfit = UNFIT.get(element.tag)

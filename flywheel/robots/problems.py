@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+import mujoco
+
 from flywheel.errors import MjcfError, RobotError
 
 T = TypeVar("T")
@@ -73,6 +75,12 @@ class Problems:
             error = (MjcfError if self._bad_input else RobotError)(listed(problems))
             error.problems = tuple(problems)
             raise error
+
+
+def called(model: mujoco.MjModel, kind: str, number: int) -> str:
+    """An element of a kind ("tendon") in a sentence: its name, or its number if it has none."""
+    name = getattr(model, kind)(number).name
+    return repr(name) if name else f"number {number}"
 
 
 def problems_of(error: RobotError) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ import numpy as np
 from flywheel.errors import RobotError
 from flywheel.records import Floats
 from flywheel.robots.parts import Winch
-from flywheel.robots.problems import Problems
+from flywheel.robots.problems import Problems, called
 
 LAST_GROUP = 30  # of actuators that an MJCF can disable
 KINDS: dict[int, Literal["rate", "position"]] = {
@@ -45,7 +45,14 @@ def read_winches(model: mujoco.MjModel, act: Floats) -> tuple[Winch, ...]:
     """
     driving = [a for a in range(model.nu) if not is_passive(model, a)]
     if not driving:
-        raise RobotError("The MJCF has no winch; at least one actuator must drive a tendon.")
+        springs = np.flatnonzero(model.tendon_stiffness > 0).tolist()
+        names = ", ".join(called(model, "tendon", tendon) for tendon in springs)
+        hint = (
+            f" Passive cables ({names}) become winches by robot adapt --winch NAME."
+            if springs
+            else ""
+        )
+        raise RobotError(f"The MJCF has no winch; at least one actuator must drive a tendon.{hint}")
     problems = Problems()
     problems.attempt(partial(_refuse_disabled, model))
     problems.attempt(partial(_refuse_unfit, model, driving))
@@ -97,7 +104,7 @@ def _refuse_unfit(model: mujoco.MjModel, driving: list[int]) -> None:
     for actuator in driving:
         for need in _unmet(model, actuator):
             problems.add_alike(
-                "actuator", repr(model.actuator(actuator).name), f"{{}} must {need}."
+                "actuator", called(model, "actuator", actuator), f"{{}} must {need}."
             )
     problems.check()
 
@@ -269,12 +276,12 @@ def _refuse_shared_cables(model: mujoco.MjModel, driving: list[int]) -> None:
     for actuator in driving:
         if model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_TENDON:
             cable = int(model.actuator_trnid[actuator, 0])
-            owners.setdefault(cable, []).append(repr(model.actuator(actuator).name))
+            owners.setdefault(cable, []).append(called(model, "actuator", actuator))
     problems = Problems()
     for cable, names in owners.items():
         if len(names) > 1:
+            tendon = called(model, "tendon", cable)
             problems.add(
-                f"The tendon {model.tendon(cable).name!r} is driven by {' and '.join(names)}; a cable has "
-                "one winch."
+                f"The tendon {tendon} is driven by {' and '.join(names)}; a cable has one winch."
             )
     problems.check()

@@ -24,10 +24,13 @@ from flywheel.cli.main import app
 from flywheel.dynamics.gnn import load_weights
 from flywheel.dynamics.plant import Plant
 from flywheel.effects import AdoptedPlant
-from flywheel.errors import FlywheelError
+from flywheel.errors import FlywheelError, RobotError
 from flywheel.robots import load_course, load_robot, read_robot
+from flywheel.robots.adapt import Options, adapt
+from flywheel.robots.problems import listed
 from flywheel.runtime.config.run_config import load_config
 from tests.fuzz import mutators, samples
+from tests.unit.robots.lab_files import ADAPTABLE
 
 CODES = (1, 2)  # with which a command ends that says what is wrong
 
@@ -211,6 +214,31 @@ def mjcfs(work: Path) -> Kind:
     return Kind("mjcf", written, lambda rng: Spoilt(_spoilt_mjcf(good, rng)), ask)
 
 
+def laboratories(work: Path) -> Kind:
+    """MJCFs of laboratories, adapted as far as they can be."""
+    good = []
+    for make in ADAPTABLE:
+        text = make(work).read_text()
+        if "<include" not in text:
+            good.append(text)
+
+    def ask(spoilt: Spoilt, inside: Path) -> str | None:
+        path = inside / "lab.xml"
+        path.write_bytes(spoilt.content)
+
+        def used() -> None:
+            winches = () if b"<actuator" in spoilt.content else ("*",)
+            adapted = adapt(path, Options(winches))
+            if adapted.left:
+                raise RobotError(listed(adapted.left))
+            read_robot(adapted.xml)
+
+        return refusal(used)
+
+    written = tuple(Spoilt(text.encode()) for text in good)
+    return Kind("laboratory", written, lambda rng: Spoilt(_spoilt_mjcf(good, rng)), ask)
+
+
 def courses(work: Path) -> Kind:
     """Obstacle courses, as MJCF."""
     good = [path.read_text() for path in samples.COURSES]
@@ -367,6 +395,7 @@ KINDS: dict[str, Callable[[Path], Kind]] = {
     "config": configs,
     "overrides": overrides,
     "mjcf": mjcfs,
+    "laboratory": laboratories,
     "course": courses,
     "answer": answers,
     "plant": plants,

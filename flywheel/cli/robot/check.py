@@ -12,24 +12,27 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flywheel.cli.console import Out, console, table
-from flywheel.cli.exits import FAILED
+from flywheel.cli.exits import FAILED, USAGE
+from flywheel.cli.robot.adapt import adapt
 from flywheel.cli.robot.log import log
 from flywheel.cli.robot.reveal import reveal
 from flywheel.cli.robot.serve import serve
+from flywheel.cli.robot.settling import DT, control_step, verdict
 from flywheel.cli.robot.steps import beyond_limit, show_steps
 
 if TYPE_CHECKING:
     from flywheel.dynamics.plant import Plant, Settling
     from flywheel.records import Floats, State
     from flywheel.robots import Attachment, Robot
+    from flywheel.robots.adapt import Adapted
 
 app = typer.Typer(no_args_is_help=True, help="Bring your own robot.")
+app.command()(adapt)
 app.command()(serve)
 app.command()(reveal)
 app.command()(log)
 
 EDGES = ("body", "cable", "contact")
-DT = 0.01  # between commands, unless it is given: what all commands take [s]
 NEAR = 0.01  # of the robot's length: nearer counts as where the keyframe says
 UNITS = {"decimetres": 10.0, "centimetres": 100.0, "millimetres": 1000.0}  # how many are a metre
 STRANGE = 3.0  # times the Earth's gravity; Jupiter's is 2.5 times as strong
@@ -64,7 +67,7 @@ def check(
 
     out = console()
     found = _loaded(out, mjcf)
-    step = _control_step(found, dt)
+    step = control_step(found, dt)
     _show_robot(out, found)
     _show_graph(out, found)
     plant = Plant(found, step)
@@ -77,7 +80,7 @@ def check(
     except ModelError as error:
         out.say(str(error), style="red")
         raise typer.Exit(FAILED) from None
-    usable, words = _verdict(found, end)
+    usable, words = verdict(found, end)
     out.say(words, style="red" if not usable else "green" if end.still else "yellow")
     if not usable:
         raise typer.Exit(FAILED)
@@ -89,26 +92,45 @@ def check(
 
 
 def _loaded(out: Out, mjcf: str) -> Robot:
-    """The robot of a file or a name; exits with 1 and a message if it cannot be used.
+    """The robot of a file or a name; exits with 1 and all problems if it cannot be used, with 2 if MuJoCo
+    cannot either.
 
     Raises:
-      MjcfError: the file is missing, is not an MJCF, or has too much in it or invalid numbers.
+      MjcfError: the file is missing, or not an MJCF.
       UnknownNameError: no such robot.
     """
     from flywheel.errors import MjcfError, RobotError
     from flywheel.robots import load_robot
+    from flywheel.robots.adapt import adapt as adapted_from
     from flywheel.robots.mjcf_source import read_mjcf
 
     if _is_file(mjcf):
         read_mjcf(mjcf)  # which says why a file cannot be read
     try:
         return load_robot(mjcf)
-    except MjcfError as error:  # there is no robot in it to be checked
-        raise MjcfError(f"{mjcf}: {error}") from None
     except RobotError as error:
-        out.say(f"{mjcf} cannot be used:", style="red")
-        out.say(str(error))
-        raise typer.Exit(FAILED) from None
+        code = USAGE if isinstance(error, MjcfError) else FAILED
+    try:
+        adapted = adapted_from(mjcf)
+    except MjcfError as error:
+        raise MjcfError(f"{mjcf}: {error}") from None
+    _show_problems(out, mjcf, adapted)
+    raise typer.Exit(code)
+
+
+def _show_problems(out: Out, mjcf: str, adapted: Adapted) -> None:
+    """All problems of a refused MJCF, those of structure first, each with what mends it."""
+    out.say(f"{mjcf} cannot be used:", style="red")
+    for number, (problem, name) in enumerate(adapted.mended.items(), 1):
+        out.say(f"{number}. {problem}")
+        if name:
+            sure = {str(change.certainty) for each, change in adapted.changes if each == name}
+            out.say(f"   -> adapt mends it: {name} ({' and '.join(sorted(sure))})", style="green")
+    command = shlex.join(["flywheel", "robot", "adapt", mjcf])
+    if not adapted.left:
+        out.say(f"All of them are mended by: {command}", style="bold")
+    elif any(adapted.mended.values()):
+        out.say(f"By hand: {len(adapted.left)}, those without an arrow. The others: {command}")
 
 
 def _is_file(mjcf: str) -> bool:
@@ -123,47 +145,6 @@ def _is_file(mjcf: str) -> bool:
             f"{mjcf!r} is neither a file ending in .xml nor a shipped robot: {', '.join(ROBOTS)}."
         )
     return True
-
-
-def _control_step(robot: Robot, dt: float | None) -> float:
-    """The control step [s]: as given, or the default for the robot.
-
-    Raises:
-      ConfigError: it is not a multiple of the MJCF's timestep.
-    """
-    from flywheel.errors import ConfigError
-
-    steps = robot.control_steps(DT if dt is None else dt)
-    if dt is not None and steps != (dt,):
-        raise ConfigError(
-            f"--dt {dt:g} s is not a multiple of the timestep of {robot.name}, {robot.timestep:g} "
-            f"s; {' or '.join(f'{step:.12g}' for step in steps)} s is."
-        )
-    return steps[0]
-
-
-def _verdict(robot: Robot, found: Settling) -> tuple[bool, str]:
-    """True if a robot can be used, judged by its motion while its winches hold, and a sentence."""
-    moved = f"{found.moved:.3g} m ({100 * found.moved / robot.length:.3g} % of L) from its keyframe"
-    if found.lost and not (robot.grounded or robot.tethered):
-        return False, (
-            f"Nothing holds it, and it falls: {moved}. No cable ends on the world, and there is no ground: "
-            'a plane (<geom type="plane" size="0 0 1"/>) is one.'
-        )
-    if found.lost:
-        return False, f"It flies away: {moved}."
-    if found.still:
-        return True, f"It settles: {moved}, at {found.speed:.3g} m/s, after some seconds."
-    speeds = f"from {found.early:.3g} to {found.late:.3g} m/s"
-    if found.grows:
-        return False, (
-            f"Its motion grows, {speeds}. Is the timestep too long for the stiffness of cables and "
-            "contacts, or their damping too large for it?"
-        )
-    return True, (
-        f"It swings, with a time constant of {found.time_constant:.3g} s ({speeds} within 10 s): episodes "
-        "begin like this. More damping of cables (biasprm's third number, damping) calms it sooner."
-    )
 
 
 def _about_units(plant: Plant) -> Iterator[str]:

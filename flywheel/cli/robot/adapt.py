@@ -1,0 +1,173 @@
+"""`flywheel robot adapt`: a laboratory's MJCF becomes a robot."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from flywheel.cli.console import Out, console
+from flywheel.cli.exits import FAILED
+from flywheel.cli.robot.settling import control_step, verdict
+
+if TYPE_CHECKING:
+    from flywheel.robots.adapt import Adapted, Change
+
+SETTLED = 0.01  # of the robot's length [1]: a keyframe that is farther from rest is replaced
+
+
+def adapt(
+    mjcf: Annotated[Path, typer.Argument(metavar="MJCF", help="The laboratory's .xml.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="File to write; by default MJCF's name with -robot.xml."
+        ),
+    ] = None,
+    winch: Annotated[
+        list[str] | None,
+        typer.Option(help="Passive cables that become winches, by name or pattern: 'side*'."),
+    ] = None,
+    winch_kind: Annotated[
+        Literal["rate", "position"], typer.Option(help="Control of these winches.")
+    ] = "rate",
+    without: Annotated[
+        list[str] | None, typer.Option(help="Name of an adaptation to leave out.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the changes only.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Take all guesses without asking.")] = False,
+) -> None:
+    """Write the robot that `check` accepts, with the reason of each change.
+
+    Changes are certain, equivalent (both files were simulated, and moved alike), or guesses, which are
+    asked for. Exits with 1 if the MJCF cannot become a robot, or guesses are not confirmed.
+
+    [bold]Example[/bold]
+
+    flywheel robot adapt lab.xml -o my_robot.xml --winch 'side*'
+    """
+    from flywheel.errors import MjcfError
+    from flywheel.outputs import check_outputs, write_output
+    from flywheel.robots.adapt import Options
+    from flywheel.robots.adapt import adapt as adapted_from
+
+    out = console()
+    place = output or Path(f"{mjcf.stem}-robot.xml")
+    if not dry_run:
+        check_outputs({"robot": place}, [mjcf])
+    options = Options(tuple(winch or ()), winch_kind, frozenset(_known(without or [])))
+    try:
+        adapted = adapted_from(mjcf, options)
+    except MjcfError as error:
+        raise MjcfError(f"{mjcf}: {error}") from None
+    _show(out, mjcf, adapted)
+    if not adapted.changes:
+        out.say(f"{mjcf} can be used as it is.", style="green")
+        return
+    if not dry_run and not yes and (declined := _declined(out, adapted)):
+        left_out = options.without | declined
+        adapted = adapted_from(mjcf, Options(options.winches, options.kind, left_out))
+        _refuse_left(out, mjcf, adapted)
+    xml, usable = _settled(out, adapted.xml)
+    if dry_run:
+        out.say("Nothing is written (--dry-run).")
+    else:
+        write_output(place, f"{xml}\n")
+        out.say(f"Written: {place}. See it with: flywheel robot check {place}", style="bold")
+    if not usable:
+        raise typer.Exit(FAILED)
+
+
+def _known(names: list[str]) -> list[str]:
+    from flywheel.registry import lookup
+    from flywheel.robots.adapt import ADAPTATIONS
+
+    for name in names:
+        lookup(ADAPTATIONS, name, "adaptation")
+    return names
+
+
+def _show(out: Out, mjcf: Path, adapted: Adapted) -> None:
+    _refuse_left(out, mjcf, adapted)
+    for number, (name, change) in enumerate(adapted.changes, 1):
+        guess = change.certainty == "guess"
+        out.say(
+            f"{number}. {name} ({change.certainty}): {change.reason}", "yellow" if guess else None
+        )
+        for edit in change.edits:
+            out.say(f"     {edit}")
+        if change.evidence:
+            out.say(f"     {change.evidence}")
+    counts = Counter(str(change.certainty) for _, change in adapted.changes)
+    if counts:
+        out.say(f"Changes: {', '.join(f'{count} {kind}' for kind, count in counts.items())}.")
+
+
+def _refuse_left(out: Out, mjcf: Path, adapted: Adapted) -> None:
+    """End with 1 if problems are left.
+
+    Raises:
+      Exit: there are.
+    """
+    if adapted.left:
+        out.say(f"{mjcf} cannot become a robot, and nothing is written:", style="red")
+        for number, problem in enumerate(adapted.left, 1):
+            out.say(f"{number}. {problem}")
+        raise typer.Exit(FAILED)
+
+
+def _declined(out: Out, adapted: Adapted) -> frozenset[str]:
+    """Names of the adaptations whose guesses are declined, as asked on a terminal.
+
+    Raises:
+      Exit: there are guesses, and no terminal.
+    """
+    guesses = [(name, change) for name, change in adapted.changes if change.certainty == "guess"]
+    if not guesses:
+        return frozenset()
+    names = ", ".join(dict.fromkeys(name for name, _ in guesses))
+    if not on_terminal():
+        out.say(
+            f"Nothing is written: --yes takes the guesses ({names}), --without NAME leaves one out."
+        )
+        raise typer.Exit(FAILED)
+    if typer.confirm(f"Take all guesses ({names})?", default=True):
+        return frozenset()
+    return frozenset(name for name, change in guesses if not _taken(name, change))
+
+
+def on_terminal() -> bool:
+    """True if somebody can answer questions."""
+    return sys.stdin.isatty()
+
+
+def _taken(name: str, change: Change) -> bool:
+    return typer.confirm(f"Take {name}? {change.reason}", default=True)
+
+
+def _settled(out: Out, xml: str) -> tuple[str, bool]:
+    """A robot whose first keyframe is at rest, if it comes to rest; and False if it cannot be used."""
+    from flywheel.dynamics.plant import Plant, settling
+    from flywheel.errors import ModelError
+    from flywheel.robots import read_robot
+    from flywheel.robots.adapt import with_key
+
+    robot = read_robot(xml)
+    try:
+        found = settling(Plant(robot, control_step(robot, None)))
+    except ModelError as error:
+        out.say(str(error), style="red")
+        return xml, False
+    usable, words = verdict(robot, found)
+    out.say(words, style="green" if usable else "red")
+    if usable and found.rest is not None and found.moved > SETTLED * robot.length:
+        state = found.rest
+        xml = with_key(xml, "settled", state.qpos[0], state.act[0])
+        out.say(
+            f"The first keyframe is where it rests, {found.moved:.3g} m from where it was, so that no reset "
+            "begins with a fall."
+        )
+    return xml, usable

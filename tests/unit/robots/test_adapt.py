@@ -1,0 +1,231 @@
+"""Files of laboratories become robots, or are refused for their first reason."""
+
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from flywheel.dynamics.plant import Plant
+from flywheel.errors import MjcfError
+from flywheel.robots import read_robot
+from flywheel.robots.adapt import ADAPTATIONS, Adapted, Options, adapt, with_key
+from flywheel.robots.adapt.proof import ALIKE, Scale, apart
+from flywheel.robots.mjcf_source import compiled
+from tests.unit.robots import lab_files
+from tests.unit.robots.lab_files import ADAPTABLE, DRIVEN_FROM_PYTHON, REFUSED
+
+
+def adapted(make, folder: Path, **options) -> Adapted:
+    winches = DRIVEN_FROM_PYTHON.get(make.__name__, ())
+    return adapt(make(folder), Options(**{"winches": winches} | options))
+
+
+def model_of(text: str) -> mujoco.MjModel:
+    return compiled(text)[2]
+
+
+def attributes(result: Adapted, element: str, name: str) -> dict[str, str]:
+    (found,) = re.findall(rf'<{element} [^>]*name="{name}"[^>]*>', result.xml)
+    return dict(re.findall(r'(\w+)="([^"]*)"', found))
+
+
+@pytest.mark.parametrize("make", ADAPTABLE, ids=lambda make: make.__name__)
+def test_a_laboratory_s_file_becomes_a_robot_that_moves(make, tmp_path):
+    result = adapted(make, tmp_path)
+    assert result.left == ()
+    assert all(result.mended.values()), result.mended
+    assert all(change.evidence for _, change in result.changes if change.certainty == "equivalent")
+    plant = Plant(read_robot(result.xml))
+    robot = plant.robot
+    controls = np.random.default_rng(0).uniform(
+        robot.control_low, robot.control_high, (1, 20, len(robot.winches))
+    )
+    assert np.isfinite(plant.simulate(plant.rest(), controls).observations.points).all()
+
+
+@pytest.mark.parametrize("make", REFUSED, ids=lambda make: make.__name__)
+def test_what_cannot_become_a_robot_is_refused_for_its_first_reason(make, tmp_path):
+    result = adapted(make, tmp_path)
+    assert result.left[0].startswith(REFUSED[make])
+
+
+@pytest.mark.parametrize("make", [*ADAPTABLE, *REFUSED], ids=lambda make: make.__name__)
+def test_a_problem_is_told_as_mended_where_it_is_gone_and_only_there(make, tmp_path):
+    result = adapted(make, tmp_path)
+    for problem, name in result.mended.items():
+        assert (problem in result.left) == (not name)
+
+
+def test_an_adapted_file_needs_no_more_changes(tmp_path):
+    first = adapted(lab_files.prism_with_springs_beside_servos, tmp_path)
+    again = adapt(lab_files.written(tmp_path, first.xml))
+    assert again.changes == () and again.left == ()
+    assert read_robot(again.xml).digest == read_robot(first.xml).digest
+
+
+def test_drums_become_winches_of_the_same_tension(tmp_path):
+    result = adapted(lab_files.platform_with_drums, tmp_path)
+    drum = attributes(result, "general", "drum0")
+    assert (drum["gear"], drum["gainprm"], drum["biasprm"]) == ("1", "3600", "0 -3600 -8")
+    (change,) = (change for name, change in result.changes if name == "servos")
+    assert change.certainty == "equivalent" and "old ones times 50" in change.edits[0]
+
+
+def test_an_offset_goes_into_the_rest_length_and_a_lag_in_steps_into_an_exact_one(tmp_path):
+    servo = attributes(adapted(lab_files.prism_with_filtered_servos, tmp_path), "general", "m0")
+    # 200 u + 25 - 250 length = 250 (.8 u + .1 - length), with commands from .1 to .7
+    low, high = map(float, servo["ctrlrange"].split())
+    assert (low, high) == pytest.approx((0.18, 0.66), abs=1e-15)
+    kept = np.exp(-0.002 / float(servo["dynprm"]))  # of a deviation in a step, as 1 - .002 / .05
+    assert kept == pytest.approx(1 - 0.002 / 0.05, abs=1e-15)
+
+
+def test_keyframes_keep_their_meaning(tmp_path):
+    path = lab_files.platform_with_drums(tmp_path)
+    key = '<keyframe><key name="a" ctrl=".0324 .0324 .0324 .0324"/></keyframe></mujoco>'
+    lab_files.written(tmp_path, path.read_text().replace("</mujoco>", key))
+    model = model_of(adapt(path).xml)
+    assert model.key_act[0] == pytest.approx(1.62) and model.key_ctrl[0] == pytest.approx(1.62)
+
+
+def test_two_actuators_on_a_cable_become_one(tmp_path):
+    result = adapted(lab_files.platform_of_stiff_and_damping_servos, tmp_path)
+    assert "kv0" not in result.xml
+    assert attributes(result, "general", "kp0")["biasprm"] == "0 -5000 -60"
+    (change,) = (change for name, change in result.changes if name == "joined")
+    assert change.certainty == "guess" and "e-" in change.evidence
+
+
+def test_a_spring_beside_a_winch_becomes_another_cable_with_all_its_digits(tmp_path):
+    make = lab_files.prism_with_springs_beside_servos
+    path = make(tmp_path)
+    lab_files.written(
+        tmp_path, path.read_text().replace('stiffness="90"', 'stiffness="90.123456789012"')
+    )
+    spring = attributes(adapt(path), "spatial", "b0-t1_spring")
+    assert spring["stiffness"] == "90.123456789012" and spring["springlength"] == "0 0.3"
+    assert attributes(adapt(path), "spatial", "b0-t1")["stiffness"] == "0"
+
+
+def test_springs_become_winches_that_hold_what_the_springs_did(tmp_path):
+    result = adapted(lab_files.crossed_bars, tmp_path)
+    robot = read_robot(result.xml)
+    assert [winch.kind for winch in robot.winches] == ["rate"] * 4
+    assert {(cable.stiffness, cable.damping) for cable in robot.cables} == {(500.0, 9.0)}
+    lengths = [cable.rest_length for cable in robot.cables]
+    assert lengths == pytest.approx(np.full(4, np.hypot(0.6 * np.cos(np.pi / 4), 0.06)), abs=1e-12)
+    positions = read_robot(adapted(lab_files.crossed_bars, tmp_path, kind="position").xml)
+    assert [winch.kind for winch in positions.winches] == ["position"] * 4
+
+
+def test_a_pattern_that_matches_no_passive_cable_is_told_with_those_that_there_are(tmp_path):
+    result = adapt(lab_files.crossed_bars(tmp_path), Options(winches=("z*",)))
+    assert (
+        result.left[0].startswith("--winch 'z*' matches no passive cable")
+        and "a0-b0" in result.left[0]
+    )
+
+
+def test_a_file_without_winches_is_told_which_cables_could_be_some(tmp_path):
+    left = adapt(lab_files.crossed_bars(tmp_path)).left
+    assert any(
+        "'a0-b0', 'a1-b1', 'a0-b1', 'a1-b0') become winches by robot adapt --winch" in each
+        for each in left
+    )
+
+
+def test_files_are_taken_in_with_the_masses_of_meshes_that_are_only_looked_at(tmp_path):
+    path = lab_files.platform_in_several_files(tmp_path)
+    (tmp_path / "wood.png").write_bytes(b"")  # never read
+    text = re.sub(
+        r'<include file="(\w+).xml"/>', lambda m: _inside(tmp_path, m[1]), path.read_text()
+    )
+    spec = mujoco.MjSpec.from_string(
+        re.sub(r"<texture[^>]*/>|<material[^>]*/>| material=\"wood\"", "", text)
+    )
+    spec.modelfiledir = str(tmp_path)
+    before, result = spec.compile().body("plate"), adapt(path)
+    after = model_of(result.xml).body("plate")
+    assert ".obj" not in result.xml and "include" not in result.xml
+    assert "posts of aluminium" in result.xml  # comments stay
+    for number in ("mass", "inertia", "ipos"):
+        assert getattr(after, number) == pytest.approx(
+            getattr(before, number), rel=1e-12, abs=1e-15
+        )
+
+
+def _inside(folder: Path, name: str) -> str:
+    return re.sub(r"</?mujoco(include)?>", "", (folder / f"{name}.xml").read_text())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            '<mujoco><include file="none.xml"/></mujoco>',
+            "includes 'none.xml', which is not in the folder",
+        ),
+        ('<mujoco><include file="robot.xml"/></mujoco>', "includes 'robot.xml' twice"),
+    ],
+)
+def test_includes_that_cannot_be_are_told(text, words, tmp_path):
+    assert words in adapt(lab_files.written(tmp_path, text)).left[0]
+
+
+def test_the_docs_list_all_adaptations_in_their_order():
+    page = Path(__file__).parents[3] / "docs" / "adapting.md"
+    assert re.findall(r"^\| `([\w-]+)` \|", page.read_text(), re.MULTILINE) == list(ADAPTATIONS)
+
+
+def test_a_file_that_is_none_is_bad_input(tmp_path):
+    with pytest.raises(MjcfError, match="is not valid XML"):
+        adapt(lab_files.written(tmp_path, "<mujoco>"))
+
+
+def test_meshes_that_can_be_touched_are_left_to_the_user(tmp_path):
+    path = lab_files.platform_in_several_files(tmp_path)
+    lab_files.written(tmp_path, path.read_text().replace('contype="0" ', ""))
+    assert "meshes that can be touched ('cube')" in adapt(path).left[0]
+
+
+@pytest.mark.parametrize("pose", ['quat="0 1 0 0"', 'pos="0 0 1e-3"', 'xyaxes="1 0 0 0 1 0"'])
+def test_global_coordinates_of_bodies_that_are_elsewhere_are_left_to_the_user(pose, tmp_path):
+    path = lab_files.old_paper(tmp_path)
+    lab_files.written(tmp_path, path.read_text().replace('name="strut1"', f'name="strut1" {pose}'))
+    assert "global coordinates no longer supported" in adapt(path).left[0]
+
+
+def test_an_adaptation_that_is_left_out_leaves_its_problems(tmp_path):
+    result = adapted(lab_files.crossed_bars, tmp_path, without=frozenset({"points"}))
+    assert [each for each in result.left if "no framepos sensor" in each]
+
+
+def test_all_names_are_made_from_what_is_joined_and_differ(tmp_path):
+    robot = read_robot(adapted(lab_files.prism_driven_from_python, tmp_path).xml)
+    names = [cable.name for cable in robot.cables]
+    assert names[0] == "b0_b1" and len(set(names)) == 9
+    assert robot.name == "robot"
+
+
+def test_tracked_points_are_at_the_ends_of_rods(tmp_path):
+    robot = read_robot(adapted(lab_files.crossed_bars, tmp_path).xml)
+    ends = [point.offset for point in robot.points]
+    assert np.array(ends) == pytest.approx(np.array([[0, 0, -0.3], [0, 0, 0.3]] * 2))
+
+
+def test_the_proof_tells_robots_apart_and_none_from_itself(tmp_path):
+    text = adapted(lab_files.platform_with_drums, tmp_path).xml
+    model = model_of(text)
+    assert apart(model, model, {}) == 0
+    assert apart(model, model_of(text.replace('gainprm="3600"', 'gainprm="3601"', 1)), {}) > ALIKE
+    assert apart(model, model, {"drum0": Scale(1.0, 0.001)}) > ALIKE
+
+
+def test_a_keyframe_at_rest_keeps_all_digits_and_the_commands_of_position_winches(tmp_path):
+    text = adapted(lab_files.platform_with_drums, tmp_path).xml
+    qpos, act = np.array([0.1, 0, 1 / 3, 1, 0, 0, 0]), np.full(4, 1.6 + 1 / 3e5)
+    model = model_of(with_key(text, "settled", qpos, act))
+    assert (model.key_qpos[0] == qpos).all()
+    assert (model.key_act[0] == act).all() and (model.key_ctrl[0] == act).all()
