@@ -23,6 +23,7 @@ from flywheel.robots.adapt.servos import as_winches, joined
 from flywheel.robots.adapt.springs import beside_winches, pull_only
 from flywheel.robots.adapt.start import fitting, start
 from flywheel.robots.adapt.structure import bent, structural
+from flywheel.robots.adapt.tensions import tensions
 from flywheel.robots.problems import problems_of
 
 # By name: first those of the text, without which MuJoCo may refuse it, then those of the robot.
@@ -36,6 +37,7 @@ OF_TEXT: dict[str, Callable[[Draft], Iterator[Change]]] = {
 OF_ROBOT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "winches": made_winches,
     "joined": joined,
+    "tensions": tensions,
     "servos": as_winches,
     "pull-only": pull_only,
     "springs": beside_winches,

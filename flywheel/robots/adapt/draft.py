@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 from xml.etree import ElementTree
 
 import mujoco
@@ -229,6 +229,17 @@ def _numbers(model: mujoco.MjModel, actuator: int) -> dict[str, str]:
     }
 
 
+class Scale(NamedTuple):
+    """A rest length in the new file: `factor` times the old activation or command, plus `offset`."""
+
+    factor: float
+    offset: float = 0.0
+
+    def of(self, value: float) -> float:
+        """The new value."""
+        return self.factor * value + self.offset
+
+
 @dataclass(frozen=True)
 class Keys:
     """Values of each actuator in each keyframe, by the actuators' names.
@@ -255,6 +266,18 @@ class Keys:
             for row in model.key_ctrl.reshape(model.nkey, model.nu)
         )
         return cls(act, ctrl)
+
+    def rescale(self, name: str, rest: Scale, told: Scale) -> None:
+        """Change an actuator's activations, or commands without any, to rest lengths.
+
+        Args:
+          name: of the actuator.
+          rest: of the activations.
+          told: of the commands.
+        """
+        for act, ctrl in zip(self.act, self.ctrl, strict=True):
+            act[name] = rest.of(act.get(name, ctrl[name]))
+            ctrl[name] = told.of(ctrl[name])
 
     def write(self, draft: Draft) -> None:
         """Write them into the keyframes of a draft whose actuators may have changed."""

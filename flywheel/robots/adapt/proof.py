@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from flywheel.robots.adapt.draft import Certainty, actuators, at_start
+from flywheel.robots.adapt.draft import Certainty, Scale, actuators, at_start
 from flywheel.robots.mjcf_reader import MOST_CONTACTS
 from flywheel.robots.mujoco_warnings import collected_warnings
 
@@ -18,13 +17,6 @@ MOST_STEPS = 2000
 PATIENCE = 20.0  # of a clock on the wall, for both [s]
 ALIKE = 1e-6  # [m]; what two equal robots may be apart by rounding
 PAY, PULL = 0.02, 0.1  # of a cable's length: per second, and in all, that commands move winches
-
-
-class Scale(NamedTuple):
-    """A winch's rest length in the new file: `factor` times the old activation or command, plus `offset`."""
-
-    factor: float
-    offset: float = 0.0
 
 
 def apart(

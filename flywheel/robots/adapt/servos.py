@@ -22,12 +22,13 @@ from flywheel.robots.adapt.draft import (
     Change,
     Draft,
     Keys,
+    Scale,
     actuators,
     digits,
     general,
     told_names,
 )
-from flywheel.robots.adapt.proof import Scale, apart, certainty_of, evidence_of
+from flywheel.robots.adapt.proof import apart, certainty_of, evidence_of
 
 NONE, FILTER, EXACT, INTEGRATOR = (
     int(getattr(mujoco.mjtDyn, f"mjDYN_{kind}"))
@@ -106,16 +107,16 @@ class _Servo:
         gain = float(model.actuator_gainprm[actuator, 0])
         constant, per_length, per_speed = map(float, model.actuator_biasprm[actuator, :3])
         stiffness = -(gear**2) * per_length
-        follows = int(model.actuator_dyntype[actuator]) in (NONE, FILTER, EXACT, INTEGRATOR)
+        known = int(model.actuator_dyntype[actuator]) in (NONE, FILTER, EXACT, INTEGRATOR)
         one_number = model.actuator_ctrlnum[actuator] == 1 and model.actuator_actnum[actuator] <= 1
         affine = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
-        dynamics = _dynamics(model, actuator)
-        if not (follows and one_number and affine and stiffness > 0) or dynamics is None:
+        follows = dynamics(model, actuator)
+        if not (known and one_number and affine and stiffness > 0) or follows is None:
             return None
         scale = Scale(gear * gain / stiffness, gear * constant / stiffness)
-        if scale == (1.0, 0.0) and gear == 1 and not dynamics:
+        if scale == (1.0, 0.0) and gear == 1 and not follows:
             return None
-        return cls(stiffness, -(gear**2) * per_speed, scale, gear, dynamics)
+        return cls(stiffness, -(gear**2) * per_speed, scale, gear, follows)
 
     def attributes(self, model: mujoco.MjModel, actuator: int) -> dict[str, str]:
         """Those of the winch."""
@@ -126,13 +127,13 @@ class _Servo:
             "gear": "1",
             "gainprm": digits(self.stiffness),
             "biasprm": digits(0.0, -self.stiffness, -self.damping),
-            **_scaled("ctrlrange", model.actuator_ctrlrange[actuator], pay if rate else rest),
-            **_scaled("actrange", model.actuator_actrange[actuator], rest),
-            **_scaled("forcerange", model.actuator_forcerange[actuator], Scale(self.gear)),
+            **_written("ctrlrange", model.actuator_ctrlrange[actuator], pay if rate else rest),
+            **_written("actrange", model.actuator_actrange[actuator], rest),
+            **_written("forcerange", model.actuator_forcerange[actuator], Scale(self.gear)),
         }
 
 
-def _dynamics(model: mujoco.MjModel, actuator: int) -> dict[str, str] | None:
+def dynamics(model: mujoco.MjModel, actuator: int) -> dict[str, str] | None:
     """Changes of how a servo follows its commands, so that it is a winch; None if it cannot be one."""
     kind, lag = model.actuator_dyntype[actuator], float(model.actuator_dynprm[actuator, 0])
     if kind == NONE:
@@ -146,11 +147,14 @@ def _dynamics(model: mujoco.MjModel, actuator: int) -> dict[str, str] | None:
     return {}
 
 
-def _scaled(attribute: str, limits: np.ndarray, scale: Scale) -> dict[str, str]:
-    if not limits.any():
-        return {}
-    ends = sorted(float(scale.factor * end + scale.offset) for end in limits)
-    return {attribute: digits(*ends)}
+def scaled(limits: np.ndarray, scale: Scale) -> tuple[float, float]:
+    """A range after a change of scale, the lower end first."""
+    low, high = sorted(float(scale.factor * end + scale.offset) for end in limits)
+    return low, high
+
+
+def _written(attribute: str, limits: np.ndarray, scale: Scale) -> dict[str, str]:
+    return {attribute: digits(*scaled(limits, scale))} if limits.any() else {}
 
 
 def as_winches(draft: Draft) -> Iterator[Change]:
@@ -165,12 +169,10 @@ def as_winches(draft: Draft) -> Iterator[Change]:
         scales[name] = servo.scale
         attributes = servo.attributes(before, actuator)
         general(draft, before, actuator, **attributes)
-        factor, offset = servo.scale
-        for act, ctrl in zip(keys.act, keys.ctrl, strict=True):
-            act[name] = factor * act.get(name, ctrl[name]) + offset
-            ctrl[name] = factor * ctrl[name] + (0.0 if rate else offset)
+        pay = Scale(servo.scale.factor) if rate else servo.scale
+        keys.rescale(name, servo.scale, pay)
         words = " ".join(f'{key}="{value}"' for key, value in attributes.items() if key != "gear")
-        edits.append(f"{name!r} {words}{_commands(servo.scale, rate)}")
+        edits.append(f"{name!r} {words}{commands(pay)}")
     if not edits:
         return
     keys.write(draft)
@@ -179,9 +181,9 @@ def as_winches(draft: Draft) -> Iterator[Change]:
     yield Change(tuple(edits), reason, certainty_of(distance), evidence_of(distance))
 
 
-def _commands(scale: Scale, rate: bool) -> str:
+def commands(scale: Scale) -> str:
     """The old commands in the new ones, if they differ."""
     if scale == (1.0, 0.0):
         return ""
-    offset = "" if rate or not scale.offset else f" {scale.offset:+.6g}"
+    offset = f" {scale.offset:+.6g}" if scale.offset else ""
     return f" (its commands: old ones times {scale.factor:.6g}{offset})"

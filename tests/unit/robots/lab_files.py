@@ -196,6 +196,41 @@ def prism_with_springs_beside_servos(folder: Path) -> Path:
     )
 
 
+def six_rods_with_tension_motors(folder: Path) -> Path:
+    """Springs that push, each with a motor of a tension and a lag on the same tendon."""
+    pairs = [*rings(6), *sides(6)]
+    motors = "".join(f'<general class="pull" name="{a}{b}" tendon="{a}-{b}"/>' for a, b in pairs)
+    return written(
+        folder,
+        f"""<mujoco model="tensions"><option timestep=".002" collision="all" integrator="implicitfast"/>
+  <default>
+    <tendon stiffness="200" damping="5"/>
+    <default class="pull">
+      <general ctrllimited="true" ctrlrange="-9 0" dyntype="filter" dynprm=".02"/>
+    </default>
+  </default>
+  <worldbody>{FLOOR}{rods(6)}</worldbody>
+  <tendon>{tendons(pairs, "")}</tendon>
+  <actuator>{motors}</actuator></mujoco>""",
+    )
+
+
+def rods_with_weak_servos(folder: Path) -> Path:
+    """Springs, and position servos that are told lengths below 0, so that they pull all the time."""
+    pairs = sides()
+    servos = "".join(
+        f'<position name="m{i}" tendon="{a}-{b}" kp="3" ctrlrange="-6 0" gear="2"/>'
+        for i, (a, b) in enumerate(pairs)
+    )
+    return written(
+        folder,
+        f"""<mujoco model="weak"><option timestep=".002" integrator="implicitfast"/>
+  <worldbody>{FLOOR}{rods()}</worldbody>
+  <tendon>{tendons([*rings(), *pairs], 'stiffness="150" damping="2"')}</tendon>
+  <actuator>{servos}</actuator></mujoco>""",
+    )
+
+
 def platform_in_several_files(folder: Path) -> Path:
     """Includes, a texture, and a mesh that is only looked at and gives the mass."""
     (folder / "shapes").mkdir(exist_ok=True)
@@ -354,6 +389,14 @@ def tension_motors(folder: Path) -> Path:
     )
 
 
+def two_motors_on_a_spring(folder: Path) -> Path:
+    """The second motor has the first one's tendon, by mistake."""
+    path = six_rods_with_tension_motors(folder)
+    return written(
+        folder, path.read_text().replace('name="b1b2" tendon="b1-b2"', 'name="b1b2" tendon="b0-b1"')
+    )
+
+
 def ropes(folder: Path) -> Path:
     """Ropes of a greatest length, and nothing that winds them."""
     world, cables = platform(4, tendon='limited="true" range="0 1.7"')
@@ -376,6 +419,8 @@ ADAPTABLE = (
     platform_without_ranges,
     platform_of_stiff_and_damping_servos,
     prism_with_springs_beside_servos,
+    six_rods_with_tension_motors,
+    rods_with_weak_servos,
     platform_in_several_files,
     old_paper,
     integrated_velocity,
@@ -392,6 +437,7 @@ REFUSED = {
     routed_trunk: "The tendon 'tendon_1' must be straight between exactly two sites",
     muscles: "The MJCF has a muscle",
     tension_motors: "The actuators 'm0', 'm1', 'm2', 'm3' must have dyntype",
+    two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have dyntype",
     ropes: "The MJCF has no winch",
     y_up: "The MJCF has gravity along -y",
 }
