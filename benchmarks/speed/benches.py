@@ -11,6 +11,7 @@ import os
 import platform
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +20,7 @@ import numpy as np
 import torch
 
 from benchmarks.speed.network import (
+    CANDIDATES,
     Speed,
     blocked_against_unblocked,
     fused_against_plain,
@@ -30,6 +32,8 @@ from benchmarks.speed.network import (
 from benchmarks.speed.plant import SIMULATIONS, STEPS, contenders
 from benchmarks.speed.store import store_benchmark
 from flywheel.control import Mppi, MppiConfig
+from flywheel.dynamics.baselines import LinearDynamics
+from flywheel.dynamics.baselines.named import BASELINES
 from flywheel.dynamics.gnn import ChunkNetwork, LearnedDynamics, NetworkConfig
 from flywheel.dynamics.plant import Plant, PlantDynamics
 from flywheel.dynamics.protocol import Dynamics
@@ -157,20 +161,8 @@ def planning(model: Dynamics, samples: int, seconds: float) -> Callable[[], obje
     """One plan over these seconds, from the keyframe to a goal; always the same one."""
     robot = model.robot
     planner = Mppi(model, MppiConfig(samples=samples, horizon_seconds=seconds))
-    plant = Plant(robot)
-    state = plant.rest()
-    hold = robot.holding(plant.winch(state))
-    steps = max(model.history, 1)
-    past_controls = np.repeat(hold[:, None], steps, axis=1)
-    trajectory = plant.simulate(state, past_controls)
-    assert trajectory.states is not None
-    past = Past(
-        observations=trajectory.observations,
-        controls=past_controls,
-        winch=trajectory.observations.winch,
-        state=trajectory.states[:, -1],
-    )
-    points = trajectory.observations.points[0, -1]
+    past = resting(robot, max(model.history, 1))
+    points = past.observations.points[0, -1]
     task = sample_task("reach", robot, points, np.random.default_rng(0), TaskConfig())
 
     def plan() -> object:
@@ -178,6 +170,46 @@ def planning(model: Dynamics, samples: int, seconds: float) -> Callable[[], obje
         return planner.act(past)
 
     return plan
+
+
+def resting(robot: Robot, steps: int) -> Past:
+    """The past of a robot that held its winches for so many steps from the keyframe on."""
+    plant = Plant(robot)
+    state = plant.rest()
+    controls = np.repeat(robot.holding(plant.winch(state))[:, None], steps, axis=1)
+    trajectory = plant.simulate(state, controls)
+    assert trajectory.states is not None
+    seen = trajectory.observations
+    return Past(seen, controls, seen.winch, state=trajectory.states[:, -1])
+
+
+def bench_baselines(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
+    """Predicted control steps per second of the networks and the baselines, compared with the plant."""
+    dt, rng = 0.01, np.random.default_rng(0)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        networks = {
+            name: LearnedDynamics(robot, ChunkNetwork(robot, config), threads=threads)
+            for name, config in (("lean", NetworkConfig.lean()), ("hybrid", NetworkConfig.hybrid()))
+        }
+    models: dict[str, Dynamics] = {
+        "oracle": PlantDynamics(Plant(robot, dt, threads=threads)),
+        **networks,
+        "arx": LinearDynamics(robot, dt),
+        **{name: make(robot, dt, threads) for name, make in BASELINES.items()},
+    }
+    past = resting(robot, max(model.history for model in models.values()))
+    size = (CANDIDATES, STEPS, len(robot.winches))
+    controls = rng.uniform(robot.control_low, robot.control_high, size)
+    calls = {name: partial(model.rollout, past, controls) for name, model in models.items()}
+    taken = least_seconds(calls, seconds, threads)
+    rates = {name: CANDIDATES * STEPS / each for name, each in taken.items()}
+    return [
+        Measurement(
+            f"rollout, {name}", rate, STEPS_PER_S, threads, "oracle", rate / rates["oracle"]
+        )
+        for name, rate in rates.items()
+    ]
 
 
 def bench_store(robot: Robot, threads: int, seconds: float) -> list[Measurement]:
@@ -199,5 +231,6 @@ BENCHES: dict[str, Bench] = {
     "network": bench_network,
     "kernels": bench_kernels,
     "plan": bench_plan,
+    "baselines": bench_baselines,
     "store": bench_store,
 }

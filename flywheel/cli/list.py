@@ -101,6 +101,7 @@ def models() -> Table:
     rows = [
         ("lean", "network", first_line(NetworkConfig.lean)),
         ("paper", "network", first_line(NetworkConfig.paper)),
+        ("hybrid", "network", first_line(NetworkConfig.hybrid)),
         *((name, "baseline", first_line(make)) for name, make in BASELINES.items()),
         *((f"{name}, fitted", "baseline", first_line(kind)) for name, kind in FITTED.items()),
         ("oracle", "MuJoCo", first_line(PlantDynamics)),

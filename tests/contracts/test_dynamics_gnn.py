@@ -16,6 +16,7 @@ CONFIGS = {
     "paper": NetworkConfig.paper(width=16),
     "no memory": NetworkConfig.lean(width=16, recurrent=False),
     "analytic winch": NetworkConfig.lean(width=16, winch="analytic"),
+    "hybrid": NetworkConfig.hybrid(width=16),
 }
 
 

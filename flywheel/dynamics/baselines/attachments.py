@@ -43,6 +43,12 @@ def with_attachments(robot: Robot, guess: AttachmentGuess) -> Robot:
     return replace(robot, cables=cables)
 
 
+def longer_cables(robot: Robot, guessed: Robot) -> Floats:
+    """(C,) lengths by which the cables of a guess are longer in the keyframe [m]."""
+    poses = robot.keyframe.qpos.reshape(1, -1, 7)
+    return np.asarray((guessed.cable_lengths(poses) - robot.cable_lengths(poses))[0])
+
+
 def _circles(robot: Robot) -> dict[tuple[int, object], Floats]:
     """(Tracked point, partner) -> (3,) place on the circle, in the body's frame [m]."""
     seen = robot.points_of(robot.keyframe)

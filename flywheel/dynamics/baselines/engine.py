@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from flywheel.dynamics.baselines.attachments import AttachmentGuess, with_attachments
+from flywheel.dynamics.baselines.attachments import AttachmentGuess, longer_cables, with_attachments
 from flywheel.dynamics.baselines.inputs import check_shapes
 from flywheel.dynamics.baselines.mechanics import ContactNumbers, Mechanics, RigidState
 from flywheel.dynamics.gnn.ground import Ground, ground_of
@@ -82,8 +82,7 @@ class RigidBodyEngine:
         self.contact = USUAL if contact is None else np.asarray(contact, float)
         self._model = with_attachments(robot, config.attachments)
         self.mechanics = Mechanics(self._model)
-        poses = robot.keyframe.qpos.reshape(1, -1, 7)
-        longer = self._model.cable_lengths(poses) - robot.cable_lengths(poses)
+        longer = longer_cables(robot, self._model)
         self._shift = longer if config.calibrated else np.zeros_like(longer)
         self.substeps = math.ceil(dt / self.mechanics.longest_step(self._model) - 1e-9)
 

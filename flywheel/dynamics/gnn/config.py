@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from flywheel.quantities import Bounds, ControlStep, PositiveRobotLengths
 from flywheel.validation import Frozen
@@ -45,6 +47,10 @@ class NetworkConfig(Frozen):
         vertical, so that predictions turn with it exactly. Else in world axes, where this must be
         learned from rotated training data.
       datasets: size of the data sets' one-hot.
+      mechanics: all changes of velocities are the network's ("learned"), or it adds to those by cables
+        and gravity from the robot's numbers, with the attachments of the MJCF ("mjcf"), on the circles of
+        the end caps ("heuristic"), or at the tracked points ("uninformed"). The latter three need a
+        chunk of 1 and cable_ends "attachments".
     """
 
     decomposition: Literal["caps", "primitives"] = "caps"
@@ -68,6 +74,22 @@ class NetworkConfig(Frozen):
     ground_clamp: PositiveRobotLengths = 0.2
     yaw_frame: bool = True
     datasets: Annotated[int, Bounds(1, 1000)] = 10
+    mechanics: Literal["learned", "mjcf", "heuristic", "uninformed"] = "learned"
+
+    @model_validator(mode="after")
+    def _analytic_mechanics_step_by_step(self) -> Self:
+        if self.mechanics != "learned" and (self.chunk, self.cable_ends) != (1, "attachments"):
+            raise ValueError(
+                f"mechanics {self.mechanics} needs a chunk of 1 and cable_ends attachments; got "
+                f"{self.chunk} and {self.cable_ends}"
+            )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Learned mechanics are not written: digests of weights include these settings."""
+        values: dict[str, Any] = dump(self)
+        return {k: v for k, v in values.items() if (k, v) != ("mechanics", "learned")}
 
     @classmethod
     def lean(cls, **changes: Any) -> NetworkConfig:
@@ -88,6 +110,18 @@ class NetworkConfig(Frozen):
             "yaw_frame": False,
         }
         return cls(width=width, **(settings | changes))
+
+    @classmethod
+    def hybrid(cls, **changes: Any) -> NetworkConfig:
+        """A network that adds contacts to analytic cables and gravity, a control step at a time."""
+        settings: dict[str, Any] = {
+            "mechanics": "mjcf",
+            "chunk": 1,
+            "control_history": 0,
+            "recurrent": False,
+            "winch": "analytic",
+        }
+        return cls(**(settings | changes))
 
     @property
     def history(self) -> int:

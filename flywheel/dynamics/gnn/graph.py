@@ -18,6 +18,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from flywheel.dynamics.baselines.attachments import with_attachments
 from flywheel.dynamics.gnn.config import NetworkConfig
 from flywheel.dynamics.gnn.nodes import anchors, body_nodes, find, node_constants, standardised
 from flywheel.records import Floats
@@ -99,6 +100,8 @@ class RobotGraph:
     def __init__(
         self, robot: Robot, config: NetworkConfig, device: torch.device | str = "cpu"
     ) -> None:
+        if config.mechanics != "learned":
+            robot = with_attachments(robot, config.mechanics)
         self.robot, self.config, self.device = robot, config, torch.device(device)
         self._cache: dict[str, Any] = {}
         self.nodes = body_nodes(robot, config.decomposition)

@@ -8,8 +8,9 @@ import torch
 from torch import Tensor
 
 from flywheel.dynamics.gnn.batch import Batch
-from flywheel.dynamics.gnn.features import GraphFeatures
+from flywheel.dynamics.gnn.features import GraphFeatures, MechanicalState
 from flywheel.dynamics.gnn.network import ChunkNetwork, natural_scales
+from flywheel.dynamics.gnn.prediction import Start
 from flywheel.dynamics.gnn.simulator import Simulator
 from flywheel.errors import DataError, ModelError
 
@@ -71,10 +72,15 @@ def fit_normalisation(
     count = 0
     for batch in batches:
         count += len(batch.controls)
-        shown = _features(simulator, batch)
+        start = simulator.start(
+            batch.past_points, batch.past_controls, batch.past_winch, batch.ground
+        )
+        state = simulator.pushed(start.states[-1], start.origin)
+        shown = _features(simulator, batch, start, state)
         for name, values in {**shown.nodes, **shown.edges}.items():
             features[name].add(values)
-        velocity.add(_velocity_changes(simulator, batch))
+        analytic = (state.velocities - start.states[-1].velocities).permute(2, 1, 0)
+        velocity.add(_velocity_changes(simulator, batch) - analytic)
         winch.add(_winch_changes(simulator, batch))
     if count == 0:
         raise DataError("There is no training window to fit the normalisation to.")
@@ -115,10 +121,10 @@ def widen_winches(simulator: Simulator, network: ChunkNetwork, batches: Iterable
     last.bias.mul_(share)
 
 
-def _features(simulator: Simulator, batch: Batch) -> GraphFeatures:
+def _features(
+    simulator: Simulator, batch: Batch, start: Start, state: MechanicalState
+) -> GraphFeatures:
     parts, config = simulator.parts(batch.controls.device), simulator.config
-    start = simulator.start(batch.past_points, batch.past_controls, batch.past_winch, batch.ground)
-    state = start.states[-1]
     controls = batch.controls.new_zeros(
         len(simulator.robot.winches), len(batch.controls), config.control_history + config.chunk
     )  # controls are in units of their range already

@@ -129,6 +129,10 @@ class Frames:
                 matrix[i, self._row[b, k]] = x
         return matrix
 
+    def vector_rows(self, body: int) -> list[int]:
+        """The rows of a body's vectors."""
+        return [self._row[body, k] for k in range(len(self._axes[body].vectors))]
+
     def across(self, body: int, offset: Floats) -> Floats:
         """(2,) invisible coordinates of a place in a rod, across its axis [m].
 

@@ -19,6 +19,7 @@ from torch import Tensor
 from flywheel.dynamics.gnn.compiled_network import Precision, prepared
 from flywheel.dynamics.gnn.compiled_step import CompiledStep
 from flywheel.dynamics.gnn.config import NetworkConfig
+from flywheel.dynamics.gnn.features import MechanicalState
 from flywheel.dynamics.gnn.ground import Ground, flat_ground
 from flywheel.dynamics.gnn.network import ChunkNetwork
 from flywheel.dynamics.gnn.prediction import (
@@ -179,6 +180,7 @@ class Simulator:
         width = config.control_history + config.chunk
         taken: list[tuple[Tensor, ...]] = []
         for t in range(0, steps, config.chunk):
+            state = self.pushed(state, origin)
             window = shown[..., first + t : first + t + width]
             features = step.features(state, origin, window, dataset, start.ground)
             said = forward(features, memory)
@@ -187,6 +189,16 @@ class Simulator:
             taken.append(outcome)
         frames, velocities, winch = (torch.cat(part, dim=-3) for part in zip(*taken, strict=True))
         return self._unrolled(parts, origin, frames, velocities, winch, steps)
+
+    def pushed(self, state: MechanicalState, origin: Tensor) -> MechanicalState:
+        """A state with the velocities that analytic mechanics give it; itself without such mechanics.
+
+        Args:
+          state: at the start of a chunk.
+          origin: (2, K) horizontal position of the state's origin in the world [m].
+        """
+        mechanics = self.parts(origin.device).mechanics
+        return state if mechanics is None else mechanics.pushed(state, origin)
 
     def _warm_up(
         self, parts: Parts, forward: Forward, start: Start, dataset: Tensor

@@ -231,7 +231,11 @@ class WorkersConfig(Frozen):
     least_free_gb: Annotated[float, Bounds(0, 1e9, "GB")] = 2.0
 
 
-NETWORKS = {"lean": NetworkConfig.lean, "paper": NetworkConfig.paper}
+NETWORKS = {
+    "lean": NetworkConfig.lean,
+    "paper": NetworkConfig.paper,
+    "hybrid": NetworkConfig.hybrid,
+}
 # The parts that may differ between a run and its continuation: they decide who computes where, no number.
 WITHOUT_EFFECT = ("name", "workers", "tracking", "store")
 LAW_FILES = "effects_from"  # names files relative to the one that it stands in
