@@ -24,6 +24,7 @@ from flywheel.robots.adapt.springs import beside_winches, pull_only
 from flywheel.robots.adapt.start import fitting, start
 from flywheel.robots.adapt.structure import bent, structural
 from flywheel.robots.adapt.tensions import tensions
+from flywheel.robots.adapt.upright import upright
 from flywheel.robots.problems import problems_of
 
 # By name: first those of the text, without which MuJoCo may refuse it, then those of the robot.
@@ -35,6 +36,7 @@ OF_TEXT: dict[str, Callable[[Draft], Iterator[Change]]] = {
     "keys": fitting,
 }
 OF_ROBOT: dict[str, Callable[[Draft], Iterator[Change]]] = {
+    "upright": upright,
     "winches": made_winches,
     "joined": joined,
     "tensions": tensions,

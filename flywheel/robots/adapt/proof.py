@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
+from flywheel.records import Floats
 from flywheel.robots.adapt.draft import Certainty, Scale, actuators, at_start
 from flywheel.robots.mjcf_reader import MOST_CONTACTS
 from flywheel.robots.mujoco_warnings import collected_warnings
@@ -16,11 +17,16 @@ SECONDS, HELD = 1.0, 0.1  # of the simulation, and of each command [s]
 MOST_STEPS = 2000
 PATIENCE = 20.0  # of a clock on the wall, for both [s]
 ALIKE = 1e-6  # [m]; what two equal robots may be apart by rounding
+UNTURNED = np.eye(3)
 PAY, PULL = 0.02, 0.1  # of a cable's length: per second, and in all, that commands move winches
 
 
 def apart(
-    before: mujoco.MjModel, after: mujoco.MjModel, scales: Mapping[str, Scale], seed: int = 0
+    before: mujoco.MjModel,
+    after: mujoco.MjModel,
+    scales: Mapping[str, Scale],
+    seed: int = 0,
+    turn: Floats = UNTURNED,
 ) -> float:
     """Largest distance of a body's places in two simulations [m]; infinite if one diverges or lasts.
 
@@ -29,6 +35,7 @@ def apart(
       after: the same as it is now; its winches take rest lengths, or their rates.
       scales: of the actuators whose commands differ, by name.
       seed: of the commands.
+      turn: (3, 3) rotation from the world before to that after.
     """
     rng = np.random.default_rng(seed)
     one, other = at_start(before), at_start(after)
@@ -55,7 +62,7 @@ def apart(
                     drive.tell(one, other, float(rng.uniform()))
             mujoco.mj_step(before, one)
             mujoco.mj_step(after, other)
-            farthest = max(farthest, float(np.abs(one.xpos - other.xpos).max()))
+            farthest = max(farthest, float(np.abs(one.xpos @ turn.T - other.xpos).max()))
     return np.inf if warnings else farthest
 
 

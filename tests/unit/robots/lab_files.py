@@ -196,6 +196,21 @@ def prism_with_springs_beside_servos(folder: Path) -> Path:
     )
 
 
+def y_up(folder: Path) -> Path:
+    """The world lies on its side, with a keyframe."""
+    path = prism_with_springs_beside_servos(folder)
+    world = '<worldbody><frame euler="-90 0 0">'
+    edits = {
+        "<option ": '<option gravity="0 -9.81 0" wind="0 0 .2" density="1.2" ',
+        "<worldbody>": world,
+        "</worldbody>": "</frame></worldbody>",
+    }
+    text = path.read_text()
+    for old, new in edits.items():
+        text = text.replace(old, new)
+    return written(folder, text)
+
+
 def six_rods_with_tension_motors(folder: Path) -> Path:
     """Springs that push, each with a motor of a tension and a lag on the same tendon."""
     pairs = [*rings(6), *sides(6)]
@@ -397,6 +412,12 @@ def two_motors_on_a_spring(folder: Path) -> Path:
     )
 
 
+def on_a_slope(folder: Path) -> Path:
+    """Gravity that stands for a slope."""
+    path = prism_with_springs_beside_servos(folder)
+    return written(folder, path.read_text().replace("<option ", '<option gravity="-2 0 -9.6" '))
+
+
 def ropes(folder: Path) -> Path:
     """Ropes of a greatest length, and nothing that winds them."""
     world, cables = platform(4, tendon='limited="true" range="0 1.7"')
@@ -406,12 +427,6 @@ def ropes(folder: Path) -> Path:
     )
 
 
-def y_up(folder: Path) -> Path:
-    path = prism_with_springs_beside_servos(folder)
-    text = path.read_text().replace("<option ", '<option gravity="0 -9.81 0" ')
-    return written(folder, text)
-
-
 ADAPTABLE = (
     prism_driven_from_python,
     prism_with_filtered_servos,
@@ -419,6 +434,7 @@ ADAPTABLE = (
     platform_without_ranges,
     platform_of_stiff_and_damping_servos,
     prism_with_springs_beside_servos,
+    y_up,
     six_rods_with_tension_motors,
     rods_with_weak_servos,
     platform_in_several_files,
@@ -439,5 +455,5 @@ REFUSED = {
     tension_motors: "The actuators 'm0', 'm1', 'm2', 'm3' must have dyntype",
     two_motors_on_a_spring: "The actuators 'b0b1', 'b1b2' must have dyntype",
     ropes: "The MJCF has no winch",
-    y_up: "The MJCF has gravity along -y",
+    on_a_slope: "The MJCF has gravity along a slanting line",
 }

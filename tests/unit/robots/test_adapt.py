@@ -109,6 +109,28 @@ def test_a_servo_that_would_need_a_rest_length_below_0_is_joined_with_its_spring
     assert (low, high) == pytest.approx(((150 * length - 36) / 162, 150 * length / 162), abs=1e-5)
 
 
+@pytest.mark.parametrize("axis", ["1 0 0", "-1 0 0", "0 1 0", "0 -1 0", "0 0 -1"])
+def test_a_world_that_lies_on_its_side_is_turned_with_its_keyframe(axis, tmp_path):
+    path = lab_files.prism_with_springs_beside_servos(tmp_path)
+    up = np.array(axis.split(), float)
+    pose = '<keyframe><key qpos="{}" qvel="{}"/></keyframe></mujoco>'.format(
+        " ".join(["0.1 0.2 0.3 0.5 0.5 -0.5 0.5", "1 0 0 1 0 0 0", "0 1 0 1 0 0 0"]), "1 2 3 " * 6
+    )
+    gravity = f'<option gravity="{" ".join(map(str, -9.81 * up))}" '
+    text = path.read_text().replace("<option ", gravity).replace("</mujoco>", pose)
+    before = mujoco.MjModel.from_xml_string(text)
+    result = adapt(lab_files.written(tmp_path, text))
+    (change,) = (change for name, change in result.changes if name == "upright")
+    assert change.certainty == "equivalent" and result.left == ()
+    after = model_of(result.xml)
+    assert after.opt.gravity == pytest.approx([0, 0, -9.81])
+    heights = after.key_qpos[0].reshape(3, 7)[:, 2]
+    assert heights == pytest.approx(before.key_qpos[0].reshape(3, 7)[:, :3] @ up)
+    rising = after.key_qvel[0].reshape(3, 6)
+    assert rising[:, 2] == pytest.approx(before.key_qvel[0].reshape(3, 6)[:, :3] @ up)
+    assert rising[:, 3:] == pytest.approx(before.key_qvel[0].reshape(3, 6)[:, 3:])
+
+
 def test_keyframes_keep_their_meaning(tmp_path):
     path = lab_files.platform_with_drums(tmp_path)
     key = '<keyframe><key name="a" ctrl=".0324 .0324 .0324 .0324"/></keyframe></mujoco>'
